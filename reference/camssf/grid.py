@@ -1,0 +1,18 @@
+"""The wavelength grid that every spectrum lives on: 380 to 720 nm every 0.5 nm (the paper's)."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+"""An array of float64; each docstring gives its shape and unit."""
+
+STEP = 0.5
+"""Spacing of the grid, nm; the dλ of every integral."""
+
+WAVELENGTHS: Floats = np.linspace(380.0, 720.0, 681)
+"""The grid, shape (681,), nm."""
+WAVELENGTHS.setflags(write=False)

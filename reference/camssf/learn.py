@@ -1,0 +1,172 @@
+"""Measured cameras → the `cameras` basis: `python -m camssf.learn curves.csv -o cameras.npz`.
+
+Fifty cameras are few. They are enlarged at random by what makes cameras differ: the sensor and its colour filters
+shift and widen along the wavelength, lens and infrared cut filter weigh it smoothly, neighbouring pixels leak into
+each other. Principal components of the enlarged set, each scaled by its spread, make a code's prior standard normal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import os
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camssf.basis import NODES
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import Floats
+
+COMPONENTS = 24
+COPIES = 40
+SEED = 2021
+
+
+@dataclass(frozen=True)
+class Enlargement:
+    """Standard deviations of the random changes of one copy.
+
+    Attributes:
+        shift: along the wavelength, nm; half of its variance common to the three channels.
+        width: relative change of width about the channel's centre of gravity.
+        warp: smooth change of ln s, over 60 nm.
+        cross_talk: share of the other channels that leaks in.
+    """
+
+    shift: float = 4.0
+    width: float = 0.06
+    warp: float = 0.20
+    cross_talk: float = 0.05
+
+
+def read_curves(path: Path) -> dict[str, Floats]:
+    """Cameras of a CSV with columns camera, wavelength_nm, R, G, B: name → (69, 3) on the 5-nm nodes, peak 1.
+
+    Raises:
+        InvalidArgument: unreadable, or curves that do not cover 400 to 700 nm.
+    """
+    rows: dict[str, list[list[float]]] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            for row in csv.DictReader(stream):
+                numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
+                rows.setdefault(row["camera"], []).append(numbers)
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InvalidArgument(
+            f"{path} cannot be read as measured curves ({error}).",
+            "Give a CSV with the columns camera,wavelength_nm,R,G,B.",
+        ) from error
+    curves = {}
+    for name, lines in rows.items():
+        table = np.array(sorted(lines))
+        if (
+            table[0, 0] > 400
+            or table[-1, 0] < 700
+            or not np.isfinite(table).all()
+            or (table[:, 1:].max(0) <= 0).any()
+        ):
+            raise InvalidArgument(f"{name} in {path} does not cover 400 to 700 nm with numbers.", "Leave it out.")
+        response = np.stack([np.interp(NODES, table[:, 0], table[:, c], 0.0, 0.0) for c in (1, 2, 3)], axis=1)
+        curves[name] = np.maximum(response, 0.0) / response.max(axis=0)
+    if len(curves) < 2:
+        raise InvalidArgument(f"{path} holds {len(curves)} camera(s).", "A spread needs at least two.")
+    return curves
+
+
+def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Generator) -> Floats:
+    """(cameras, 69, 3) → (cameras · copies, 69, 3), peak 1; the first copy of each camera is the camera itself."""
+    smooth = np.exp(-0.5 * ((NODES[:, None] - NODES) / 60.0) ** 2)
+    root = np.linalg.cholesky(smooth + 1e-9 * np.eye(NODES.size))
+    enlarged = [curves]
+    for _ in range(copies - 1):
+        for camera in curves:
+            common, warp = rng.normal(size=1), rng.normal(size=(NODES.size, 3))
+            shift = size.shift * np.sqrt(0.5) * (common + rng.normal(size=3))
+            width = 1.0 + size.width * rng.normal(size=3)
+            centre = NODES @ camera / camera.sum(axis=0)
+            copy = np.empty_like(camera)
+            for c in range(3):
+                source = centre[c] + (NODES - shift[c] - centre[c]) / width[c]
+                copy[:, c] = np.interp(source, NODES, camera[:, c])
+            copy *= np.exp(size.warp * root @ warp)
+            leak = np.eye(3) + size.cross_talk * rng.normal(size=(3, 3)) * (1 - np.eye(3))
+            copy = np.maximum(copy @ leak, 0.0)
+            enlarged.append((copy / copy.max(axis=0))[None])
+    return np.concatenate(enlarged)
+
+
+def learn(
+    curves: Floats,
+    *,
+    components: int = COMPONENTS,
+    size: Enlargement | None = None,
+    copies: int = COPIES,
+    seed: int = SEED,
+) -> tuple[Floats, Floats]:
+    """Mean (3, 69) and dictionary (3, 69, components), whitened: columns are components times their spread.
+
+    Args:
+        curves: (cameras, 69, 3), peak 1.
+        components: r.
+        size: of the random changes.
+        copies: of each camera, itself included.
+        seed: of the random changes; the same seed gives the same basis.
+    """
+    crowd = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
+    mean, dictionary = [], []
+    for c in range(3):
+        centre = crowd[:, :, c].mean(axis=0)
+        _, spread, directions = np.linalg.svd(crowd[:, :, c] - centre, full_matrices=False)
+        atoms = directions[:components].T * spread[:components] / np.sqrt(len(crowd) - 1)
+        atoms *= np.where(atoms[np.abs(atoms).argmax(axis=0), np.arange(components)] < 0, -1.0, 1.0)
+        mean.append(centre)
+        dictionary.append(atoms)
+    return np.stack(mean), np.stack(dictionary)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command: reads curves, writes the basis file, all or nothing."""
+    parser = argparse.ArgumentParser(prog="python -m camssf.learn", description=__doc__)
+    parser.add_argument("curves", type=Path, help="CSV with the columns camera,wavelength_nm,R,G,B")
+    parser.add_argument("-o", "--output", type=Path, default=Path("cameras.npz"))
+    parser.add_argument("--components", type=int, default=COMPONENTS)
+    parser.add_argument("--licence", default="as the curves'", help="licence of the curves, kept in the file")
+    options = parser.parse_args(arguments)
+    try:
+        curves = read_curves(options.curves)
+    except CalibrationError as error:
+        print(f"{error.code}: {error}", file=sys.stderr)
+        return error.exit_status
+    mean, dictionary = learn(np.stack(list(curves.values())), components=options.components)
+    digest = hashlib.sha256(options.curves.read_bytes()).hexdigest()
+    source = (
+        f"{options.components} components learned from {len(curves)} measured cameras "
+        f"({options.curves.name}, SHA-256 {digest[:16]}..., licence {options.licence})"
+    )
+    handle, temporary = tempfile.mkstemp(suffix=".npz", dir=options.output.absolute().parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez_compressed(
+                stream,
+                mean=mean,
+                dictionary=dictionary,
+                source=np.array(source),
+                sha256=np.array(digest),
+                licence=np.array(options.licence),
+                cameras=np.array(sorted(curves)),
+            )
+        os.replace(temporary, options.output)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    print(f"{options.output}: {source}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""Signals → sensing matrix: the rows that the curves must satisfy, and the covariance of their errors.
+
+Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_w is the white reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.basis import NODES, Basis, interpolate
+from camssf.grid import STEP, Floats
+
+CHART_CORRELATION = 100.0
+"""Length over which a chart's or white's error is smooth, nm."""
+LAMP_CORRELATION = 60.0
+"""Length over which a lamp's error is smooth, nm."""
+INDEPENDENT_SHARE = 0.25
+"""Part of the chart's tolerance that is independent from patch to patch and shot to shot."""
+FLOOR = 1e-4
+"""No row is believed better than this share of its white signal."""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """One linear model a channel: b = A x + error, error ~ N(0, Σ). Rows run shot by shot, patch by patch.
+
+    Attributes:
+        matrix: (3, k n, r) A.
+        target: (3, k n) b.
+        covariance: (3, k n, k n) Σ.
+    """
+
+    matrix: Floats
+    target: Floats
+    covariance: Floats
+
+
+def smooth_errors(length: float) -> Floats:
+    """Directions Φ of a smooth random error on the 5-nm nodes: ε = Φ u with u standard normal, (69, p).
+
+    White noise on points ℓ/2 apart, smoothed so that Φ Φᵀ = exp(-½ (Δλ / ℓ)²), to 1e-3 at the ends of the grid.
+    """
+    step = length / 2.0
+    points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
+    weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
+    return np.asarray(weight * np.exp(-(((NODES[:, None] - points) / length) ** 2)))
+
+
+def sense(
+    signals: Floats,
+    standard_error: Floats,
+    reflectance: Floats,
+    lamp: Floats,
+    basis: Basis,
+    *,
+    chart_tolerance: Floats,
+    white_reflectance: Floats,
+    white_tolerance: float,
+    lamp_tolerance: Floats,
+    lamp_modes: Floats,
+) -> Sensing:
+    """Rows and their covariance, as in DESIGN.md, Mathematics 2 and 3.
+
+    Without a mean (the paper's basis, one shot): F s = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1;
+    Σ is diagonal, se² + (τ y)².
+
+    With a mean s₀ = μ, W_j = Σ ρ_w L_j s₀ dλ and ŷ_ij = Σ R_i L_j s₀ dλ / W_j:
+
+        row       a_ij = (R_i - y_ij ρ_w) L_j dλ / W_j,   A = a Ψ,   b = -a μ
+        noise     se_ij² + (τ_i y_ij / 4)²                             independent
+        chart     Σ R_i ε_i L_j s₀ dλ / W_j                            one ε_i a patch, for all shots
+        white     -ŷ_ij Σ ρ_w ε_w L_j s₀ dλ / W_j                      one ε_w for all rows
+        lamp      Σ (R_i - ŷ_ij ρ_w) L_j η_j s₀ dλ / W_j               one η_j a shot: smooth, and the modes
+
+    The lamp's and the white's errors enter with the predicted ŷ, not with the measured y: else a mere scale
+    would eat the evidence.
+
+    Args:
+        signals, standard_error: (k, n, 3).
+        reflectance: (n, 681).
+        lamp: (k, 681), any scale.
+        basis: mean (3, 681), dictionary (3, 681, r).
+        chart_tolerance: (n,) τ.
+        white_reflectance: (681,).
+        white_tolerance: size of ε_w.
+        lamp_tolerance: (k,) size of the smooth part of η.
+        lamp_modes: (k, q, 681).
+    """
+    k, n, _ = signals.shape
+    if not basis.mean.any():
+        return _paper_rows(signals, standard_error, reflectance, lamp, basis, chart_tolerance, white_reflectance)
+    chart_errors, lamp_errors = smooth_errors(CHART_CORRELATION), smooth_errors(LAMP_CORRELATION)
+    matrix, target, covariance = [], [], []
+    for c in range(3):
+        y, se = signals[:, :, c], standard_error[:, :, c]
+        mean = basis.mean[c]
+        power = lamp * STEP  # (k, m)
+        white = power @ (white_reflectance * mean)  # (k,) W
+        seen = power[:, None, :] * reflectance / white[:, None, None]  # (k, n, m) R L dλ / W
+        seen_white = power * white_reflectance / white[:, None]  # (k, m)
+        expected = seen @ mean  # (k, n) ŷ
+        a = seen - y[:, :, None] * seen_white[:, None, :]
+        a_expected = seen - expected[:, :, None] * seen_white[:, None, :]
+
+        variance = np.maximum(se**2 + (INDEPENDENT_SHARE * chart_tolerance * y) ** 2, FLOOR**2)
+        sigma = np.diag(variance.ravel())
+        # A smooth error times s₀ is a curve like any other: known on the nodes, straight between them.
+        chart_curves = interpolate(chart_errors * mean[::10, None])  # (m, p)
+        lamp_curves = interpolate(lamp_errors * mean[::10, None])
+        chart = chart_tolerance[:, None] * (seen @ chart_curves)  # (k, n, p)
+        same_patch = np.tile(np.eye(n), (k, k))
+        sigma += same_patch * _outer(chart.reshape(k * n, -1))
+        paper = white_tolerance * expected[:, :, None] * (seen_white @ chart_curves)[:, None, :]
+        sigma += _outer(paper.reshape(k * n, -1))
+        smooth = lamp_tolerance[:, None, None] * (a_expected @ lamp_curves)  # (k, n, p')
+        modes = np.einsum("knm,kqm->knq", a_expected * mean, lamp_modes)
+        same_shot = np.kron(np.eye(k), np.ones((n, n)))
+        sigma += same_shot * _outer(np.concatenate([smooth, modes], axis=2).reshape(k * n, -1))
+
+        matrix.append(a.reshape(k * n, -1) @ basis.dictionary[c])
+        target.append(-a.reshape(k * n, -1) @ mean)
+        covariance.append(sigma)
+    return Sensing(np.stack(matrix), np.stack(target), np.stack(covariance))
+
+
+def _paper_rows(
+    signals: Floats,
+    standard_error: Floats,
+    reflectance: Floats,
+    lamp: Floats,
+    basis: Basis,
+    tolerance: Floats,
+    white_reflectance: Floats,
+) -> Sensing:
+    """Eq. (8) to (10): F Ψ x = y."""
+    power = lamp[0] * STEP / (lamp[0] @ white_reflectance * STEP)
+    y = np.moveaxis(signals[0], -1, 0)  # (3, n)
+    variance = np.moveaxis(standard_error[0], -1, 0) ** 2 + (tolerance * y) ** 2
+    sigma = np.maximum(variance, FLOOR**2)[:, :, None] * np.eye(y.shape[1])
+    return Sensing((reflectance * power) @ basis.dictionary, y.copy(), sigma)
+
+
+def _outer(factors: Floats) -> Floats:
+    return np.asarray(factors @ factors.T)

@@ -1,0 +1,325 @@
+"""Code → ssf: the curves, their bands and their proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.basis import Basis, read_basis
+from camssf.errors import InvalidArgument, LampUnfit, NotConverged
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.sensing import Sensing, sense
+from camssf.unrolled import Code, solve
+
+L2, GAMMA = 1.0, 0.05
+"""The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser."""
+LARGEST_GAP = 1e-6
+"""Relative duality gap above which there is no answer."""
+SMALLEST_GAMMA = 1e-5
+"""The discrepancy principle looks no further down than this share of γ_max."""
+
+
+@dataclass(frozen=True)
+class Ssf:
+    """The recovered spectral sensitivity functions. Columns are R, G, B.
+
+    Attributes:
+        values: (681, 3) scaled so that Σ ρ_w L s dλ = 1 for the first lamp; `peak()` gives peak = 1.
+        std: (681, 3) posterior standard deviation on the same scale; None where the basis has no prior.
+        code: (r, 3) coefficients x.
+        predicted: (k, n, 3) the signals that these curves give, 1.
+        gap: (3,) relative duality gap of each channel's problem.
+        gamma: (3,) the l1 penalty of each channel's problem.
+        l2: the quadratic penalty.
+        channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
+        basis: its name.
+        engine: "onnx" or "reference".
+    """
+
+    values: Floats
+    std: Floats | None
+    code: Floats
+    predicted: Floats
+    gap: Floats
+    gamma: Floats
+    l2: float
+    channel_gain: Floats
+    basis: str
+    engine: str
+
+    def peak(self) -> tuple[Floats, Floats | None]:
+        """Curves and bands divided by each channel's peak, both (681, 3)."""
+        peak = self.values.max(axis=0)
+        return self.values / peak, None if self.std is None else self.std / peak
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """The arguments of `recover`, checked and broadcast: what a solver engine takes."""
+
+    signals: Floats
+    standard_error: Floats
+    reflectance: Floats
+    chart_tolerance: Floats
+    white_reflectance: Floats
+    white_tolerance: float
+    lamp: Floats
+    lamp_tolerance: Floats
+    lamp_modes: Floats
+
+
+def recover(
+    signals: ArrayLike,
+    reflectance: ArrayLike,
+    lamp: ArrayLike,
+    *,
+    standard_error: ArrayLike | None = None,
+    chart_tolerance: ArrayLike = 0.03,
+    white_reflectance: ArrayLike | None = None,
+    white_tolerance: float = 0.01,
+    lamp_tolerance: ArrayLike = 0.0,
+    lamp_modes: ArrayLike | None = None,
+    basis: str | Basis = "gaussian",
+    l2: float | None = None,
+    gamma: ArrayLike | None = None,
+    nonnegative: bool | None = None,
+    white: ArrayLike | None = None,
+    engine: str = "reference",
+) -> Ssf:
+    """The curves that explain the signals.
+
+    Args:
+        signals: (k, n, 3) or (n, 3) of Eq. (5).
+        reflectance: (n, 681) of the patches.
+        lamp: (k, 681) or (681,) relative power, any scale.
+        standard_error: of the signals, same shape; None where unknown.
+        chart_tolerance: (n,) or one number, relative.
+        white_reflectance: (681,) of the white reference; None for a perfect diffuser.
+        white_tolerance: its relative error.
+        lamp_tolerance: (k,) or one number, the smooth relative error of each lamp.
+        lamp_modes: (k, q, 681) directions in which ln L may be off, each one standard deviation long.
+        basis: a name, a file, or a Basis.
+        l2, gamma: the penalties λ₂ and γ (one number or one a channel). On a basis with a prior they default to
+            1 and 0.05; on the paper's to 0 and to the discrepancy principle: the largest γ whose residual is not
+            above the measured noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5
+            of the γ that leaves nothing.
+        nonnegative: x ≥ 0; None asks for it on a basis without a mean. False gives the paper's literal Eq. (10).
+        white: (k, n, 3) white - dark in DN, for the ratio between the channels.
+        engine: "reference".
+
+    With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
+
+    Raises:
+        InvalidArgument: shapes, values or names that do not fit.
+        LampUnfit: a lamp without power on the grid.
+        NotConverged: a relative duality gap above 1e-6.
+    """
+    book = basis if isinstance(basis, Basis) else read_basis(basis)
+    evidence = _check(
+        signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
+        lamp_tolerance, lamp_modes, book,
+    )  # fmt: skip
+    if engine != "reference":
+        raise InvalidArgument(f"there is no engine {engine!r}.", "Take reference.")
+    sensing = sense(
+        evidence.signals,
+        evidence.standard_error,
+        evidence.reflectance,
+        evidence.lamp,
+        book,
+        chart_tolerance=evidence.chart_tolerance,
+        white_reflectance=evidence.white_reflectance,
+        white_tolerance=evidence.white_tolerance,
+        lamp_tolerance=evidence.lamp_tolerance,
+        lamp_modes=evidence.lamp_modes,
+    )
+    positive = not book.prior if nonnegative is None else nonnegative
+    weight = (L2 if book.prior else 0.0) if l2 is None else float(l2)
+    if gamma is not None:
+        sparsity = np.broadcast_to(np.asarray(gamma, float), 3)
+    elif book.prior:
+        sparsity = np.full(3, GAMMA)
+    else:
+        noise = np.zeros_like(evidence.signals) if standard_error is None else evidence.standard_error
+        sparsity = _discrepancy(sensing, noise, weight, positive)
+    if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
+        raise InvalidArgument(
+            f"the penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",
+            "Leave them out to take the defaults.",
+        )
+    if weight == 0 and (sparsity == 0).any():
+        raise InvalidArgument(
+            "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
+            "Give one of them a positive value, or leave them out to take the defaults.",
+        )
+    code = solve(sensing, weight, sparsity, nonnegative=positive)
+    return _curves(evidence, book, code, weight, sparsity, white, engine)
+
+
+def _curves(
+    evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, white: ArrayLike | None, engine: str
+) -> Ssf:
+    """s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
+    if not (code.gap <= LARGEST_GAP).all():
+        raise NotConverged(
+            f"the solver's own proof failed: relative duality gap {code.gap.max():.1e}.",
+            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
+            value=float(code.gap.max()),
+            threshold=LARGEST_GAP,
+        )
+    curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, code.values)  # (3, m)
+    scale = curves @ (evidence.white_reflectance * evidence.lamp[0]) * STEP
+    if not (scale > 0).all():
+        raise NotConverged(
+            "a recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
+            "channel are empty.",
+            "Take a smaller gamma, and check that the photo is exposed in all three channels.",
+        )
+    std = None
+    if book.prior:
+        spread = np.linalg.inv(code.precision + np.eye(code.values.shape[1]))
+        variance = np.einsum("cmr,crs,cms->cm", book.dictionary, spread, book.dictionary)
+        std = (np.sqrt(variance) / scale[:, None]).T
+    values = (curves / scale[:, None]).T
+    seen = evidence.lamp[:, None, :] * evidence.reflectance
+    seen_white = evidence.lamp * evidence.white_reflectance
+    predicted = (seen @ values) / (seen_white @ values)[:, None, :]
+    gain = np.ones(3)
+    if white is not None:
+        means = np.asarray(white, float).reshape(evidence.signals.shape)[0].mean(axis=0)
+        gain = means / means[1]
+    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, engine)
+
+
+def _discrepancy(sensing: Sensing, noise: Floats, l2: float, nonnegative: bool) -> Floats:
+    """The largest γ of each channel whose residual is not above the measured noise (Morozov 1966).
+
+    rᵀ Σ⁻¹ r grows with γ; where even SMALLEST_GAMMA · γ_max leaves more than the noise, that is taken.
+    """
+    from scipy.optimize import brentq
+
+    chosen = []
+    variances = np.moveaxis(noise**2, -1, 0).reshape(3, -1)
+    for A, b, sigma, variance in zip(sensing.matrix, sensing.target, sensing.covariance, variances, strict=True):
+        inverse = np.linalg.inv(sigma)
+        expected = float(np.sum(variance / np.diag(sigma)))
+        pull = A.T @ inverse @ b
+        largest = float(np.max(pull if nonnegative else np.abs(pull), initial=0.0))
+        if largest <= 0:
+            chosen.append(1.0)  # nothing to explain: any penalty gives the zero code
+            continue
+        channel = Sensing(A[None], b[None], sigma[None])
+        excess = _excess(channel, inverse, expected, l2, nonnegative)
+        low, high = np.log(SMALLEST_GAMMA * largest), np.log(largest)
+        if expected == 0 or excess(low) >= 0:
+            chosen.append(np.exp(low))
+        elif excess(high) <= 0:
+            chosen.append(np.exp(high))
+        else:
+            chosen.append(np.exp(brentq(excess, low, high, xtol=0.01)))
+    return np.array(chosen)
+
+
+def _excess(
+    channel: Sensing, inverse: Floats, expected: float, l2: float, nonnegative: bool
+) -> Callable[[float], float]:
+    """ln(rᵀ Σ⁻¹ r / expected) as a function of ln γ."""
+
+    def excess(log_gamma: float) -> float:
+        code = solve(channel, l2, np.array([np.exp(log_gamma)]), nonnegative=nonnegative)
+        r = channel.target[0] - channel.matrix[0] @ code.values[0]
+        return float(np.log(max(r @ inverse @ r, 1e-300) / expected))
+
+    return excess
+
+
+def _check(
+    signals: ArrayLike,
+    reflectance: ArrayLike,
+    lamp: ArrayLike,
+    standard_error: ArrayLike | None,
+    chart_tolerance: ArrayLike,
+    white_reflectance: ArrayLike | None,
+    white_tolerance: float,
+    lamp_tolerance: ArrayLike,
+    lamp_modes: ArrayLike | None,
+    book: Basis,
+) -> _Evidence:
+    m = WAVELENGTHS.size
+    y = _array("signals", signals)
+    y = y[None] if y.ndim == 2 else y
+    if y.ndim != 3 or y.shape[2] != 3 or 0 in y.shape:
+        raise InvalidArgument(
+            f"signals have shape {y.shape}; (k, n, 3) or (n, 3) is needed.", "Give every shot the same patches."
+        )
+    k, n, _ = y.shape
+    R = _array("reflectance", reflectance, (n, m))
+    L = _array("lamp", lamp)
+    L = np.broadcast_to(L, (k, m)) if L.shape == (m,) else _array("lamp", lamp, (k, m))
+    if (L < 0).any() or (L.max(axis=1) <= 0).any():
+        raise LampUnfit(
+            "the lamp has negative power, or none at all, between 380 and 720 nm.",
+            "Give the spectrum of the light that fell on the chart, in nm and relative power.",
+        )
+    plain = standard_error is None and not np.any(chart_tolerance) and not book.prior
+    if standard_error is None:
+        se = np.full(y.shape, 1.0 if plain else 0.0)
+    else:
+        se = _array("standard_error", standard_error)
+        if se.size != y.size:
+            raise InvalidArgument(
+                f"standard_error has {se.size} values, the signals {y.size}.", "Give one for each signal."
+            )
+        se = se.reshape(y.shape)
+    rho = np.ones(m) if white_reflectance is None else _array("white_reflectance", white_reflectance, (m,))
+    if not (rho >= 0).all() or not (rho @ L.T > 0).all():
+        raise InvalidArgument(
+            "the white reference reflects nothing under the lamp.", "Give its reflectance on the grid, 0 to 1."
+        )
+    modes = np.zeros((k, 0, m)) if lamp_modes is None else _array("lamp_modes", lamp_modes)
+    if modes.ndim == 2:
+        modes = modes[None]
+    if modes.ndim != 3 or modes.shape[::2] != (k, m):
+        raise InvalidArgument(
+            f"lamp_modes have shape {modes.shape}; ({k}, q, {m}) is needed.", "Give q modes a shot."
+        )
+    evidence = _Evidence(
+        y, se, R, _tolerance("chart_tolerance", chart_tolerance, n), rho,
+        float(_tolerance("white_tolerance", white_tolerance, 1)[0]), L,
+        _tolerance("lamp_tolerance", lamp_tolerance, k), modes,
+    )  # fmt: skip
+    if (se < 0).any():
+        raise InvalidArgument("a standard error is negative.", "Give standard errors ≥ 0.")
+    if not book.prior and k > 1:
+        raise InvalidArgument(
+            f"the {book.name} basis takes one shot, not {k}: each shot's exposure would be a further unknown.",
+            "Give one photo, or take --basis cameras, whose rows are free of exposure.",
+        )
+    return evidence
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Floats:
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument(
+            f"{name} is not an array of numbers: {error}.", "Give every shot the same patches and channels."
+        ) from error
+    if shape is not None and array.shape != shape:
+        raise InvalidArgument(f"{name} has shape {array.shape}; {shape} is needed.", "Put it on the 681-point grid.")
+    if not np.isfinite(array).all():
+        raise InvalidArgument(f"{name} holds NaN or infinity.", "Leave out what could not be measured.")
+    return array
+
+
+def _tolerance(name: str, value: ArrayLike, size: int) -> Floats:
+    array = _array(name, value)
+    if array.shape not in ((), (1,), (size,)) or (array < 0).any():
+        raise InvalidArgument(
+            f"{name} must be one number or {size} numbers, not negative; it has shape {array.shape}.",
+            "Write 3 % as 0.03.",
+        )
+    return np.broadcast_to(array.reshape(-1), size).copy()

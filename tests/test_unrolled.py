@@ -1,0 +1,154 @@
+"""The solver, judged by other solvers, by its optimality conditions and by its scaling laws."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+
+from camssf.sensing import Sensing
+from camssf.unrolled import soft, solve
+from tests.problems import gamma_max, random_sensing
+
+sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
+
+
+def whitened(sensing: Sensing, channel: int) -> tuple[np.ndarray, np.ndarray]:
+    root = np.linalg.cholesky(np.linalg.inv(sensing.covariance[channel])).T
+    return root @ sensing.matrix[channel], root @ sensing.target[channel]
+
+
+@given(sizes, st.sampled_from([1e-4, 1e-2, 0.3]), st.booleans())
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_lasso_agrees_with_scikit_learn(size: tuple[int, int, int], share: float, nonnegative: bool) -> None:
+    from sklearn.linear_model import Lasso
+
+    sensing = random_sensing(*size)
+    gamma = share * gamma_max(sensing)
+    code = solve(sensing, 0.0, gamma, nonnegative=nonnegative)
+    assert (code.gap <= 1e-9).all()
+    for c in range(3):
+        rows = sensing.matrix.shape[1]
+        other = Lasso(gamma[c] / rows, fit_intercept=False, positive=nonnegative, tol=1e-12, max_iter=100_000)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its own gap is not always small: that is why only objectives count
+            x = other.fit(sensing.matrix[c], sensing.target[c]).coef_
+        theirs = 0.5 * np.sum((sensing.target[c] - sensing.matrix[c] @ x) ** 2) + gamma[c] * np.abs(x).sum()
+        assert code.objective[c] <= theirs * (1 + 1e-9)
+        # Coordinate descent stops by a tolerance on ‖b‖², far above the smallest objectives.
+        assert theirs <= code.objective[c] * (1 + 1e-4) + 1e-7 * np.sum(sensing.target[c] ** 2)
+
+
+@given(sizes, st.sampled_from([1e-4, 1e-2, 0.3]), st.sampled_from([1e-3, 1.0, 30.0]))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_elastic_net_agrees_with_scikit_learn(size: tuple[int, int, int], share: float, l2: float) -> None:
+    from sklearn.linear_model import ElasticNet
+
+    sensing = random_sensing(*size, correlated=True)
+    gamma = share * gamma_max(sensing)
+    code = solve(sensing, l2, gamma)
+    assert (code.gap <= 1e-9).all()
+    for c in range(3):
+        A, b = whitened(sensing, c)
+        total = (gamma[c] + l2) / len(b)
+        other = ElasticNet(
+            total, l1_ratio=gamma[c] / (gamma[c] + l2), fit_intercept=False, tol=1e-13, max_iter=100_000
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            x = other.fit(A, b).coef_
+        theirs = 0.5 * np.sum((b - A @ x) ** 2) + 0.5 * l2 * x @ x + gamma[c] * np.abs(x).sum()
+        assert code.objective[c] <= theirs * (1 + 1e-9)
+        assert np.abs(code.values[c] - x).max() <= 1e-3 * max(1.0, np.abs(x).max())
+
+
+@given(sizes)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_vanishing_penalties_agree_with_nnls(size: tuple[int, int, int]) -> None:
+    sensing = random_sensing(*size)
+    code = solve(sensing, 0.0, 1e-9 * gamma_max(sensing), nonnegative=True)
+    for c in range(3):
+        _, residual = nnls(sensing.matrix[c], sensing.target[c])
+        ours = np.linalg.norm(sensing.target[c] - sensing.matrix[c] @ code.values[c])
+        assert ours == pytest.approx(residual, rel=1e-4, abs=1e-6)
+
+
+@given(sizes, st.floats(0.01, 100.0))
+@settings(max_examples=30, deadline=None, derandomize=True)
+def test_without_l1_it_is_the_closed_form(size: tuple[int, int, int], l2: float) -> None:
+    sensing = random_sensing(*size, correlated=True)
+    code = solve(sensing, l2, np.zeros(3))
+    for c in range(3):
+        A, b = whitened(sensing, c)
+        ridge = np.linalg.solve(A.T @ A + l2 * np.eye(A.shape[1]), A.T @ b)
+        assert code.values[c] == pytest.approx(ridge, rel=1e-7, abs=1e-9)
+        assert code.gap[c] <= 1e-12
+
+
+@given(sizes, st.sampled_from([1e-5, 1e-3, 0.1]), st.booleans(), st.sampled_from([0.0, 1.0]))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_optimality_conditions(size: tuple[int, int, int], share: float, nonnegative: bool, l2: float) -> None:
+    sensing = random_sensing(*size, correlated=True)
+    gamma = share * gamma_max(sensing)
+    code = solve(sensing, l2, gamma, nonnegative=nonnegative)
+    for c in range(3):
+        A, b = whitened(sensing, c)
+        x = code.values[c]
+        w = A.T @ (b - A @ x) - l2 * x
+        slack = 1e-6 * gamma[c]
+        assert (w <= gamma[c] + slack).all()
+        assert nonnegative or (w >= -gamma[c] - slack).all()
+        assert np.abs(w[x > 0] - gamma[c]).max(initial=0) <= slack
+        assert np.abs(w[x < 0] + gamma[c]).max(initial=0) <= slack
+        assert not (nonnegative and (x < 0).any())
+
+
+def test_scaling_laws() -> None:
+    sensing = random_sensing(3, 15, 10)
+    gamma = 0.05 * gamma_max(sensing)
+    code = solve(sensing, 0.0, gamma).values
+    twice = solve(Sensing(sensing.matrix, 2 * sensing.target, sensing.covariance), 0.0, 2 * gamma).values
+    assert twice == pytest.approx(2 * code, rel=1e-9, abs=1e-12)
+    order = np.random.default_rng(0).permutation(15)
+    shuffled = Sensing(sensing.matrix[:, order], sensing.target[:, order], sensing.covariance[:, order][:, :, order])
+    assert solve(shuffled, 0.0, gamma).values == pytest.approx(code, rel=1e-9, abs=1e-12)
+    louder = Sensing(sensing.matrix, sensing.target, 4 * sensing.covariance)
+    assert solve(louder, 0.0, gamma / 4).values == pytest.approx(code, rel=1e-9, abs=1e-12)
+
+
+def test_edge_problems() -> None:
+    sensing = random_sensing(5, 12, 8)
+    gamma = gamma_max(sensing)
+    assert not solve(sensing, 0.0, 1.0001 * gamma).values.any()  # γ so large that the code is zero
+    silent = Sensing(sensing.matrix, 0 * sensing.target, sensing.covariance)
+    code = solve(silent, 0.0, np.ones(3))
+    assert not code.values.any()
+    assert not code.gap.any()
+    twins = Sensing(
+        np.concatenate([sensing.matrix] * 2, axis=2), sensing.target, sensing.covariance
+    )  # every atom twice: the code is not unique, the prediction is
+    double, single = solve(twins, 0.0, 0.01 * gamma), solve(sensing, 0.0, 0.01 * gamma)
+    assert (double.gap <= 1e-9).all()
+    assert double.objective == pytest.approx(single.objective, rel=1e-9)
+    alone = Sensing(sensing.matrix[:, :, :1], sensing.target, sensing.covariance)
+    by_hand = soft(np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.target), 1.0, False)
+    by_hand /= np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.matrix[:, :, 0])
+    assert solve(alone, 0.0, np.ones(3)).values[:, 0] == pytest.approx(by_hand, rel=1e-10)
+
+
+def test_finish_does_what_the_layers_do_not() -> None:
+    sensing = random_sensing(11, 20, 18)
+    gamma = 1e-3 * gamma_max(sensing)
+    layers = solve(sensing, 0.0, gamma, finish=0)
+    exact = solve(sensing, 0.0, gamma)
+    assert (layers.gap > 1e-6).any()
+    assert (exact.gap <= 1e-10).all()
+    assert exact.unrolled_gap == pytest.approx(layers.gap)
+    deeper = solve(sensing, 0.0, gamma, finish=0, depth=2000)
+    assert (deeper.gap < layers.gap).all()
+    useless_start = solve(sensing, 0.0, gamma, depth=0)
+    assert useless_start.values == pytest.approx(exact.values, rel=1e-8, abs=1e-10)
