@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.basis import Basis, read_basis
+from camssf.engine import OUTPUTS, SHIPPED, Model, load_model
 from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.sensing import Sensing, sense
@@ -18,6 +20,7 @@ L2, GAMMA = 1.0, 0.05
 """The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser."""
 LARGEST_GAP = 1e-6
 """Relative duality gap above which there is no answer."""
+ENGINES = ("onnx", "reference")
 SMALLEST_GAMMA = 1e-5
 """The discrepancy principle looks no further down than this share of γ_max."""
 
@@ -56,6 +59,10 @@ class Ssf:
         return self.values / peak, None if self.std is None else self.std / peak
 
 
+_Frames: TypeAlias = tuple[Floats, ...]
+"""Chart, white and dark, each (k, n, 3) DN."""
+
+
 @dataclass(frozen=True)
 class _Evidence:
     """The arguments of `recover`, checked and broadcast: what a solver engine takes."""
@@ -86,8 +93,8 @@ def recover(
     l2: float | None = None,
     gamma: ArrayLike | None = None,
     nonnegative: bool | None = None,
-    white: ArrayLike | None = None,
-    engine: str = "reference",
+    frames: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
+    engine: str = "onnx",
 ) -> Ssf:
     """The curves that explain the signals.
 
@@ -107,8 +114,10 @@ def recover(
             above the measured noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5
             of the γ that leaves nothing.
         nonnegative: x ≥ 0; None asks for it on a basis without a mean. False gives the paper's literal Eq. (10).
-        white: (k, n, 3) white - dark in DN, for the ratio between the channels.
-        engine: "reference".
+        frames: chart, white and dark (k, n, 3) in DN that the signals came from, for the ratio between the channels;
+            the model then forms Eq. (5) itself.
+        engine: "onnx", the shipped model, or "reference". A basis without a shipped model takes the reference;
+            the answer says which it was.
 
     With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
 
@@ -122,9 +131,36 @@ def recover(
         signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
         lamp_tolerance, lamp_modes, book,
     )  # fmt: skip
-    if engine != "reference":
-        raise InvalidArgument(f"there is no engine {engine!r}.", "Take reference.")
-    sensing = sense(
+    if engine not in ENGINES:
+        raise InvalidArgument(f"there is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
+    raw = None if frames is None else tuple(_array("frames", f, evidence.signals.shape) for f in frames)
+    positive = not book.prior if nonnegative is None else nonnegative
+    weight = (L2 if book.prior else 0.0) if l2 is None else float(l2)
+    if gamma is not None:
+        sparsity = np.broadcast_to(np.asarray(gamma, float), 3)
+    elif book.prior:
+        sparsity = np.full(3, GAMMA)
+    else:
+        noise = np.zeros_like(evidence.signals) if standard_error is None else evidence.standard_error
+        sparsity = _discrepancy(_sense(evidence, book), noise, weight, positive)
+    if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
+        raise InvalidArgument(
+            f"the penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",
+            "Leave them out to take the defaults.",
+        )
+    if weight == 0 and (sparsity == 0).any():
+        raise InvalidArgument(
+            "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
+            "Give one of them a positive value, or leave them out to take the defaults.",
+        )
+    if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
+        return _run(load_model(basis), evidence, book, weight, sparsity, positive, raw)
+    code = solve(_sense(evidence, book), weight, sparsity, nonnegative=positive)
+    return _curves(evidence, book, code, weight, sparsity, raw)
+
+
+def _sense(evidence: _Evidence, book: Basis) -> Sensing:
+    return sense(
         evidence.signals,
         evidence.standard_error,
         evidence.reflectance,
@@ -136,48 +172,14 @@ def recover(
         lamp_tolerance=evidence.lamp_tolerance,
         lamp_modes=evidence.lamp_modes,
     )
-    positive = not book.prior if nonnegative is None else nonnegative
-    weight = (L2 if book.prior else 0.0) if l2 is None else float(l2)
-    if gamma is not None:
-        sparsity = np.broadcast_to(np.asarray(gamma, float), 3)
-    elif book.prior:
-        sparsity = np.full(3, GAMMA)
-    else:
-        noise = np.zeros_like(evidence.signals) if standard_error is None else evidence.standard_error
-        sparsity = _discrepancy(sensing, noise, weight, positive)
-    if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
-        raise InvalidArgument(
-            f"the penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",
-            "Leave them out to take the defaults.",
-        )
-    if weight == 0 and (sparsity == 0).any():
-        raise InvalidArgument(
-            "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
-            "Give one of them a positive value, or leave them out to take the defaults.",
-        )
-    code = solve(sensing, weight, sparsity, nonnegative=positive)
-    return _curves(evidence, book, code, weight, sparsity, white, engine)
 
 
-def _curves(
-    evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, white: ArrayLike | None, engine: str
-) -> Ssf:
-    """s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
-    if not (code.gap <= LARGEST_GAP).all():
-        raise NotConverged(
-            f"the solver's own proof failed: relative duality gap {code.gap.max():.1e}.",
-            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
-            value=float(code.gap.max()),
-            threshold=LARGEST_GAP,
-        )
+def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, raw: _Frames | None) -> Ssf:
+    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
+    _believe(code.gap)
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, code.values)  # (3, m)
     scale = curves @ (evidence.white_reflectance * evidence.lamp[0]) * STEP
-    if not (scale > 0).all():
-        raise NotConverged(
-            "a recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
-            "channel are empty.",
-            "Take a smaller gamma, and check that the photo is exposed in all three channels.",
-        )
+    _respond(scale)
     std = None
     if book.prior:
         spread = np.linalg.inv(code.precision + np.eye(code.values.shape[1]))
@@ -188,10 +190,65 @@ def _curves(
     seen_white = evidence.lamp * evidence.white_reflectance
     predicted = (seen @ values) / (seen_white @ values)[:, None, :]
     gain = np.ones(3)
-    if white is not None:
-        means = np.asarray(white, float).reshape(evidence.signals.shape)[0].mean(axis=0)
+    if raw is not None:
+        means = (raw[1] - raw[2])[0].mean(axis=0)
         gain = means / means[1]
-    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, engine)
+    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, "reference")
+
+
+def _run(
+    model: Model, evidence: _Evidence, book: Basis, l2: float, gamma: Floats, nonnegative: bool, raw: _Frames | None
+) -> Ssf:
+    """The model's answer; it takes one γ a call, so channels that differ in γ take a call each."""
+    y = evidence.signals
+    chart, white, dark = raw if raw is not None else (y, np.ones_like(y), np.zeros_like(y))
+    modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
+    inputs: dict[str, Floats] = {
+        "chart": chart,
+        "white": white,
+        "dark": dark,
+        "standard_error": evidence.standard_error,
+        "reflectance": evidence.reflectance,
+        "chart_tolerance": evidence.chart_tolerance,
+        "white_reflectance": evidence.white_reflectance,
+        "white_tolerance": np.array(evidence.white_tolerance),
+        "lamp": evidence.lamp,
+        "lamp_tolerance": evidence.lamp_tolerance,
+        "lamp_modes": modes,
+        "l2": np.array(l2),
+        "nonnegative": np.array(float(nonnegative)),
+    }
+    answers = {value: model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)}
+    out = {
+        name: np.stack([answers[value][name][..., c] for c, value in enumerate(gamma)], axis=-1) for name in OUTPUTS
+    }
+    _believe(out["gap"])
+    _respond(out["ssf"].max(axis=0))
+    std = out["ssf_std"] if book.prior else None
+    return Ssf(
+        out["ssf"], std, out["code"], out["predicted"], out["gap"], gamma, l2, out["channel_gain"], book.name, "onnx"
+    )
+
+
+def _believe(gap: Floats) -> None:
+    """Refuse an answer without its proof; a gap that is NaN is none."""
+    if not (gap <= LARGEST_GAP).all():
+        raise NotConverged(
+            f"the solver's own proof failed: relative duality gap {gap.max():.1e}.",
+            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
+            value=float(gap.max()) if np.isfinite(gap).all() else None,
+            threshold=LARGEST_GAP,
+        )
+
+
+def _respond(response: Floats) -> None:
+    """Refuse curves that do not see white."""
+    if not (np.isfinite(response).all() and (response > 0).all()):
+        raise NotConverged(
+            "a recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
+            "channel are empty.",
+            "Take a smaller gamma, and check that the photo is exposed in all three channels.",
+        )
 
 
 def _discrepancy(sensing: Sensing, noise: Floats, l2: float, nonnegative: bool) -> Floats:

@@ -88,9 +88,9 @@ def solve(
         gamma: (3,) γ ≥ 0; not 0 where λ₂ = 0.
         nonnegative: x ≥ 0.
         depth: number of layers.
-        finish: most pivots the finish may take; 0 for none, None for 8 r + 16.
+        finish: most pivots the finish may take; 0 for none, None for `finish_steps`.
     """
-    steps = 8 * sensing.matrix.shape[2] + 16 if finish is None else finish
+    steps = finish_steps(sensing.matrix.shape[2]) if finish is None else finish
     codes, objectives, gaps, before, pivots, precisions = [], [], [], [], [], []
     for A, b, sigma, weight in zip(sensing.matrix, sensing.target, sensing.covariance, gamma, strict=True):
         problem = _Problem(A, b, np.linalg.inv(sigma), l2, float(weight), nonnegative)
@@ -111,6 +111,11 @@ def solve(
         np.array(pivots),
         np.array(precisions),
     )
+
+
+def finish_steps(atoms: int) -> int:
+    """The finish's length: far more pivots than any start has needed."""
+    return 8 * atoms + 16
 
 
 def soft(v: Floats, threshold: float, nonnegative: bool) -> Floats:

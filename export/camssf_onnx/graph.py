@@ -1,0 +1,172 @@
+"""A few lines over onnx.helper, so that a graph reads like the algebra it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import onnx
+from numpy.typing import ArrayLike
+from onnx import TensorProto, helper, numpy_helper
+
+
+class Graph:
+    """Nodes under construction. A body of a Loop is a Graph whose parent's values it may use."""
+
+    def __init__(self, name: str, parent: Graph | None = None) -> None:
+        self.name = name
+        self.parent = parent
+        self.nodes: list[onnx.NodeProto] = []
+        self.constants: dict[tuple[str, tuple[int, ...], bytes], str] = {} if parent is None else parent.constants
+        self.initializers: list[onnx.TensorProto] = [] if parent is None else parent.initializers
+        self.counter: list[int] = [0] if parent is None else parent.counter
+
+    def fresh(self, word: str) -> str:
+        self.counter[0] += 1
+        return f"{word}_{self.counter[0]}"
+
+    def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
+        """A constant; equal ones are stored once."""
+        array = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
+        key = (array.dtype.str, array.shape, array.tobytes())
+        if key not in self.constants:
+            self.constants[key] = name or self.fresh("c")
+            self.initializers.append(numpy_helper.from_array(array, self.constants[key]))
+        return Value(self, self.constants[key])
+
+    def ints(self, *values: int) -> Value:
+        """A vector of int64, for shapes and axes."""
+        return self.constant(np.array(values), np.int64)
+
+    def op(self, kind: str, *inputs: Value | ArrayLike, outputs: int = 1, **attributes: object) -> Value:
+        """One node; numbers become float64 constants. The first output, `outputs` of them where more are asked."""
+        found = self.ops(kind, *inputs, outputs=outputs, **attributes)
+        return found[0]
+
+    def ops(self, kind: str, *inputs: Value | ArrayLike, outputs: int = 1, **attributes: object) -> list[Value]:
+        names = [value.name if isinstance(value, Value) else self.constant(value).name for value in inputs]
+        results = [self.fresh(kind.lower()) for _ in range(outputs)]
+        self.nodes.append(helper.make_node(kind, names, results, **attributes))
+        return [Value(self, name) for name in results]
+
+    def loop(
+        self,
+        body: Callable[[Graph, Value, list[Value]], tuple[list[Value], Value | None]],
+        state: Sequence[Value],
+        kinds: Sequence[int],
+        trips: Value,
+        word: str,
+    ) -> list[Value]:
+        """A Loop: `body(graph, step, state)` gives the next state and, where it may end early, whether to go on."""
+        inner = Graph(self.fresh(word), self)
+        step, go_in = inner.fresh("step"), inner.fresh("go")
+        names = [inner.fresh("state") for _ in state]
+        after, go = body(inner, Value(inner, step), [Value(inner, name) for name in names])
+        if go is None:
+            go = inner.op("Identity", Value(inner, go_in))
+        outs = [inner.op("Identity", value) for value in after]
+        inputs = [
+            helper.make_tensor_value_info(step, TensorProto.INT64, []),
+            helper.make_tensor_value_info(go_in, TensorProto.BOOL, []),
+            *(helper.make_tensor_value_info(n, kind, None) for n, kind in zip(names, kinds, strict=True)),
+        ]
+        outputs = [
+            helper.make_tensor_value_info(go.name, TensorProto.BOOL, []),
+            *(helper.make_tensor_value_info(o.name, kind, None) for o, kind in zip(outs, kinds, strict=True)),
+        ]
+        subgraph = helper.make_graph(inner.nodes, inner.name, inputs, outputs)
+        start = self.constant(np.array(True), np.bool_)
+        results = [self.fresh(word) for _ in state]
+        self.nodes.append(
+            helper.make_node("Loop", [trips.name, start.name, *(v.name for v in state)], results, body=subgraph)
+        )
+        return [Value(self, name) for name in results]
+
+
+class Value:
+    """A tensor by name; arithmetic makes nodes in the graph that uses it."""
+
+    __array_ufunc__ = None  # an array on the left leaves the arithmetic to us
+
+    def __init__(self, graph: Graph, name: str) -> None:
+        self.graph = graph
+        self.name = name
+
+    def __add__(self, other: Value | ArrayLike) -> Value:
+        return self._in(other).op("Add", self, other)
+
+    def __radd__(self, other: ArrayLike) -> Value:
+        return self.graph.op("Add", other, self)
+
+    def __sub__(self, other: Value | ArrayLike) -> Value:
+        return self._in(other).op("Sub", self, other)
+
+    def __rsub__(self, other: ArrayLike) -> Value:
+        return self.graph.op("Sub", other, self)
+
+    def __mul__(self, other: Value | ArrayLike) -> Value:
+        return self._in(other).op("Mul", self, other)
+
+    def __rmul__(self, other: ArrayLike) -> Value:
+        return self.graph.op("Mul", other, self)
+
+    def __truediv__(self, other: Value | ArrayLike) -> Value:
+        return self._in(other).op("Div", self, other)
+
+    def __rtruediv__(self, other: ArrayLike) -> Value:
+        return self.graph.op("Div", other, self)
+
+    def __matmul__(self, other: Value | ArrayLike) -> Value:
+        return self._in(other).op("MatMul", self, other)
+
+    def __neg__(self) -> Value:
+        return self.graph.op("Neg", self)
+
+    def _in(self, other: Value | ArrayLike) -> Graph:
+        """The inner one of two graphs: a body may use its parent's values, not the reverse."""
+        if isinstance(other, Value) and other.graph is not self.graph:
+            graph: Graph | None = other.graph
+            while graph is not None:
+                if graph is self.graph:
+                    return other.graph
+                graph = graph.parent
+        return self.graph
+
+    def here(self, graph: Graph) -> Value:
+        """The same tensor, seen from a body."""
+        return Value(graph, self.name)
+
+    def reshape(self, *shape: int) -> Value:
+        return self.graph.op("Reshape", self, self.graph.ints(*shape))
+
+    def like(self, shape: Value) -> Value:
+        """Reshaped to a shape known at run time."""
+        return self.graph.op("Reshape", self, shape)
+
+    def transpose(self, *order: int) -> Value:
+        return self.graph.op("Transpose", self, perm=list(order))
+
+    def unsqueeze(self, *axes: int) -> Value:
+        return self.graph.op("Unsqueeze", self, self.graph.ints(*axes))
+
+    def squeeze(self, *axes: int) -> Value:
+        return self.graph.op("Squeeze", self, self.graph.ints(*axes))
+
+    def sum(self, *axes: int, keep: bool = False) -> Value:
+        return self.graph.op("ReduceSum", self, self.graph.ints(*axes), keepdims=int(keep))
+
+    def max(self, *axes: int, keep: bool = False) -> Value:
+        return self.graph.op("ReduceMax", self, self.graph.ints(*axes), keepdims=int(keep))
+
+    def min(self, *axes: int, keep: bool = False) -> Value:
+        return self.graph.op("ReduceMin", self, self.graph.ints(*axes), keepdims=int(keep))
+
+    def slice(self, start: int, stop: int, axis: int) -> Value:
+        ints = self.graph.ints
+        return self.graph.op("Slice", self, ints(start), ints(stop), ints(axis))
+
+    def take(self, index: Value, axis: int) -> Value:
+        return self.graph.op("Gather", self, index, axis=axis)
+
+    def real(self) -> Value:
+        return self.graph.op("Cast", self, to=TensorProto.DOUBLE)

@@ -1,0 +1,496 @@
+"""The whole algebra from Eq. (5) to the curves as one ONNX graph: float64, opset 18, standard operators only.
+
+The same steps in the same order as `camssf.sensing`, `camssf.unrolled` and `camssf.ssf`, which are the specification;
+names follow them. Differences of form, none of value:
+
+- What is known only on the 5-nm nodes stays there: integrals are folded onto them (`_fold`), curves unfolded.
+- ONNX has no float64 Cholesky or inverse. Matrices of unit diagonal are inverted by a Loop of exchange steps (Gauss
+  and Jordan); an exchange is one rank-one update, and the pivots of such a matrix never exceed 1: nothing cancels.
+- The three channels are solved side by side; one that has arrived stands still.
+- No infinities: a bound that does not exist is ±1e300.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper
+
+from camssf import __version__
+from camssf.basis import NODES, Basis
+from camssf.grid import STEP, WAVELENGTHS
+from camssf.sensing import CHART_CORRELATION, FLOOR, INDEPENDENT_SHARE, LAMP_CORRELATION, smooth_errors
+from camssf.unrolled import DEPTH, GOLDEN, PIVOT_FLOOR, RELAXATION, finish_steps
+from camssf_onnx.graph import Graph, Value
+
+OPSET, IR = 18, 9
+BIG = 1e300
+D, I64, B = TensorProto.DOUBLE, TensorProto.INT64, TensorProto.BOOL
+M = WAVELENGTHS.size
+INPUTS: dict[str, list[str | int]] = {
+    "chart": ["k", "n", 3],
+    "white": ["k", "n", 3],
+    "dark": ["k", "n", 3],
+    "standard_error": ["k", "n", 3],
+    "reflectance": ["n", M],
+    "chart_tolerance": ["n"],
+    "white_reflectance": [M],
+    "white_tolerance": [],
+    "lamp": ["k", M],
+    "lamp_tolerance": ["k"],
+    "lamp_modes": ["k", "q", M],
+    "l2": [],
+    "gamma": [],
+}
+
+
+def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
+    """The model of a basis; the same basis gives the same bytes."""
+    g = Graph(f"camssf-{basis.name}")
+    given = {name: Value(g, name) for name in INPUTS}
+    nonnegative = Value(g, "nonnegative")
+    r = basis.dictionary.shape[2]
+
+    rows = _Rows(g, given)
+    A, b, sigma, curves = _cameras(g, rows, basis) if basis.prior else _paper(g, rows, basis)
+
+    inverse = _inverse(g, sigma, _size(g, b, 1), "invert")
+    weighted = inverse @ A  # (3, N, r)
+    H = A.transpose(0, 2, 1) @ weighted
+    pull = (weighted.transpose(0, 2, 1) @ b.unsqueeze(2)).squeeze(2)  # (3, r) g
+    l2, gamma = given["l2"], given["gamma"]
+    eye = g.constant(np.eye(r))
+    quadratic = H + l2 * eye  # M
+    rho = gamma + 2.0 * l2
+    low = -g.op("Where", g.op("Greater", nonnegative, 0.5), BIG, gamma)
+    both = _inverse(
+        g, g.op("Concat", quadratic + rho * eye, H + eye, axis=0), g.ints(r).squeeze(0), "weigh"
+    )  # the layers' weights and the code's posterior covariance in one go
+    W, spread = both.slice(0, 3, 0), both.slice(3, 6, 0)
+
+    z = _layers(g, W, pull, rho, gamma, low, r, depth)
+    problem = _Problem(g, A, b, weighted, quadratic, l2, gamma, low, nonnegative, r)
+    x = problem.finish(z)
+    g_gap = problem.gap(x, inverse)
+    outputs = {"ssf": curves(x, spread), "code": x.transpose(1, 0), "signals": rows.signals, "gap": g_gap}
+    (outputs["ssf"], outputs["ssf_std"]), outputs["predicted"] = outputs["ssf"][:2], outputs["ssf"][2]
+    outputs["channel_gain"] = rows.gain()
+    shapes: dict[str, list[str | int]] = {
+        "ssf": [M, 3],
+        "ssf_std": [M, 3],
+        "code": [r, 3],
+        "signals": ["k", "n", 3],
+        "predicted": ["k", "n", 3],
+        "gap": [3],
+        "channel_gain": [3],
+    }
+    for name in shapes:
+        g.nodes.append(helper.make_node("Identity", [outputs[name].name], [name]))
+    default = helper.make_tensor("nonnegative", D, [], [0.0 if basis.prior else 1.0])
+    graph = helper.make_graph(
+        g.nodes,
+        g.name,
+        [helper.make_tensor_value_info(name, D, shape) for name, shape in INPUTS.items()]
+        + [helper.make_tensor_value_info("nonnegative", D, [])],
+        [helper.make_tensor_value_info(name, D, shape) for name, shape in shapes.items()],
+        [*g.initializers, default],
+        doc_string="RAW patch statistics of a ColorChecker in, camera spectral sensitivities and their proof out.",
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR, producer_name="camssf"
+    )
+    model.producer_version = __version__
+    digest = hashlib.sha256(basis.mean.tobytes() + basis.dictionary.tobytes()).hexdigest()
+    metadata = {
+        "basis": basis.name,
+        "basis_sha256": digest,
+        "basis_source": basis.source,
+        "depth": str(depth),
+        "finish": str(finish_steps(r)),
+        "grid": "380 to 720 nm every 0.5 nm",
+        "vocabulary": "1",
+    }
+    helper.set_model_props(model, metadata)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+class _Rows:
+    """Eq. (5) and the integrals that every basis needs. Channels come first: (3, k, n)."""
+
+    def __init__(self, g: Graph, given: dict[str, Value]) -> None:
+        self.g, self.given = g, given
+        white = given["white"] - given["dark"]
+        self.white_signal = white
+        self.signals = (given["chart"] - given["dark"]) / white
+        self.y = self.signals.transpose(2, 0, 1)
+        self.error = given["standard_error"].transpose(2, 0, 1)
+        self.power = given["lamp"] * STEP  # (k, m)
+        self.seen = self.power.unsqueeze(1) * given["reflectance"]  # (k, n, m)
+        self.seen_white = self.power * given["white_reflectance"]  # (k, m)
+
+    def gain(self) -> Value:
+        """Raw white signal of the first shot relative to green, (3,)."""
+        first = self.white_signal.slice(0, 1, 0)
+        means = self.g.op("ReduceMean", first, self.g.ints(0, 1), keepdims=0)
+        return means / means.slice(1, 2, 0)
+
+
+def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, object]:
+    """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot."""
+    atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
+    scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
+    seen = rows.seen.slice(0, 1, 0).squeeze(0)  # (n, m)
+    A = ((seen / scale) @ atoms).unsqueeze(0) * np.ones((3, 1, 1))
+    b = rows.y.slice(0, 1, 1).squeeze(1)
+    error = rows.error.slice(0, 1, 1).squeeze(1)
+    tolerance = rows.given["chart_tolerance"] * b
+    variance = g.op("Max", error * error + tolerance * tolerance, FLOOR**2)
+    sigma = variance.unsqueeze(2) * _identity(g, _size(g, b, 1))
+
+    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value]:
+        del spread  # no prior, no band
+        s = atoms @ x.transpose(1, 0)  # (m, 3)
+        s = s / (rows.seen_white.slice(0, 1, 0) @ s)
+        predicted = (rows.seen @ s) / (rows.seen_white @ s).unsqueeze(1)
+        return s, s * np.nan, predicted
+
+    return A, b, sigma, curves
+
+
+def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, object]:
+    """Rows free of exposure and their full covariance, on the 5-nm nodes (sensing.py, `sense`)."""
+    given = rows.given
+    mean = g.constant(basis.mean[:, ::10], name="mean")  # (3, v)
+    atoms = g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
+    U, V = _fold(g, rows.seen), _fold(g, rows.seen_white)  # (k, n, v), (k, v)
+    shape = g.op("Shape", rows.y)
+    k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
+    N = k * n
+    flat = g.op("Concat", g.ints(3), N, g.ints(-1), axis=0)
+    W = mean @ V.transpose(1, 0)  # (3, k)
+    seen = U / W.unsqueeze(2, 3)  # (3, k, n, v)
+    seen_white = (V / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+    column = mean.unsqueeze(1, 3)  # (3, 1, v, 1)
+    expected = seen @ column  # (3, k, n, 1) ŷ
+    y = rows.y.unsqueeze(3)
+    a = (seen - y * seen_white).like(flat)  # (3, N, v)
+    A, b = a @ atoms, -(a @ mean.unsqueeze(2)).squeeze(2)
+
+    tolerance = given["chart_tolerance"]
+    independent = INDEPENDENT_SHARE * tolerance * rows.y
+    variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)
+    N1 = N.squeeze(0)
+    order = g.op("Range", g.constant(0, np.int64), N1, g.constant(1, np.int64))
+    sigma = variance.like(g.op("Concat", g.ints(3), N, g.ints(1), axis=0)) * _identity(g, N1)
+
+    chart_curves = g.constant(smooth_errors(CHART_CORRELATION), name="chart_errors") * mean.unsqueeze(2)  # (3, v, p)
+    lamp_curves = g.constant(smooth_errors(LAMP_CORRELATION), name="lamp_errors") * mean.unsqueeze(2)
+    chart = (tolerance.unsqueeze(1) * (seen @ chart_curves.unsqueeze(1))).like(flat)
+    sigma = sigma + _same(g, g.op("Mod", order, n)) * _outer(chart)
+    paper = (given["white_tolerance"] * expected * (seen_white @ chart_curves.unsqueeze(1))).like(flat)
+    sigma = sigma + _outer(paper)
+    a_expected = seen - expected * seen_white
+    smooth = given["lamp_tolerance"].unsqueeze(1, 2) * (a_expected @ lamp_curves.unsqueeze(1))  # (3, k, n, p')
+    bent = (given["lamp_modes"] * rows.power.unsqueeze(1)).unsqueeze(0) * _unfold(g, mean).unsqueeze(1, 2)
+    seen_modes = given["reflectance"] @ bent.transpose(0, 1, 3, 2) / W.unsqueeze(2, 3)  # (3, k, n, q)
+    white_modes = given["white_reflectance"] @ bent.transpose(0, 1, 3, 2)  # (3, k, q)
+    modes = seen_modes - expected * (white_modes / W.unsqueeze(2)).unsqueeze(2)
+    lamp = g.op("Concat", smooth, modes, axis=3).like(flat)
+    sigma = sigma + _same(g, g.op("Div", order, n)) * _outer(lamp)
+
+    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value]:
+        s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
+        scale = (s @ V.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
+        s = s / scale.unsqueeze(1)
+        reach = atoms @ spread
+        v = NODES.size
+        here = (reach * atoms).sum(2)  # (3, v)
+        next_ = (reach.slice(0, v - 1, 1) * atoms.slice(1, v, 1)).sum(2)
+        left = 1.0 - np.arange(10) / 10.0
+        right = 1.0 - left
+        between = (
+            here.slice(0, v - 1, 1).unsqueeze(2) * left**2
+            + next_.unsqueeze(2) * (2.0 * left * right)
+            + here.slice(1, v, 1).unsqueeze(2) * right**2
+        ).reshape(3, M - 1)
+        variance_ = g.op("Concat", between, here.slice(v - 1, v, 1), axis=1)
+        std = g.op("Sqrt", variance_) / scale.unsqueeze(1)
+        across = s.transpose(1, 0)  # (v, 3)
+        predicted = (U @ across) / (V @ across).unsqueeze(1)
+        return _unfold(g, s).transpose(1, 0), std.transpose(1, 0), predicted
+
+    return A, b, sigma, curves
+
+
+def _layers(g: Graph, W: Value, pull: Value, rho: Value, gamma: Value, low: Value, r: int, depth: int) -> Value:
+    """The unrolled layers: v ← W₁ b + W_v v + W_q clip(v), the step of `unrolled.py` with z = v - clip(v)."""
+    high, low = gamma / rho, low / rho
+    W2 = RELAXATION * (rho * W)
+    eye = np.eye(r)
+    both = g.op("Concat", W2 + (1.0 - RELAXATION) * eye, RELAXATION * eye - 2.0 * W2, axis=2)
+    push = RELAXATION * (W @ pull.unsqueeze(2))  # (3, r, 1)
+
+    def clip(graph: Graph, v: Value) -> Value:
+        return graph.op("Min", graph.op("Max", v, low), high)
+
+    def layer(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
+        (v,) = state
+        pair = body.op("Concat", v, clip(body, v), axis=1)
+        return [body.op("Add", push, body.op("MatMul", both, pair))], None
+
+    start = g.constant(np.zeros((3, r, 1)))
+    (v,) = g.loop(layer, [start], [D], g.constant(depth, np.int64), "layers")
+    return (v - clip(g, v)).squeeze(2)
+
+
+class _Problem:
+    """min ½ xᵀ M x - gᵀ x + γ ‖x‖₁ for three channels at once."""
+
+    def __init__(
+        self,
+        g: Graph,
+        A: Value,
+        b: Value,
+        weighted: Value,
+        quadratic: Value,
+        l2: Value,
+        gamma: Value,
+        low: Value,
+        nonnegative: Value,
+        r: int,
+    ) -> None:
+        self.g, self.A, self.b, self.weighted, self.M, self.l2, self.gamma, self.low = (
+            g, A, b, weighted, quadratic, l2, gamma, low,
+        )  # fmt: skip
+        self.r = r
+        self.positive = g.op("Greater", nonnegative, 0.5)
+        free = g.op("And", g.op("Equal", gamma, 0.0), g.op("Not", self.positive))
+        self.free = free
+        diagonal = (quadratic * np.eye(r)).sum(2)
+        self.scale = 1.0 / g.op("Sqrt", g.op("Where", g.op("Greater", diagonal, 0.0), diagonal, 1.0))  # (3, r)
+
+    def residual(self, x: Value) -> Value:
+        """w = Aᵀ Σ⁻¹ (b - A x) - λ₂ x, (3, r)."""
+        rest = self.b - (self.A @ x.unsqueeze(2)).squeeze(2)
+        return (self.weighted.transpose(0, 2, 1) @ rest.unsqueeze(2)).squeeze(2) - self.l2 * x
+
+    def finish(self, z: Value) -> Value:
+        """Walk from the layers' z to the optimum (unrolled.py, `finish`)."""
+        g, r, scale = self.g, self.r, self.scale
+        tableau = -(self.M * scale.unsqueeze(1) * scale.unsqueeze(2))
+        high = self.gamma * scale
+        low = g.op("Where", self.positive, -BIG, -high)
+        wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), self.free)
+
+        def enter(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
+            table, support = state
+            at = step.unsqueeze(0)
+            hot = body.op("Gather", np.eye(r), at, axis=0)  # (1, r)
+            column, row = table.take(at, 2), table.take(at, 1)
+            pivot = column.take(at, 1)  # (3, 1, 1)
+            deep = body.op("Less", pivot, -PIVOT_FLOOR)
+            may = body.op("And", wanted.here(body).take(at, 1).unsqueeze(2), deep)
+            u = (column + hot.transpose(1, 0)) / body.op("Where", may, pivot, -1.0)
+            change = u * (row - hot)
+            table = table - body.op("Where", may, change, 0.0)
+            return [table, support + body.op("Where", may.squeeze(2), hot, 0.0)], None
+
+        start = [tableau, g.constant(np.zeros((3, r)))]
+        table, inside = g.loop(enter, start, [D, D], g.constant(r, np.int64), "enter")
+        support = g.op("Greater", inside, 0.5)
+
+        x0 = g.op("Where", support, z / scale, 0.0)
+        up = g.op("Not", g.op("Less", z, 0.0))
+        w = self.residual(x0 * scale) * scale
+        depths = 0.05 + 0.9 * ((np.arange(r) * GOLDEN) % 1.0)
+        over = g.op("Max", w - high, 0.0)
+        outside = g.op("Greater", g.op("Abs", w), high)
+        inner = g.op("Where", outside, g.op("Sign", w) * high * depths, w)
+        strictly = g.op("Where", self.positive, w - (1.0 + depths) * over, inner)
+        w0 = g.op("Where", support, g.op("Where", up, high, -high), strictly)
+        d = w - w0
+        aside = g.op("Where", support, 0.0, d)
+        last = aside - (table @ g.op("Where", support, d, 0.0).unsqueeze(2)).squeeze(2)
+        table = g.op("Concat", table, last.unsqueeze(2), axis=2)  # (3, r, r + 1)
+        value = g.op("Where", support, x0, w0)
+
+        count = np.arange(r, dtype=float)
+        x_low = g.op("Where", g.op("Or", g.op("Not", up), self.free), -BIG, 0.0)
+        x_high = g.op("Where", g.op("Or", up, self.free), BIG, 0.0)
+        lower, upper = g.op("Where", support, x_low, low), g.op("Where", support, x_high, high)
+        row_labels = g.op("Where", support, count, count + r)
+        column_labels = g.op(
+            "Concat", g.op("Where", support, count + r, count), np.full((3, 1), 2.0 * r), axis=1
+        )  # fmt: skip
+        ones = np.ones((3, 1))
+        state = [
+            table, value, lower, upper, row_labels, column_labels,
+            g.constant(2.0 * r * ones), g.constant(ones), g.constant(np.zeros((3, 1))), g.constant(ones),
+            g.constant(-BIG * ones), g.constant(ones), g.constant(np.ones((3, 1), bool), np.bool_),
+        ]  # fmt: skip
+        kinds = [D] * 12 + [B]
+        state = g.loop(self._pivot(low, high), state, kinds, g.constant(finish_steps(r), np.int64), "walk")
+        table, value, lower, upper, row_labels, column_labels = state[:6]
+
+        rows = g.op("Equal", row_labels.unsqueeze(2), count).real()  # (3, r rows, r variables): x_i basic in that row
+        columns = g.op("Equal", column_labels.unsqueeze(2), count + r).real()  # (3, r + 1, r): w_i nonbasic
+        to_x = rows.transpose(0, 2, 1)
+        x = (to_x @ value.unsqueeze(2)).squeeze(2)
+        K = -(to_x @ table @ columns)
+        support = g.op("Greater", rows.sum(1), 0.5)
+        down = g.op("LessOrEqual", upper, 0.0).real().unsqueeze(2)
+        down = g.op("Greater", (to_x @ down).squeeze(2), 0.5)
+        target = g.op("Where", down, -high, high)
+        x = x * scale
+        for _ in range(2):  # refine against the residual itself
+            error = g.op("Where", support, self.residual(x) * scale - target, 0.0)
+            x = x + scale * (K @ error.unsqueeze(2)).squeeze(2)
+        crossed = g.op("Less", g.op("Where", down, -x, x), 0.0)
+        crossed = g.op("And", crossed, g.op("Not", self.free))
+        wrong = g.op("Or", g.op("Not", support), crossed)
+        return g.op("Where", wrong, 0.0, x)
+
+    def _pivot(self, low: Value, high: Value) -> object:
+        """One step of the walk; three channels, those that have arrived masked."""
+        r = self.r
+
+        def body(g: Graph, step: Value, state: list[Value]) -> tuple[list[Value], Value]:
+            (table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going) = state
+            q = g.op("Equal", columns, driver).real()  # (3, r + 1)
+            column = table @ q.unsqueeze(2)  # (3, r, 1)
+            rate = direction * column.squeeze(2)
+            room = g.op("Where", g.op("Greater", rate, 0.0), upper, lower) - value
+            size = g.op("Abs", rate)
+            moves = g.op("Greater", size, PIVOT_FLOOR)
+            limit = g.op("Where", moves, g.op("Max", room / g.op("Where", moves, rate, 1.0), 0.0), BIG)
+            nearest = limit.min(1, keep=True)  # (3, 1)
+            flips = g.op("LessOrEqual", own, nearest)
+            length = g.op("Where", going, g.op("Min", nearest, own), 0.0)
+            value = value + length * rate
+
+            candidates = g.op("Where", g.op("LessOrEqual", limit, nearest), size, -1.0)
+            best = g.op("ArgMax", candidates, axis=1, keepdims=1)
+            p = g.op("Equal", best, g.constant(np.arange(r), np.int64)).real()  # (3, r)
+            does = g.op("And", going, g.op("Not", flips))
+            leaving = (rows * p).sum(1, keep=True)
+            rate_p = (rate * p).sum(1, keep=True)
+            pivot = g.op("Where", does, direction * rate_p, 1.0).unsqueeze(2)
+            row = p.unsqueeze(1) @ table  # (3, 1, r + 1)
+            p_rest, q_rest = 1.0 - p, 1.0 - q
+            u = ((column.squeeze(2) * p_rest + p).unsqueeze(2)) / pivot
+            swapped = table * p_rest.unsqueeze(2) * q_rest.unsqueeze(1)
+            swapped = swapped + u * (q.unsqueeze(1) - row * q_rest.unsqueeze(1))
+            table = g.op("Where", does.unsqueeze(2), swapped, table)
+            enters = g.op("And", g.op("Greater", p, 0.5), does)
+            value = g.op("Where", enters, start + direction * length, value)
+            rows = g.op("Where", enters, driver, rows)
+            lower, upper = g.op("Where", enters, d_low, lower), g.op("Where", enters, d_high, upper)
+            leaves = g.op("And", g.op("Greater", q, 0.5), does)
+            columns = g.op("Where", leaves, leaving, columns)
+
+            arrived = g.op("Equal", g.op("Where", does, leaving, driver), 2.0 * r)
+            going = g.op("And", going, g.op("Not", g.op("And", arrived, g.op("Or", does, flips))))
+            was_x = g.op("Less", leaving, float(r))
+            mate = leaving + g.op("Where", was_x, float(r), -float(r))
+            direction = g.op("Where", does, g.op("Sign", rate_p), direction)
+            driver = g.op("Where", does, mate, driver - float(r))
+            is_x = g.op("Less", driver, float(r))
+            i = g.op("Equal", driver - g.op("Where", is_x, 0.0, float(r)), np.arange(r, dtype=float)).real()
+            top, bottom = (high * i).sum(1, keep=True), (low * i).sum(1, keep=True)
+            up = g.op("Greater", direction, 0.0)
+            start = g.op("Where", is_x, 0.0, g.op("Where", up, bottom, top))
+            own = g.op("Where", is_x, BIG, top - bottom)
+            x_low = g.op("Where", g.op("And", up, g.op("Not", self.free)), 0.0, -BIG)
+            x_high = g.op("Where", g.op("Or", up, self.free), BIG, 0.0)
+            d_low, d_high = g.op("Where", is_x, x_low, bottom), g.op("Where", is_x, x_high, top)
+            after = [table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going]
+            more = g.op("Greater", going.real().max(0, 1), 0.5)
+            return after, more
+
+        return body
+
+    def gap(self, x: Value, inverse: Value) -> Value:
+        """Relative duality gap (3,) of `unrolled.py`, from the residual itself."""
+        g = self.g
+        rest = (self.b - (self.A @ x.unsqueeze(2)).squeeze(2)).unsqueeze(2)  # (3, N, 1)
+        w = self.residual(x)
+        quadratic = (rest.transpose(0, 2, 1) @ inverse @ rest).squeeze(1, 2) + self.l2 * (x * x).sum(1)
+        l1 = self.gamma * g.op("Abs", x).sum(1)
+        objective = 0.5 * quadratic + l1
+        worst = g.op("Where", self.positive, w, g.op("Abs", w)).max(1)
+        worst = g.op("Max", worst, 0.0)
+        some = g.op("Greater", worst, 0.0)
+        alpha = g.op("Where", some, g.op("Min", self.gamma / g.op("Where", some, worst, 1.0), 1.0), 1.0)
+        short = 1.0 - alpha
+        with_l1 = 0.5 * short * short * quadratic + l1 - alpha * (x * w).sum(1)
+        at_bound = g.op("And", g.op("Equal", x, 0.0), self.positive)
+        slope = g.op("Where", at_bound, g.op("Max", w, 0.0), w)
+        l2 = g.op("Where", g.op("Greater", self.l2, 0.0), self.l2, 1.0)
+        smooth = 0.5 * (slope * slope).sum(1) / l2
+        gap = g.op("Max", g.op("Where", g.op("Equal", self.gamma, 0.0), smooth, with_l1), 0.0)
+        known = g.op("Greater", objective, 0.0)
+        return g.op("Where", known, gap / g.op("Where", known, objective, 1.0), objective)
+
+
+def _inverse(g: Graph, matrix: Value, size: Value, word: str) -> Value:
+    """Inverse of symmetric positive definite matrices (c, N, N): scaled to unit diagonal, N exchange steps."""
+    identity = _identity(g, size)
+    scale = 1.0 / g.op("Sqrt", (matrix * identity).sum(2))  # (c, N)
+    unit = matrix * scale.unsqueeze(1) * scale.unsqueeze(2)
+
+    def exchange(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
+        (X,) = state
+        at = step.unsqueeze(0)
+        hot = identity.here(body).take(at, 0)  # (1, N)
+        column, row = X.take(at, 2), X.take(at, 1)
+        u = (column + identity.here(body).take(at, 1)) / column.take(at, 1)
+        return [X - u * (row - hot)], None
+
+    (X,) = g.loop(exchange, [unit], [D], size, word)
+    inverse = X * scale.unsqueeze(1) * scale.unsqueeze(2)
+    return 0.5 * (inverse + inverse.transpose(0, 2, 1))
+
+
+def _fold(g: Graph, f: Value) -> Value:
+    """Adjoint of `_unfold`: values on the grid (..., 681) to the 5-nm nodes (..., 69), Σ f s = Σ fold(f) s_nodes."""
+    share = np.arange(10) / 10.0
+    shape = g.op("Shape", f)
+    lead = shape.slice(0, -1, 0)
+    head = f.slice(0, M - 1, -1).like(g.op("Concat", lead, g.ints(NODES.size - 1, 10), axis=0))
+    parts = head @ np.stack([1.0 - share, share], axis=1)  # (..., 68, 2)
+    zero = f.slice(0, 1, -1) * 0.0
+    left = g.op("Concat", parts.slice(0, 1, -1).squeeze(-1), f.slice(M - 1, M, -1), axis=-1)
+    return left + g.op("Concat", zero, parts.slice(1, 2, -1).squeeze(-1), axis=-1)
+
+
+def _unfold(g: Graph, s: Value) -> Value:
+    """Curves on the nodes (3, 69), straight between them, on the grid (3, 681)."""
+    share = np.arange(10) / 10.0
+    v = NODES.size
+    between = s.slice(0, v - 1, 1).unsqueeze(2) * (1.0 - share) + s.slice(1, v, 1).unsqueeze(2) * share
+    return g.op("Concat", between.reshape(3, M - 1), s.slice(v - 1, v, 1), axis=1)
+
+
+def _identity(g: Graph, size: Value) -> Value:
+    order = g.op("Range", g.constant(0, np.int64), size, g.constant(1, np.int64))
+    return _same(g, order)
+
+
+def _same(g: Graph, labels: Value) -> Value:
+    """1 where two labels (N,) agree, else 0: (N, N)."""
+    return g.op("Equal", labels.unsqueeze(1), labels.unsqueeze(0)).real()
+
+
+def _outer(factors: Value) -> Value:
+    return factors @ factors.transpose(0, 2, 1)
+
+
+def _size(g: Graph, value: Value, axis: int) -> Value:
+    return g.op("Shape", value).slice(axis, axis + 1, 0).squeeze(0)
+
+
+__all__: Sequence[str] = ["INPUTS", "build"]

@@ -1,0 +1,183 @@
+"""Evidence → verdict: accepted, doubtful or refused, with reasons.
+
+What cannot be answered at all was already refused by the stage that saw it; here the evidence as a whole is weighed.
+RMSRE has no say: the same lamp stands on both of its sides, so it stays small when the lamp is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.chart import Pose
+from camssf.errors import ChartUnfit, Glare, LampUnfit, Overexposed, Underexposed, UnevenLight
+from camssf.grid import Floats
+from camssf.patches import PatchMeans
+from camssf.signals import Signals
+from camssf.spectra import ChartTable
+from camssf.ssf import Ssf
+
+MISFIT = 3.0
+"""Root mean square residual in units of its expected size from which the evidence contradicts itself."""
+STRANGE_PATCH = 5.0
+"""Residual of one patch, likewise."""
+FEW_PATCHES = 12
+"""The paper's number of colours; fewer carry less than its accuracy."""
+DARK_WHITE = 0.10
+"""Share of the sensor's range below which the white leaves the dark patches to noise."""
+SLOPE = 0.05
+"""Median relative change across the measured part of a patch that only a fall-off of the light explains."""
+POOR_POSE = 0.90
+"""Agreement of the patches with the chart's own colours below which the corners deserve a look."""
+VAGUE = 0.10
+"""Widest mean 95 % half-width, in parts of the peak, that still tells cameras apart."""
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a result is not simply accepted: the vocabulary of `camssf.errors`, with the number that decided."""
+
+    code: str
+    message: str
+    advice: str
+    value: float | None = None
+    threshold: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """status is "accepted", "doubtful" or "refused"; reasons are empty only when accepted."""
+
+    status: str
+    reasons: tuple[Reason, ...]
+
+
+def judge(
+    signals: Signals, table: ChartTable, shots: Sequence[PatchMeans], poses: Sequence[Pose], ssf: Ssf
+) -> Verdict:
+    """Weigh the evidence behind an answer.
+
+    The expected size of a residual is the root sum of squares of the signal's standard error and the chart's
+    tolerance; the lamp's own tolerance is left out, so a wrong lamp shows.
+
+    Args:
+        signals: (k, n, 3).
+        table: the chart's.
+        shots, poses: k of each.
+        ssf: the answer, with its predictions (k, n, 3).
+    """
+    expected = np.hypot(signals.standard_error, table.tolerance[:, None] * signals.values)
+    misfit = (signals.values - ssf.predicted) / np.maximum(expected, 1e-4)
+    reasons: list[Reason] = []
+    for j, (shot, pose) in enumerate(zip(shots, poses, strict=True)):
+        name = f"shot {j + 1}"
+        used = signals.used[j]
+        reasons += _exposure(name, signals, j, shot)
+        if int(used.sum()) < FEW_PATCHES:
+            clipped = bool((shot.chart.clipped[~used] > 0).any())
+            reasons.append(
+                Reason(
+                    Overexposed.code if clipped else Underexposed.code,
+                    f"{name}: only {int(used.sum())} of {used.size} patches carry a signal.",
+                    "Take the photo again with less exposure."
+                    if clipped
+                    else "Take the photo again with more light.",
+                    int(used.sum()),
+                    FEW_PATCHES,
+                )
+            )
+        slope = float(np.median(np.abs(shot.chart.gradient[used])))
+        if shot.white is None and slope > SLOPE:
+            reasons.append(
+                Reason(
+                    UnevenLight.code,
+                    f"{name}: the light changes by {slope:.0%} within a patch and no white frame corrects it.",
+                    "Add a white frame, or light the chart evenly.",
+                    slope,
+                    SLOPE,
+                )
+            )
+        if pose.score < POOR_POSE:
+            reasons.append(
+                Reason(
+                    ChartUnfit.code,
+                    f"{name}: the patches agree only {pose.score:.2f} with the chart's own colours.",
+                    "Look at the outlines in the report, check --chart, or give the corners by hand.",
+                    pose.score,
+                    POOR_POSE,
+                )
+            )
+        reasons += _residuals(name, misfit[j][used], [p for p, u in zip(table.patches, used, strict=True) if u])
+    if ssf.std is not None:
+        width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
+        if width > VAGUE:
+            reasons.append(
+                Reason(
+                    Underexposed.code,
+                    f"the 95 % band is ±{width:.2f} of the peak wide on average: this capture knows little.",
+                    "Add a white frame, a second shot under another lamp, or a photo with more light.",
+                    width,
+                    VAGUE,
+                )
+            )
+    return Verdict("doubtful" if reasons else "accepted", tuple(reasons))
+
+
+def _exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Reason]:
+    """The white's level, and light where there should be none."""
+    reasons = []
+    span = shot.saturation - signals.dark[j]
+    level = float(((signals.white[j] - signals.dark[j]) / span).mean(axis=0).max())
+    if level < DARK_WHITE:
+        reasons.append(
+            Reason(
+                Underexposed.code,
+                f"{name}: the brightest channel of the white reaches {level:.0%} of the sensor's range.",
+                "Expose longer, to about 80 %.",
+                level,
+                DARK_WHITE,
+            )
+        )
+    lowest = signals.values[j].min(axis=0)
+    if float(lowest.max()) > 0.10:
+        reasons.append(
+            Reason(
+                Glare.code,
+                f"{name}: the darkest patch gives {float(lowest.max()):.0%} of white; black ink gives 3 %.",
+                "Turn the chart away from the reflection, and shade the lens.",
+                float(lowest.max()),
+                0.10,
+            )
+        )
+    return reasons
+
+
+def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:
+    """Residuals of the used patches against their expected size, (used, 3)."""
+    reasons = []
+    overall = float(np.sqrt(np.mean(misfit**2)))
+    if overall > MISFIT:
+        reasons.append(
+            Reason(
+                LampUnfit.code,
+                f"{name}: the curves leave {overall:.1f} times the expected residual.",
+                "Check that --lamp is the light of this photo and --chart the chart in it.",
+                overall,
+                MISFIT,
+            )
+        )
+    worst = np.abs(misfit).max(axis=1)
+    if float(worst.max()) > STRANGE_PATCH and overall <= MISFIT:
+        patch = patches[int(worst.argmax())]
+        reasons.append(
+            Reason(
+                ChartUnfit.code,
+                f"{name}: patch {patch} is off by {float(worst.max()):.1f} times its expected error.",
+                "Look for a reflection, dirt or a finger on it, or give the chart's own measured table by --chart.",
+                float(worst.max()),
+                STRANGE_PATCH,
+            )
+        )
+    return reasons
