@@ -1,0 +1,70 @@
+"""Photos for the tests of chart, patches and signals: the renderer of `camssf.simulate` as mosaics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.grid import WAVELENGTHS
+from camssf.mosaic import Mosaic
+from camssf.simulate import Frames, Scene, Sensor, photograph
+from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
+
+SIZE = (1600, 1200)
+
+
+def mosaic(samples: NDArray[np.uint16], sensor: Sensor | None = None, **changes: object) -> Mosaic:
+    sensor = sensor or Sensor()
+    plain = Mosaic(
+        path="scene",
+        samples=samples,
+        cfa=sensor.cfa,
+        black=np.full((2, 2), sensor.black),
+        white=float(sensor.white_level),
+        make="",
+        model="",
+        exposure=0.01,
+        iso=100.0,
+        orientation=1,
+        gain_map=False,
+        color_matrix1=None,
+        color_matrix2=None,
+        as_shot_neutral=None,
+        sha256="",
+    )
+    return replace(plain, **changes)
+
+
+@cache
+def table(name: str = "classic24") -> ChartTable:
+    return read_chart(name)
+
+
+@cache
+def shoot(
+    scene: Scene | None = None, sensor: Sensor | None = None, lamp: str = "D55", chart: str = "classic24"
+) -> Frames:
+    scene = replace(scene or Scene(), size=SIZE) if scene is None or scene.size == (4000, 3000) else scene
+    chart_table = semi_gloss() if chart == "sg140" else table(chart)
+    return photograph(read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), chart_table, scene, sensor or Sensor(), (7,))
+
+
+@cache
+def semi_gloss() -> ChartTable:
+    """The Digital SG from colour-science's colours: each as a sum of three bands (its spectra are not public)."""
+    import colour
+
+    chart = colour.CCS_COLOURCHECKERS["ColorCheckerSG - After November 2014"]
+    names = [f"{column}{row}" for row in range(1, 11) for column in "ABCDEFGHIJKLMN"]
+    xyz = np.array([colour.xyY_to_XYZ(chart.data[name]) for name in names])
+    shape = colour.SpectralShape(380, 720, 0.5)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
+    light = colour.SDS_ILLUMINANTS["D50"].copy().align(shape).values
+    rise = 1 / (1 + np.exp((WAVELENGTHS[:, None] - np.array([490, 585])) / 12))
+    bands = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]], axis=1)
+    to_xyz = (bands * light[:, None]).T @ observer / (light @ observer[:, 1])
+    values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
+    return ChartTable("sg140", "bands", "sg140", tuple(names), values, np.full(140, 0.03), names.index("E5"), "test")
