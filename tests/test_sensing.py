@@ -1,0 +1,116 @@
+"""Rows and covariance against the integrals they stand for and against draws of the errors they describe."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from camssf.basis import NODES, interpolate, read_basis
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.sensing import CHART_CORRELATION, Sensing, sense, smooth_errors
+from tests.problems import chart_and_lamp, theory, toy_camera
+
+
+def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Sensing:
+    k, n, _ = y.shape
+    arguments: dict[str, object] = {
+        "chart_tolerance": np.zeros(n),
+        "white_reflectance": np.ones(681),
+        "white_tolerance": 0.0,
+        "lamp_tolerance": np.zeros(k),
+        "lamp_modes": np.zeros((k, 0, 681)),
+    } | changes
+    basis = arguments.pop("basis", "cameras")
+    error = arguments.pop("standard_error", np.full(y.shape, 1e-3))
+    return sense(y, error, reflectance, lamp, read_basis(str(basis)), **arguments)  # type: ignore[arg-type]
+
+
+def test_rows_vanish_at_the_truth_whatever_its_scale() -> None:
+    """(R - y ρ) L s = 0: a curve μ + Ψ x that made the signals satisfies its rows."""
+    basis = read_basis("cameras")
+    code = np.random.default_rng(0).normal(size=(3, basis.dictionary.shape[2]))
+    camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    _, bulb = chart_and_lamp("A")
+    lamps = np.stack([day, 50 * bulb])
+    y = np.stack([theory(reflectance, lamp, 3.0 * camera) for lamp in lamps])
+    found = rows(y, reflectance, lamps)
+    assert np.einsum("cnr,cr->cn", found.matrix, code) == pytest.approx(found.target, abs=1e-12)
+
+
+def test_paper_rows_are_equation_8() -> None:
+    reflectance, lamp = chart_and_lamp("D55")
+    atoms = read_basis("gaussian").dictionary[0]
+    y = theory(reflectance, lamp, toy_camera())[None]
+    found = rows(y, reflectance, lamp[None], basis="gaussian", standard_error=np.ones(y.shape))
+    by_hand = [[np.sum(R * lamp * atom) / np.sum(lamp) for atom in atoms.T] for R in reflectance]
+    assert found.matrix[0] == pytest.approx(np.array(by_hand))
+    assert found.target == pytest.approx(y[0].T)
+    assert found.covariance == pytest.approx(np.broadcast_to(np.eye(12), (3, 12, 12)))
+
+
+def test_smooth_errors_have_the_stated_correlation() -> None:
+    factors = smooth_errors(CHART_CORRELATION)
+    stated = np.exp(-0.5 * ((NODES[:, None] - NODES) / CHART_CORRELATION) ** 2)
+    assert factors @ factors.T == pytest.approx(stated, abs=3e-3)
+
+
+@pytest.mark.parametrize("term", ["chart", "white", "lamp", "modes"])
+def test_covariance_is_that_of_drawn_errors(term: str) -> None:
+    """First order: simulate the camera μ with a wrong chart, white or lamp, and look at the rows' residuals."""
+    basis = read_basis("cameras")
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    reflectance = reflectance[::3]
+    _, bulb = chart_and_lamp("A")
+    lamps, n, size = np.stack([day, bulb]), 8, 1e-3
+    camera = basis.mean.T
+    mode = np.stack([np.sin(WAVELENGTHS / 60.0), np.cos(WAVELENGTHS / 90.0)])[:, None]
+    arguments: dict[str, object] = {
+        "chart": {"chart_tolerance": np.full(n, size)},
+        "white": {"white_tolerance": size},
+        "lamp": {"lamp_tolerance": np.full(2, size)},
+        "modes": {"lamp_modes": size * mode},
+    }[term]
+    rng = np.random.default_rng(5)
+    wide, narrow = interpolate(smooth_errors(100.0)), interpolate(smooth_errors(60.0))
+    clean = np.stack([theory(reflectance, lamp, camera) for lamp in lamps])
+    draws = []
+    for _ in range(3000):
+        chart, white, light = reflectance, np.ones(681), lamps
+        if term == "chart":
+            chart = reflectance * (1 + size * (wide @ rng.normal(size=(wide.shape[1], n))).T)
+        elif term == "white":
+            white = 1 + size * wide @ rng.normal(size=wide.shape[1])
+        elif term == "lamp":
+            light = lamps * (1 + size * (narrow @ rng.normal(size=(narrow.shape[1], 2))).T)
+        else:
+            light = lamps * (1 + size * rng.normal(size=(2, 1)) * mode[:, 0])
+        y = np.stack([theory(chart, lamp, camera, white) for lamp in light])
+        # With the declared chart, white and lamp the row of the true curve is off by ŷ - y.
+        draws.append((clean - y).reshape(2 * n, 3))
+    drawn = np.einsum("dnc,dmc->cnm", draws, draws) / len(draws)
+    floor = rows(clean, reflectance, lamps).covariance
+    declared = rows(clean, reflectance, lamps, **arguments).covariance - floor
+    if term == "chart":  # its independent part is a quarter of the size, a sixteenth of the variance
+        extra = (0.25 * size * clean.reshape(2 * n, 3).T) ** 2
+        declared -= np.maximum(extra, 1e-6)[:, :, None] * np.eye(2 * n) - 1e-6 * np.eye(2 * n)
+    scale = np.abs(declared).max()
+    assert drawn / scale == pytest.approx(declared / scale, abs=0.09)
+
+
+def test_a_scale_of_the_lamp_is_no_evidence_lost() -> None:
+    """A lamp mode that is a mere factor changes no signal, so it adds no covariance."""
+    reflectance, lamp = chart_and_lamp("D55")
+    basis = read_basis("cameras")
+    y = theory(reflectance, lamp, basis.mean.T)[None]
+    plain = rows(y, reflectance, lamp[None]).covariance
+    flat = rows(y, reflectance, lamp[None], lamp_modes=np.full((1, 1, 681), 0.5)).covariance
+    assert flat == pytest.approx(plain, abs=1e-15)
+
+
+def test_lamp_and_white_scales_leave_rows_alone() -> None:
+    reflectance, lamp = chart_and_lamp("A")
+    y = theory(reflectance, lamp, toy_camera())[None]
+    one, other = rows(y, reflectance, lamp[None]), rows(y, reflectance, 1e4 * STEP * lamp[None])
+    assert other.matrix == pytest.approx(one.matrix)
+    assert other.target == pytest.approx(one.target)

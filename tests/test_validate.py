@@ -1,0 +1,245 @@
+"""Judged by limits computed by hand, and for colours by colour-science's own integration of its own tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.signals import Signals
+from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_camera, read_chart, read_lamp
+from camssf.validate import Scores, reflectance_srgb, rmse, rmsre, validate
+
+TABLE = read_chart("classic24")
+LAMPS = (read_lamp("D55"), read_lamp("A"))
+CAMERA = read_camera("Nikon 5100 (NPL)")
+
+
+def theory(table: ChartTable, lamp: Lamp, curves: Floats) -> Floats:
+    """Eq. (5) without noise, (n, 3): Σ R L S dλ / Σ L S dλ with a perfect white."""
+    light = lamp.values[:, None] * curves
+    return table.values @ light / light.sum(axis=0)
+
+
+def signals(values: Floats, used: NDArray[np.bool_] | None = None) -> Signals:
+    k, n, _ = values.shape
+    return Signals(
+        values=values,
+        standard_error=np.full_like(values, 1e-3),
+        chart=1000 * values,
+        white=np.full_like(values, 1000.0),
+        dark=np.zeros_like(values),
+        used=np.ones((k, n), bool) if used is None else used,
+        white_is_patch=np.zeros(k, bool),
+        assumptions=(),
+    )
+
+
+Y = np.stack([theory(TABLE, lamp, CAMERA.values) for lamp in LAMPS])
+
+
+def score(predicted: Floats, **more: object) -> Scores:
+    return validate(signals(Y), predicted, TABLE, LAMPS, **more)  # type: ignore[arg-type]
+
+
+def test_a_perfect_prediction_scores_zero() -> None:
+    scores = score(Y.copy(), ssf_values=CAMERA.values, truth=CAMERA, how="by hand")
+    np.testing.assert_array_equal(scores.rmsre_percent, 0)
+    np.testing.assert_array_equal(scores.rmse, 0)
+    assert scores.delta_e00 == 0
+    assert scores.unseen == "by hand"
+    np.testing.assert_array_equal(scores.measured_srgb, scores.synthetic_srgb)
+
+
+@pytest.mark.parametrize("factor", [1.01, 0.99])
+def test_one_percent_more_is_one_percent(factor: float) -> None:
+    np.testing.assert_allclose(score(Y * factor).rmsre_percent, 1.0, rtol=1e-10)
+
+
+def test_eq_13_by_hand() -> None:
+    """Errors of 3 % and 4 % on two patches, none of the other entries: √((9 + 16) / 2) %; green and blue apart."""
+    predicted, unseen = Y * 1.5, np.zeros((2, 24), bool)
+    unseen[0, 4] = unseen[1, 7] = True
+    predicted[0, 4] = Y[0, 4] * (1.03, 1.0, 0.9)
+    predicted[1, 7] = Y[1, 7] * (0.96, 1.0, 1.1)
+    np.testing.assert_allclose(
+        score(predicted, unseen=unseen).rmsre_percent, [np.sqrt(12.5), 0, 10], rtol=1e-10, atol=1e-12
+    )
+
+
+def test_unseen_is_what_was_used_unless_given() -> None:
+    used = np.zeros((2, 24), bool)
+    used[:, 3:9] = True
+    predicted = np.where(used[:, :, None], Y * 1.02, Y * 5)
+    scores = validate(signals(Y, used), predicted, TABLE, LAMPS)
+    np.testing.assert_allclose(scores.rmsre_percent, 2.0, rtol=1e-10)
+
+
+@pytest.mark.parametrize("faint", [0.0, -0.01, 1e-7, 1e-310])
+def test_a_signal_of_nothing_has_no_relative_error(faint: float) -> None:
+    y = Y.copy()
+    y[0, 5, 2] = faint
+    predicted = y * 1.01
+    predicted[0, 5] = 0.2
+    scores = validate(signals(y), predicted, TABLE, LAMPS)
+    rest = np.ones((2, 24), bool)
+    rest[0, 5] = False
+    assert scores.rmsre_percent[2] == pytest.approx(1.0)  # left out
+    assert scores.rmsre_percent[0] > 1.0  # the red of the same patch is not
+    np.testing.assert_allclose(rmsre(y, predicted, rest), 1.0)
+    assert np.isfinite(scores.delta_e00)
+
+
+def test_a_prediction_of_zero_is_an_error_of_100_percent() -> None:
+    np.testing.assert_allclose(score(np.zeros_like(Y)).rmsre_percent, 100.0)
+
+
+def test_rmse_by_hand() -> None:
+    """Off by 0.1 of the peak in 400 to 450 nm, 101 of 601 points; what lies outside 400 to 700 nm does not count."""
+    curves = np.ones((681, 3)) * (1.0, 2.0, 3.0)
+    off = curves.copy()
+    off[(WAVELENGTHS >= 400) & (WAVELENGTHS <= 450), 1] -= 0.2
+    off[(WAVELENGTHS < 400) | (WAVELENGTHS > 700)] = 0
+    np.testing.assert_allclose(rmse(off, curves), [0, 0.1 * np.sqrt(101 / 601), 0], rtol=1e-12, atol=1e-15)
+
+
+def test_rmse_knows_no_scale_and_is_symmetric() -> None:
+    other = read_camera("Sigma SDMerill (NPL)").values
+    expected = rmse(CAMERA.values, other)
+    assert (expected > 0.05).all()
+    np.testing.assert_allclose(rmse(CAMERA.values * (7.0, 1e-4, 0.3), other * 42), expected, rtol=1e-12)
+    np.testing.assert_allclose(rmse(other, CAMERA.values), expected, rtol=1e-12)
+
+
+def test_a_truth_is_scored() -> None:
+    truth = CameraCurves("other", read_camera("Sigma SDMerill (NPL)").values, "")
+    scores = score(Y.copy(), ssf_values=3 * CAMERA.values, truth=truth)
+    np.testing.assert_allclose(scores.rmse, rmse(CAMERA.values, truth.values), rtol=1e-12)
+    assert score(Y.copy(), ssf_values=CAMERA.values).rmse is None
+
+
+def observed() -> CameraCurves:
+    """A camera that is the CIE 1931 observer: its signals are XYZ but for a scale, so the matrix is exact."""
+    colour = colour_science()
+    cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy()
+    cmfs.interpolate(colour.SpectralShape(380, 720, STEP), interpolator=colour.LinearInterpolator)
+    return CameraCurves("observer", np.asarray(cmfs.values), "")
+
+
+def lab_by_colour_science(values: Floats, lamp: Lamp) -> tuple[Floats, Floats]:
+    """Lab and sRGB by colour-science's own integration, adaptation and encoding, one patch after the other."""
+    colour = colour_science()
+    shape = colour.SpectralShape(380, 720, STEP)
+    cmfs = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy()
+    cmfs.interpolate(shape, interpolator=colour.LinearInterpolator)
+    light = colour.SpectralDistribution(lamp.values, WAVELENGTHS)
+    d65 = np.array([0.3127, 0.3290])
+
+    def xyz(reflectance: Floats) -> Floats:
+        spectrum = colour.SpectralDistribution(reflectance, WAVELENGTHS)
+        return np.asarray(colour.sd_to_XYZ(spectrum, cmfs, light, method="Integration", shape=shape)) / 100
+
+    white = xyz(np.ones(681))
+    seen = [colour.chromatic_adaptation(xyz(each), white, colour.xy_to_XYZ(d65)) for each in values]
+    lab = np.array([colour.XYZ_to_Lab(each, d65) for each in seen])
+    srgb = np.array([colour.XYZ_to_sRGB(each) for each in seen])
+    return lab, np.clip(srgb, 0, 1)
+
+
+def test_delta_e_and_pictures_against_colour_science() -> None:
+    """For the CIE observer as a camera, each colour and their differences follow from the spectra alone."""
+    camera = observed().values
+    faded = replace(TABLE, values=TABLE.values * (0.9 + 0.2 * (WAVELENGTHS - 380) / 340))
+    y = np.stack([theory(TABLE, lamp, camera) for lamp in LAMPS])
+    guess = np.stack([theory(faded, lamp, camera) for lamp in LAMPS])
+    unseen = np.zeros((2, 24), bool)
+    unseen[0, :12] = unseen[1, 6:] = True
+    scores = validate(signals(y), guess, TABLE, LAMPS, unseen=unseen)
+    apart = []
+    for j, lamp in enumerate(LAMPS):
+        lab, srgb = lab_by_colour_science(TABLE.values, lamp)
+        other_lab, other_srgb = lab_by_colour_science(faded.values, lamp)
+        np.testing.assert_allclose(scores.measured_srgb[j], srgb, atol=1e-9)
+        np.testing.assert_allclose(scores.synthetic_srgb[j], other_srgb, atol=1e-9)
+        apart.append(colour_science().delta_E(lab, other_lab, method="CIE 2000"))
+    assert 1 < np.stack(apart)[unseen].mean() < 10
+    assert scores.delta_e00 == pytest.approx(np.stack(apart)[unseen].mean(), rel=1e-8)
+
+
+def test_channel_scales_do_not_change_colours() -> None:
+    predicted = Y * np.linspace(0.9, 1.1, 24)[None, :, None]
+    scale = np.array([3.0, 0.5, 0.1])
+    one = score(predicted)
+    other = validate(signals(Y * scale), predicted * scale, TABLE, LAMPS)
+    assert other.delta_e00 == pytest.approx(one.delta_e00, rel=1e-9)
+    np.testing.assert_allclose(other.synthetic_srgb, one.synthetic_srgb, atol=1e-9)
+
+
+def test_a_real_camera_s_picture_resembles_the_chart() -> None:
+    """The matrix of a real camera is not exact, but the white is white and red is red under either lamp."""
+    scores = score(Y * 1.02)
+    expected = reflectance_srgb(TABLE)
+    assert np.abs(scores.measured_srgb - expected).mean() < 0.03
+    for shot in scores.measured_srgb:
+        assert np.ptp(shot[18]) < 0.03
+        assert shot[18].mean() > 0.9
+        assert shot[14].argmax() == 0
+        assert shot[12].argmax() == 2
+    assert 0.1 < scores.delta_e00 < 1.5  # 2 % more light
+
+
+def test_reflectance_colours_against_colour_science() -> None:
+    found = reflectance_srgb(TABLE)
+    np.testing.assert_allclose(found, lab_by_colour_science(TABLE.values, read_lamp("D65"))[1], atol=1e-9)
+
+
+def test_flat_reflectances_are_grey_as_srgb_defines_it() -> None:
+    """IEC 61966-2-1: 1.055 R^(1 / 2.4) - 0.055, so 18 % is 118 of 255."""
+    level = np.array([0.0, 0.002, 0.18, 0.5, 1.0])
+    flat = replace(TABLE, patches=tuple("abcde"), values=np.tile(level[:, None], (1, 681)))
+    expected = np.where(level <= 0.0031308, 12.92 * level, 1.055 * level ** (1 / 2.4) - 0.055)
+    assert round(255 * expected[2]) == 118
+    np.testing.assert_allclose(
+        reflectance_srgb(flat), np.tile(expected[:, None], (1, 3)), atol=2e-4
+    )  # its matrix has 4 digits
+
+
+def test_a_lamp_of_one_line_gives_numbers_not_warnings() -> None:
+    values = np.zeros(681)
+    values[418] = 681.0
+    lamp = Lamp("sodium", values, 0.0, np.zeros((0, 681)), "")
+    y = theory(TABLE, lamp, CAMERA.values + 1e-6)[None]
+    scores = validate(signals(y), 1.1 * y, TABLE, [lamp])
+    for each in (scores.delta_e00, scores.measured_srgb, scores.synthetic_srgb):
+        assert np.isfinite(each).all()
+
+
+def test_few_used_patches_still_give_a_picture() -> None:
+    used = np.zeros((2, 24), bool)
+    used[:, 0] = True
+    scores = validate(signals(Y, used), Y * 1.01, TABLE, LAMPS)
+    assert np.abs(scores.measured_srgb - reflectance_srgb(TABLE)).mean() < 0.03
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"predicted": Y[:, :12]}, "do not fit together"),
+        ({"lamps": LAMPS[:1]}, "do not fit together"),
+        ({"unseen": np.ones(24, bool)}, "do not fit together"),
+        ({"predicted": np.where(Y > 0.5, np.nan, Y)}, "not a number"),
+        ({"signals": signals(np.where(Y > 0.5, np.inf, Y))}, "not a number"),
+        ({"unseen": np.zeros((2, 24), bool)}, "No unseen patch"),
+        ({"truth": CAMERA}, "no curves"),
+        ({"truth": CAMERA, "ssf_values": np.zeros((681, 3))}, "cannot be compared"),
+        ({"truth": CAMERA, "ssf_values": np.ones((69, 3))}, "cannot be compared"),
+        ({"truth": CAMERA, "ssf_values": np.full((681, 3), np.nan)}, "cannot be compared"),
+    ],
+)
+def test_what_does_not_fit_is_refused(change: dict[str, object], words: str) -> None:
+    arguments = {"signals": signals(Y), "predicted": Y, "table": TABLE, "lamps": LAMPS} | change
+    with pytest.raises(InvalidArgument, match=words) as caught:
+        validate(**arguments)  # type: ignore[arg-type]
+    assert caught.value.advice
