@@ -89,7 +89,7 @@ def recover(
     white_tolerance: float = 0.01,
     lamp_tolerance: ArrayLike = 0.0,
     lamp_modes: ArrayLike | None = None,
-    basis: str | Basis = "gaussian",
+    basis: str | Basis = "cameras",
     l2: float | None = None,
     gamma: ArrayLike | None = None,
     nonnegative: bool | None = None,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.chart import Pose
 from camssf.errors import ChartUnfit, Glare, LampUnfit, Overexposed, Underexposed, UnevenLight
@@ -27,8 +28,8 @@ FEW_PATCHES = 12
 """The paper's number of colours; fewer carry less than its accuracy."""
 DARK_WHITE = 0.10
 """Share of the sensor's range below which the white leaves the dark patches to noise."""
-SLOPE = 0.05
-"""Median relative change across the measured part of a patch that only a fall-off of the light explains."""
+UNEVEN = 0.05
+"""Change of the light across the chart, as residuals that follow the patches' places tell it."""
 POOR_POSE = 0.90
 """Agreement of the patches with the chart's own colours below which the corners deserve a look."""
 VAGUE = 0.10
@@ -88,15 +89,15 @@ def judge(
                     FEW_PATCHES,
                 )
             )
-        slope = float(np.median(np.abs(shot.chart.gradient[used])))
-        if shot.white is None and slope > SLOPE:
+        unevenness = _fall_off(pose, signals.values[j], ssf.predicted[j], used) if shot.white is None else 0.0
+        if unevenness > UNEVEN:
             reasons.append(
                 Reason(
                     UnevenLight.code,
-                    f"{name}: the light changes by {slope:.0%} within a patch and no white frame corrects it.",
-                    "Add a white frame, or light the chart evenly.",
-                    slope,
-                    SLOPE,
+                    f"{name}: the light changes by {unevenness:.0%} across the chart and no white frame corrects it.",
+                    "Add a white frame, or light the chart evenly and keep it in the middle of the photo.",
+                    unevenness,
+                    UNEVEN,
                 )
             )
         if pose.score < POOR_POSE:
@@ -109,7 +110,12 @@ def judge(
                     POOR_POSE,
                 )
             )
-        reasons += _residuals(name, misfit[j][used], [p for p, u in zip(table.patches, used, strict=True) if u])
+        elsewhere = unevenness > UNEVEN  # then residuals accuse neither lamp nor chart
+        reasons += (
+            []
+            if elsewhere
+            else _residuals(name, misfit[j][used], [p for p, u in zip(table.patches, used, strict=True) if u])
+        )
     if ssf.std is not None:
         width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
         if width > VAGUE:
@@ -152,6 +158,24 @@ def _exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Rea
             )
         )
     return reasons
+
+
+def _fall_off(pose: Pose, signals: Floats, predicted: Floats, used: NDArray[np.bool_]) -> float:
+    """Range over the chart of the smooth part of ln(y / ŷ), a plane and a bowl; 0 where it explains less than half.
+
+    Only light acts on all three channels alike by place: the channels' mean is taken first.
+    """
+    seen = used & (signals > 0).all(axis=1) & (predicted > 0).all(axis=1)
+    if int(seen.sum()) < 8:
+        return 0.0
+    centres = pose.patches[seen].mean(axis=1)
+    x, y = ((centres - centres.mean(axis=0)) / np.ptp(centres, axis=0).max()).T
+    excess = np.log(signals[seen] / predicted[seen]).mean(axis=1)
+    excess = excess - excess.mean()
+    design = np.stack([np.ones_like(x), x, y, x**2 + y**2], axis=1)
+    smooth = design @ np.linalg.lstsq(design, excess, rcond=None)[0]
+    explained = float(np.sum(smooth**2)) / max(float(np.sum(excess**2)), 1e-300)
+    return float(np.ptp(smooth)) if explained > 0.5 else 0.0
 
 
 def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:

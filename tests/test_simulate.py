@@ -1,0 +1,444 @@
+"""The simulated camera against LibRaw, OpenCV's pinhole, colour-science's tables and closed forms."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+from numpy.typing import NDArray
+
+from camssf import simulate as module
+from camssf.chart import LAYOUTS
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.mosaic import CFA_ORDERS, read_dng
+from camssf.simulate import Scene, Sensor, homography, photograph, render_mosaic, simulate, true_pose
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
+
+SIZE = (600, 450)
+QUIET = Sensor(noise=False)
+
+
+def bell(centre: float, width: float) -> Floats:
+    return np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2)
+
+
+CAMERA = CameraCurves("toy", np.stack([0.9 * bell(600, 35), bell(540, 40), 0.7 * bell(460, 30)], axis=1), "test")
+FLAT = Lamp("flat", np.ones(681), 0.0, np.zeros((0, 681)), "test")
+RED = Lamp("red lamp", np.linspace(0.3, 2, 681), 0.0, np.zeros((0, 681)), "test")
+
+
+def table(layout: str = "classic24") -> ChartTable:
+    count = LAYOUTS[layout].columns * LAYOUTS[layout].rows
+    level = np.random.default_rng(3).permutation(np.linspace(0.05, 0.9, count))[:, None]
+    values = level * (0.7 + 0.3 * np.sin(WAVELENGTHS / 40 + np.arange(count)[:, None]))
+    names = tuple(f"p{number}" for number in range(count))
+    return ChartTable(layout, "test", layout, names, values, np.full(count, 0.03), 0, "test")
+
+
+def inside(pose_patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray[np.bool_]:
+    """(h, w) True in the central part of a quadrilateral."""
+    corners = pose_patch.mean(axis=0) + share * (pose_patch - pose_patch.mean(axis=0))
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    sides = [
+        (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    ]
+    return np.all(np.array(sides) > 0, axis=0) | np.all(np.array(sides) < 0, axis=0)
+
+
+def colour_map(cfa: str, shape: tuple[int, int]) -> NDArray[np.int64]:
+    cell = np.array(["RGB".index(letter) for letter in cfa]).reshape(2, 2)
+    return np.tile(cell, (shape[0] // 2 + 1, shape[1] // 2 + 1))[: shape[0], : shape[1]]
+
+
+@pytest.mark.parametrize("compression", [None, "ljpeg"])
+@pytest.mark.parametrize("cfa", CFA_ORDERS)
+def test_libraw_reads_back_what_was_taken(tmp_path: Path, cfa: str, compression: str | None) -> None:
+    if compression:
+        pytest.importorskip("imagecodecs", reason="imagecodecs writes the lossless JPEG")
+    size, black, white = (404, 303), 256.25, 4095
+    done = simulate(
+        CAMERA, FLAT, tmp_path, chart=table(), size=size, cfa=cfa, black=black, white_level=white, seed=5,
+        compression=compression,
+    )  # fmt: skip
+    sensor = Sensor(cfa=cfa, black=black, white_level=white)
+    frames = photograph(CAMERA, FLAT, table(), done.scene, sensor, (5, 0))
+    shot = done.shots[0]
+    for path, samples in ((shot.chart, frames.chart), (shot.white, frames.white), (shot.dark, frames.dark)):
+        with rawpy.imread(str(path)) as raw:
+            assert raw.white_level == white
+            assert raw.black_level_per_channel == [256] * 4  # LibRaw keeps whole numbers
+            assert "".join("RGBG"[code] for code in raw.raw_pattern.ravel()) == cfa
+            np.testing.assert_array_equal(raw.raw_image, samples)
+            np.testing.assert_array_equal(raw.raw_image_visible, samples)
+        found = read_dng(path)
+        np.testing.assert_array_equal(found.samples, samples)
+        assert (found.black == black).all()
+        assert (found.white, found.cfa, found.model) == (white, cfa, "toy")
+        assert (found.exposure, found.iso, found.orientation, found.gain_map) == (0.01, 100, 1, False)
+
+
+@pytest.mark.parametrize("cfa", CFA_ORDERS)
+@pytest.mark.parametrize("turn", [0, 90, 180, 270, 33])
+def test_patches_hold_theory_to_rounding(cfa: str, turn: float) -> None:
+    scene = Scene(size=SIZE, fill=0.5, rotation=turn, tilt=20)
+    frames = photograph(CAMERA, FLAT, table(), scene, replace(QUIET, cfa=cfa))
+    colours = colour_map(cfa, frames.chart.shape)
+    for patch, levels in zip(frames.pose.patches, frames.levels, strict=True):
+        within = inside(patch, frames.chart.shape)
+        for colour in range(3):
+            samples = frames.chart[within & (colours == colour)]
+            assert samples.size > 100
+            assert np.abs(samples - levels[colour]).max() <= 0.501
+    for colour in range(3):
+        assert np.abs(frames.white[colours == colour] - frames.white_levels[colour]).max() <= 0.501
+    assert (frames.dark == 512).all()
+
+
+def test_levels_are_the_formula() -> None:
+    """Trapezoids on a 1-nm grid, written out: black + full scale · exposure · Σ R L S / max Σ L S."""
+    chart, sensor = table(), Sensor(noise=False, exposure=0.5, black=100, white_level=1100)
+    frames = photograph(CAMERA, RED, chart, Scene(size=SIZE), sensor)
+    every = slice(None, None, 2)
+    R, L, S = chart.values[:, every], RED.values[every], CAMERA.values[every]
+    white = np.array([np.trapezoid(L * S[:, c], dx=1.0) for c in range(3)])
+    raw = np.array([[np.trapezoid(r * L * S[:, c], dx=1.0) for c in range(3)] for r in R])
+    np.testing.assert_allclose(frames.levels, 100 + 1000 * 0.5 * raw / white.max(), rtol=3e-4)
+    np.testing.assert_allclose(frames.white_levels, 100 + 1000 * 0.5 * white / white.max(), rtol=3e-4)
+    np.testing.assert_allclose(frames.signals, raw / white, rtol=1e-3)
+    assert frames.white_levels.max() == pytest.approx(600)
+
+
+@pytest.mark.parametrize("vignetting", [0.0, 0.5])
+def test_eq5_of_the_files_against_colour_science(tmp_path: Path, vignetting: float) -> None:
+    """The issue's bar: 24 patches, D55, Nikon D5100 (NPL), within 0.3 % of theory without noise."""
+    import colour
+
+    done = simulate(
+        "Nikon 5100 (NPL)", "D55", tmp_path, size=(900, 674), noise=False, vignetting=vignetting, white_level=65535
+    )  # fmt: skip
+    shape = colour.SpectralShape(380, 720, 5)
+    camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"].copy().align(shape).values
+    light = colour.SDS_ILLUMINANTS["D55"].copy().align(shape).values
+    chart = colour.SDS_COLOURCHECKERS["BabelColor Average"]
+    reflectance = np.array([sd.copy().align(shape).values for sd in chart.values()])
+    theory = (reflectance * light) @ camera / (light @ camera)
+    shot = done.shots[0]
+    lit, white, dark = (read_dng(path).samples.astype(float) for path in (shot.chart, shot.white, shot.dark))
+    colours = colour_map("RGGB", lit.shape)
+    measured = np.empty((24, 3))
+    for number, patch in enumerate(done.pose.patches):
+        within = inside(patch, lit.shape)
+        for c in range(3):
+            at = within & (colours == c)
+            measured[number, c] = (lit[at] - dark[at]).sum() / (white[at] - dark[at]).sum()
+    # 5-nm sums of tables are themselves 0.1 % off the interpolated integral
+    np.testing.assert_allclose(measured, theory, rtol=3e-3)
+    np.testing.assert_allclose(measured, shot.signals, rtol=1e-3)
+
+
+def test_noise_is_that_of_a_photon_counter() -> None:
+    sensor = Sensor(full_well=3000, read_noise=4.0, exposure=0.7, dark_current=30)
+    frames = photograph(CAMERA, FLAT, table(), Scene(size=SIZE, fill=0.8), sensor, (11,))
+    electrons = 3000 / (16383 - 512)
+    colours = colour_map("RGGB", frames.white.shape)
+
+    def judge(samples: NDArray[np.uint16], level: float) -> None:
+        count = samples.size
+        light = level - 512
+        variance = light / electrons + (4.0 / electrons) ** 2 + 1 / 12
+        assert abs(samples.mean() - level) < 4.5 * np.sqrt(variance / count)
+        # a Poisson's fourth moment adds 1 / mean to the normal's 2
+        spread = variance * np.sqrt((2 + 1 / (light * electrons)) / count)
+        assert abs(samples.astype(float).var() - variance) < 4.5 * spread
+
+    for c in range(3):
+        judge(frames.white[colours == c], frames.white_levels[c])
+        for patch, levels in zip(frames.pose.patches, frames.levels, strict=True):
+            judge(frames.chart[inside(patch, frames.chart.shape) & (colours == c)], levels[c])
+    judge(frames.dark.ravel(), 512 + 30)
+
+
+def test_noise_of_the_three_frames_is_not_the_same() -> None:
+    dark = Lamp("dim", np.full(681, 1e-9), 0.0, np.zeros((0, 681)), "test")
+    frames = photograph(CAMERA, dark, table(), Scene(size=SIZE), Sensor(exposure=1e-9), (1,))
+    grey = np.corrcoef([frame.ravel().astype(float) for frame in (frames.chart, frames.white, frames.dark)])
+    assert np.abs(grey[np.triu_indices(3, 1)]).max() < 5 / np.sqrt(frames.dark.size)
+
+
+@pytest.mark.parametrize("loss", [0.2, 0.5, 0.9])
+def test_vignetting_is_cos4(loss: float) -> None:
+    sensor = Sensor(noise=False, black=0, white_level=65535, exposure=0.9)
+    frames = photograph(CAMERA, FLAT, table(), Scene(size=(601, 451), vignetting=loss), sensor)
+    green = frames.white[0::2, 1::2].astype(float)  # of RGGB
+    y, x = np.mgrid[0:451:2, 1:601:2]
+    radius = np.hypot(x - 300, y - 225) / np.hypot(300, 225)
+    reach = np.arccos((1 - loss) ** 0.25)  # the field angle whose cos⁴ is what is left in the corner
+    cos4 = np.cos(np.arctan(radius * np.tan(reach))) ** 4
+    np.testing.assert_allclose(green, cos4 * frames.white_levels[1], atol=0.51)
+    assert frames.white[0, 0] == pytest.approx((1 - loss) * frames.white_levels[0], abs=0.51)  # the corner itself
+    assert frames.white[224, 300] == pytest.approx(frames.white_levels[0], rel=1e-3)
+
+
+def polygon(points: Floats) -> tuple[float, Floats]:
+    """Area (positive clockwise as seen in a picture) and centroid, by the shoelace formula."""
+    x, y = points.T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    area = cross.sum() / 2
+    centre = ((points + np.roll(points, -1, axis=0)) * cross[:, None]).sum(axis=0) / (6 * area)
+    return float(area), centre
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Scene(size=SIZE),
+        Scene(size=SIZE, fill=0.25, rotation=45),
+        Scene(size=SIZE, tilt=30),
+        Scene(size=SIZE, tilt=-45, rotation=110, fill=0.5),
+        Scene(size=SIZE, fill=0.3, centre=(0.3, 0.6), mirrored=True, rotation=20),
+        Scene(layout="sg140", size=SIZE, fill=0.7),
+    ],
+)
+def test_light_falls_where_the_pose_says(scene: Scene) -> None:
+    """Area and centroid of one rendered patch equal those of its quadrilateral: anti-aliasing conserves both."""
+    pose = true_pose(scene)
+    y, x = np.mgrid[: scene.size[1], : scene.size[0]]
+    for number in (0, 3, len(pose.patches) - 1):
+        only = np.zeros((len(pose.patches), 3))
+        only[number] = 1
+        light = render_mosaic(scene, only, np.zeros(3)).astype(float)
+        area, centre = polygon(pose.patches[number])
+        assert (area < 0) == scene.mirrored
+        assert light.max() == pytest.approx(1, abs=1e-6)
+        assert light.sum() == pytest.approx(abs(area), rel=0.01)
+        found = np.array([(light * x).sum(), (light * y).sum()]) / light.sum()
+        np.testing.assert_allclose(found, centre, atol=0.05)
+
+
+@pytest.mark.parametrize(("rotation", "tilt"), [(0, 0), (30, 0), (0, 55), (200, 35), (-70, -45)])
+def test_pose_is_a_pinholes(rotation: float, tilt: float) -> None:
+    """OpenCV's projection of the chart's corners: focal length one picture width, chart turned, then tilted."""
+    import cv2
+
+    layout, (width, height) = LAYOUTS["classic24"], SIZE
+    pose = true_pose(Scene(size=SIZE, fill=0.6, rotation=rotation, tilt=tilt))
+    pitch = 1 / (layout.columns - 1 + layout.side[0])  # the block of patches is one unit wide
+    half = np.array([0.5, (layout.rows - 1 + layout.side[1]) * pitch / 2])
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    turn, _ = cv2.Rodrigues(np.array([0, 0, np.deg2rad(rotation)]))
+    tip, _ = cv2.Rodrigues(np.array([0, np.deg2rad(-tilt), 0]))
+    rvec, _ = cv2.Rodrigues(tip @ turn)
+    lens = np.array([[width, 0, width / 2 - 0.5], [0, width, height / 2 - 0.5], [0, 0, 1.0]])
+    distance = 1 / 0.6  # the block's width over its share of the picture, at a focal length of one
+    points, _ = cv2.projectPoints(np.c_[corners, np.zeros(4)], rvec, np.array([0, 0, distance]), lens, None)
+    np.testing.assert_allclose(pose.corners, points[:, 0], atol=1e-9)
+
+
+def test_pose_conventions() -> None:
+    upright = true_pose(Scene(size=SIZE, fill=0.6))
+    assert upright.corners[1, 0] - upright.corners[0, 0] == pytest.approx(0.6 * 600)
+    np.testing.assert_allclose(upright.corners.mean(axis=0), [299.5, 224.5])
+    np.testing.assert_array_equal(upright.patches[0, 0], upright.corners[0])
+    np.testing.assert_array_equal(upright.patches[5, 1], upright.corners[1])
+    np.testing.assert_allclose(upright.patches[23, 2], upright.corners[2])
+    np.testing.assert_allclose(upright.patches[18, 3], upright.corners[3])
+    assert [true_pose(Scene(rotation=turn)).quarter_turns for turn in (0, 80, 190, -90)] == [0, 1, 2, 3]
+    quarter = true_pose(Scene(size=SIZE, fill=0.5, rotation=90))
+    assert (quarter.corners[0] > [300, 0]).all()  # the chart's top left has gone to the top right
+    assert quarter.corners[0, 1] < 225
+    mirrored = true_pose(Scene(size=SIZE, mirrored=True))
+    assert mirrored.corners[0, 0] > mirrored.corners[1, 0]
+
+
+@pytest.mark.parametrize(("surround", "share"), [("white", 0.9), ("grey", 0.2), ("black", 0.02)])
+def test_surround_frame_and_gaps(surround: str, share: float) -> None:
+    scene = Scene(size=SIZE, surround=surround)
+    light = render_mosaic(scene, np.full((24, 3), 0.5), np.ones(3))
+    assert light[0, 0] == light[-1, -1] == pytest.approx(share)
+    to_pixels = homography(scene)
+    for u, v in ((0.5, 0.5), (2.5, 1), (-0.6, 0)):  # gap crossing, gap, frame; in pitches
+        x, y, w = to_pixels @ [u, v, 1]
+        assert light[round(y / w), round(x / w)] == pytest.approx(0.04, abs=1e-3)
+
+
+def test_blur_spreads_edges_as_an_error_function_and_keeps_the_light() -> None:
+    from scipy.special import ndtr
+
+    only = np.zeros((24, 3))
+    only[8] = 1
+    sharp = Scene(size=SIZE)
+    soft = replace(sharp, blur=3.0)
+    before, after = (render_mosaic(scene, only, np.zeros(3)).astype(float) for scene in (sharp, soft))
+    assert after.sum() == pytest.approx(before.sum(), rel=1e-3)
+    patch = true_pose(sharp).patches[8]
+    left, right = patch[0, 0], patch[1, 0]
+    x = np.arange(SIZE[0])
+    sigma = np.hypot(3.0, 1 / np.sqrt(12))  # the pixel's own width
+    wanted = ndtr((x - left) / sigma) - ndtr((x - right) / sigma)
+    np.testing.assert_allclose(after[round(patch[:, 1].mean())], wanted, atol=0.004)
+
+
+def test_blur_has_no_seams_between_strips() -> None:
+    """The renderer works in strips; the whole picture filtered at once must be the same."""
+    from scipy.ndimage import gaussian_filter
+
+    scene = Scene(size=(1500, 1120), fill=0.9, blur=6.0, tilt=10)
+    values = np.repeat(table().values[:, :1], 3, axis=1)  # alike in all colours, so that one plane is the picture
+    sharp, soft = (render_mosaic(each, values, np.ones(3)) for each in (replace(scene, blur=0.0), scene))
+    whole = gaussian_filter(sharp, 6.0, mode="nearest")
+    seen = slice(24, -24)  # at the very edge the renderer knows the chart beyond the picture, the filter does not
+    np.testing.assert_allclose(soft[seen, seen], whole[seen, seen], atol=1e-5)
+
+
+def test_glare_dark_current_gains_and_clipping() -> None:
+    scene = Scene(size=SIZE, glare=0.1)
+    plain = photograph(CAMERA, FLAT, table(), replace(scene, glare=0), QUIET)
+    veiled = photograph(CAMERA, FLAT, table(), scene, replace(QUIET, dark_current=25))
+    light = 0.1 * (plain.white_levels - 512)
+    np.testing.assert_allclose(veiled.levels, plain.levels + light + 25)
+    np.testing.assert_array_equal(veiled.white.astype(int), plain.white.astype(int) + 25)
+    assert (veiled.dark == 512 + 25).all()
+    np.testing.assert_array_equal(veiled.signals, plain.signals)  # the truth about the patches, not about the veil
+    y, x = plain.pose.patches[7].mean(axis=0).round().astype(int)[::-1]
+    colour = colour_map("RGGB", plain.chart.shape)[y, x]
+    assert veiled.chart[y, x] == pytest.approx(veiled.levels[7, colour], abs=0.51)
+    cast = photograph(CAMERA, FLAT, table(), Scene(size=SIZE), replace(QUIET, gains=(1, 0.5, 0.1)))
+    np.testing.assert_allclose(cast.signals, plain.signals)
+    assert cast.white_levels.max() == pytest.approx(512 + 0.8 * (16383 - 512))
+    bright = photograph(CAMERA, FLAT, table(), Scene(size=SIZE), replace(QUIET, exposure=2))
+    assert bright.white[0, 1] == bright.chart.max() == 16383
+
+
+def test_same_seed_same_bytes(tmp_path: Path) -> None:
+    names = ("chart.dng", "white.dng", "dark.dng", "truth.csv")
+    for folder, seed in (("a", 1), ("b", 1), ("c", 2)):
+        simulate(CAMERA, FLAT, tmp_path / folder, chart=table(), size=SIZE, seed=seed, blur=1.0)
+    contents = {folder: [Path(tmp_path, folder, name).read_bytes() for name in names] for folder in "abc"}
+    assert contents["a"] == contents["b"]
+    assert all(one != other for one, other in zip(contents["a"][:3], contents["c"][:3], strict=True))
+    assert contents["a"][3] == contents["c"][3]
+    assert sorted(path.name for path in Path(tmp_path, "a").iterdir()) == sorted(names)
+
+
+def test_several_lamps_and_the_truth(tmp_path: Path) -> None:
+    done = simulate(CAMERA, [FLAT, RED, RED], tmp_path / "new" / "folder", chart=table(), size=SIZE)
+    out = tmp_path / "new" / "folder"
+    tags = ["flat", "red-lamp", "red-lamp~2"]
+    wanted = [f"{kind}-{tag}.dng" for tag in tags for kind in ("chart", "white", "dark")]
+    assert sorted(path.name for path in out.iterdir()) == sorted([*wanted, "truth.csv"])
+    assert [shot.chart.name for shot in done.shots] == wanted[::3]
+    assert [shot.lamp for shot in done.shots] == ["flat", "red lamp", "red lamp"]
+    assert read_dng(done.shots[1].chart).sha256 != read_dng(done.shots[2].chart).sha256  # other noise
+    rows = list(csv.reader(done.truth.read_text(encoding="utf-8").splitlines()))
+    assert rows[0] == ["wavelength_nm", "red", "green", "blue"]
+    values = np.array(rows[1:], dtype=float)
+    assert values.shape == (681, 4)
+    np.testing.assert_array_equal(values[:, 0], WAVELENGTHS)
+    np.testing.assert_allclose(values[:, 1:], CAMERA.values / CAMERA.values.max(axis=0), atol=1e-8)
+    np.testing.assert_allclose(read_camera(str(done.truth)).values, values[:, 1:], atol=1e-6)
+
+
+def test_colour_tags_are_plausible(tmp_path: Path) -> None:
+    """Under D65 the matrix must take the lamp's own XYZ to the neutral that the file names."""
+    done = simulate("Nikon 5100 (NPL)", "D65", tmp_path, size=SIZE)
+    found = read_dng(done.shots[0].white)
+    assert found.color_matrix1 is not None
+    assert found.as_shot_neutral is not None
+    predicted = found.color_matrix1 @ [0.95047, 1.0, 1.08883]
+    np.testing.assert_allclose(predicted / predicted[1], found.as_shot_neutral, rtol=1e-3)
+    samples = found.samples.astype(float) - found.black[0, 0]
+    neutral = np.array([samples[0::2, 0::2].mean(), samples[0::2, 1::2].mean(), samples[1::2, 1::2].mean()])
+    np.testing.assert_allclose(neutral / neutral.max(), found.as_shot_neutral, rtol=2e-3)
+    with rawpy.imread(str(done.shots[0].white)) as raw:
+        gains = np.array(raw.camera_whitebalance[:3])
+        np.testing.assert_allclose(gains / gains[1], found.as_shot_neutral[1] / found.as_shot_neutral, rtol=1e-3)
+        gains = np.array(raw.daylight_whitebalance[:3])  # LibRaw's own, from the ColorMatrix
+        np.testing.assert_allclose(gains / gains[1], found.as_shot_neutral[1] / found.as_shot_neutral, rtol=0.01)
+
+
+def test_names_are_read(tmp_path: Path) -> None:
+    done = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path, chart="classic24", size=SIZE, noise=False)
+    for shot, lamp in zip(done.shots, ("D55", "A"), strict=True):
+        by_hand = photograph(
+            read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), read_chart("classic24"), done.scene, done.sensor
+        )
+        np.testing.assert_array_equal(read_dng(shot.chart).samples, by_hand.chart)
+        assert shot.lamp == lamp
+        assert lamp in shot.chart.name
+
+
+@pytest.mark.parametrize("failing", [1, 4, 6])
+def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int) -> None:
+    written = module._write_dng
+    calls = iter(range(1, 100))
+
+    def fails(*arguments: Any) -> None:
+        written(*arguments)
+        if next(calls) == failing:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "_write_dng", fails)
+    with pytest.raises(InvalidArgument, match="No space left"):
+        simulate(CAMERA, [FLAT, RED], tmp_path, chart=table(), size=SIZE)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_in_the_way(tmp_path: Path) -> None:
+    (tmp_path / "white.dng").mkdir()
+    with pytest.raises(InvalidArgument, match=r"white\.dng is a folder"):
+        simulate(CAMERA, FLAT, tmp_path, chart=table(), size=SIZE)
+    assert [path.name for path in tmp_path.iterdir()] == ["white.dng"]
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(InvalidArgument, match="Cannot write"):
+        simulate(CAMERA, FLAT, file, chart=table(), size=SIZE)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ({"size": (10, 10)}, "size"),
+        ({"fill": 0.0}, "fill"),
+        ({"fill": float("nan")}, "fill"),
+        ({"fill": 1.0, "rotation": 45}, "beyond the picture"),
+        ({"tilt": 85}, "tilt"),
+        ({"rotation": float("inf")}, "rotation"),
+        ({"vignetting": 1.0}, "vignetting"),
+        ({"blur": -1}, "blur"),
+        ({"glare": 2}, "glare"),
+        ({"cfa": "XTRA"}, "cfa"),
+        ({"black": 20000}, "black"),
+        ({"white_level": 70000}, "black"),
+        ({"exposure": 0}, "exposure"),
+        ({"full_well": 0}, "full_well"),
+        ({"read_noise": -1}, "read_noise"),
+        ({"dark_current": -1}, "dark_current"),
+        ({"surround": "pink"}, "surround"),
+        ({"seed": -1}, "Seed"),
+        ({"compression": "zip"}, "zip"),
+    ],
+)
+def test_settings_out_of_range(tmp_path: Path, setting: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        simulate(CAMERA, FLAT, tmp_path / "out", chart=table(), **({"size": SIZE} | setting))
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_lamp_no_light_wrong_chart(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="without a lamp"):
+        simulate(CAMERA, [], tmp_path, chart=table(), size=SIZE)
+    blind = CameraCurves("blind", CAMERA.values * [1, 1, 0], "test")
+    with pytest.raises(InvalidArgument, match="sees nothing"):
+        simulate(blind, FLAT, tmp_path, chart=table(), size=SIZE)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InvalidArgument, match="24 patches do not fit"):
+        photograph(CAMERA, FLAT, table(), Scene(layout="sg140", size=SIZE), Sensor())
+    with pytest.raises(InvalidArgument, match="No chart layout"):
+        photograph(CAMERA, FLAT, table(), Scene(layout="none", size=SIZE), Sensor())
