@@ -1,8 +1,8 @@
 """`python -m benchmarks.capture`: a whole calibration beside a bare decode of the same file.
 
-Makes a 12-megapixel lossless-JPEG DNG of a simulated chart, then in one run, in turns: `rawpy.imread(...).raw_image`
-(which unpacks the samples) and `camssf.calibrate(...)` on it: reading, chart search, patches, curves, scores and
-verdict, no HTML. Imports and first calls are not counted. Bars: at most 2 × the decode (goal 1.3 ×); memory peak, of a
+Makes a 12-megapixel lossless-JPEG DNG of a simulated chart, then in one run, in turns: `rawpy.imread().raw_image`,
+which unpacks the samples, and `camssf.calibrate(...)`: reading, chart search, patches, curves, scores and verdict,
+without HTML. Imports and first calls are not counted. Bars: at most 2 × the decode (goal 1.3 ×); memory peak, of a
 process of its own and beyond what its imports take (Linux only), at most 4 × the mosaic.
 """
 

@@ -496,6 +496,7 @@ def _evidence(so_far: Callable[[], Capture]) -> Iterator[None]:
             capture = so_far()
             document = _head(capture, Verdict("refused", (reason,)), ())
             error.evidence = document | {"basis": "none", "engine": "reference"}
+            error.previews = tuple(_jpeg(shot) for shot in capture.shots)
         raise
 
 
@@ -656,13 +657,21 @@ def _thumbnail(mosaic: Mosaic) -> NDArray[np.uint16]:
     return picture
 
 
+def preview(mosaic: Mosaic) -> bytes | None:
+    """A JPEG of a photo's active area for the report, as the sensor saw it."""
+    cells = [mosaic.black[divmod(mosaic.cfa.index(colour), 2)] for colour in "RGB"]
+    return _encode(_thumbnail(mosaic), np.array(cells), mosaic.white)
+
+
 def _jpeg(shot: Shot) -> bytes | None:
-    """A display-like picture of the active area, white-balanced on its brightest parts."""
-    if shot.thumbnail is None:
-        return None
+    return None if shot.thumbnail is None else _encode(shot.thumbnail, shot.means.black, shot.means.saturation)
+
+
+def _encode(thumbnail: NDArray[np.uint16], black: Floats, saturation: float) -> bytes | None:
+    """A display-like picture, white-balanced on its brightest parts."""
     import cv2
 
-    picture = np.maximum(shot.thumbnail - shot.means.black, 0.0) / (shot.means.saturation - shot.means.black)
+    picture = np.maximum(thumbnail - black, 0.0) / (saturation - black)
     top = np.maximum(np.percentile(picture[::2, ::2], 99, axis=(0, 1)), 1e-6)
     display = (255.0 * np.clip(picture / top, 0.0, 1.0) ** (1 / 2.2) + 0.5).astype(np.uint8)
     done, data = cv2.imencode(".jpg", display[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])

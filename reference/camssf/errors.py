@@ -37,6 +37,7 @@ class CalibrationError(Exception):
         advice: what to do next.
         value, threshold: the number that decided and the bound it broke, where there is one.
         evidence: a refused result document with what was learned until then, or None.
+        previews: a JPEG of each of its shots, or None.
     """
 
     code: ClassVar[str] = "calibration_error"
@@ -51,6 +52,7 @@ class CalibrationError(Exception):
         self.value = value
         self.threshold = threshold
         self.evidence: dict[str, Any] | None = None
+        self.previews: tuple[bytes | None, ...] = ()
 
 
 class InvalidArgument(CalibrationError):

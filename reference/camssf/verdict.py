@@ -180,10 +180,13 @@ def _fall_off(pose: Pose, signals: Floats, predicted: Floats, used: NDArray[np.b
 
 def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:
     """Residuals of the used patches against their expected size, (used, 3)."""
-    reasons = []
+    worst = np.abs(misfit).max(axis=1)
+    strangest = int(worst.argmax())
+    off = float(worst[strangest])
     overall = float(np.sqrt(np.mean(misfit**2)))
-    if overall > MISFIT:
-        reasons.append(
+    others = float(np.sqrt(np.mean(np.delete(misfit, strangest, axis=0) ** 2)))
+    if others > MISFIT:
+        return [
             Reason(
                 LampUnfit.code,
                 f"{name}: the curves leave {overall:.1f} times the expected residual.",
@@ -191,17 +194,15 @@ def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:
                 overall,
                 MISFIT,
             )
-        )
-    worst = np.abs(misfit).max(axis=1)
-    if float(worst.max()) > STRANGE_PATCH and overall <= MISFIT:
-        patch = patches[int(worst.argmax())]
-        reasons.append(
+        ]
+    if off > STRANGE_PATCH:
+        return [
             Reason(
                 ChartUnfit.code,
-                f"{name}: patch {patch} is off by {float(worst.max()):.1f} times its expected error.",
+                f"{name}: patch {patches[strangest]} is off by {off:.1f} times its expected error.",
                 "Look for a reflection, dirt or a finger on it, or give the chart's own measured table by --chart.",
-                float(worst.max()),
+                off,
                 STRANGE_PATCH,
             )
-        )
-    return reasons
+        ]
+    return []

@@ -1,0 +1,137 @@
+"""Bases by name and by file, and the command that learns one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camssf import recover
+from camssf.basis import NODES, gaussian_basis, interpolate, read_basis
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS
+from camssf.learn import Enlargement, enlarge, learn, main, read_curves
+from tests.problems import CURVES, chart_and_lamp, theory, toy_camera
+
+
+def test_gaussians_are_the_paper_s() -> None:
+    basis = gaussian_basis()
+    assert basis.dictionary.shape == (3, 681, 18)
+    assert not basis.mean.any()
+    atom = basis.dictionary[0, :, 9]
+    above = WAVELENGTHS[atom >= 0.5]
+    assert above[-1] - above[0] == pytest.approx(50.0, abs=0.5)  # FWHM
+    peaks = WAVELENGTHS[basis.dictionary[0].argmax(axis=0)]
+    assert np.diff(peaks) == pytest.approx(20.0)
+    assert gaussian_basis(5, 80.0).dictionary.shape == (3, 681, 5)
+    for count, width in ((0, 50.0), (3, 0.0), (3, float("nan"))):
+        with pytest.raises(InvalidArgument):
+            gaussian_basis(count, width)
+
+
+def test_interpolation_is_straight_between_nodes() -> None:
+    curve = np.sin(NODES / 40.0)
+    assert interpolate(curve[:, None])[:, 0] == pytest.approx(np.interp(WAVELENGTHS, NODES, curve), abs=1e-14)
+
+
+def test_shipped_basis_is_whitened_and_names_its_origin() -> None:
+    basis = read_basis("cameras")
+    assert basis.prior
+    assert "52 measured cameras" in basis.source
+    assert "Apache-2.0" in basis.source
+    peaks = WAVELENGTHS[basis.mean.argmax(axis=1)]
+    assert (np.abs(peaks - [600, 530, 460]) < 20).all()
+    for c in range(3):  # principal components times their spread: orthogonal, falling
+        gram = basis.dictionary[c, ::10].T @ basis.dictionary[c, ::10]
+        assert gram - np.diag(np.diag(gram)) == pytest.approx(np.zeros_like(gram), abs=1e-10)
+        assert (np.diff(np.diag(gram)) <= 0).all()
+
+
+def toys(count: int = 12) -> np.ndarray:
+    curves = np.stack([toy_camera(shift)[::10] for shift in np.linspace(-15, 15, count)])
+    return curves / curves.max(axis=1, keepdims=True)
+
+
+def test_codes_of_the_training_set_are_standard_normal() -> None:
+    crowd = enlarge(toys(), Enlargement(), 10, np.random.default_rng(0))
+    mean, dictionary = learn(toys(), components=8, copies=10, seed=0)
+    for c in range(3):
+        codes = np.linalg.lstsq(dictionary[c], (crowd[:, :, c] - mean[c]).T, rcond=None)[0]
+        assert codes.mean(axis=1) == pytest.approx(np.zeros(8), abs=1e-8)
+        assert codes.var(axis=1, ddof=1) == pytest.approx(np.ones(8), rel=1e-8)
+
+
+def test_enlargement_keeps_the_cameras_and_is_seeded() -> None:
+    one, two = (enlarge(toys(3), Enlargement(), 4, np.random.default_rng(1)) for _ in range(2))
+    assert (one == two).all()
+    assert (one[:3] == toys(3)).all()
+    assert one.shape == (12, 69, 3)
+    assert (one >= 0).all()
+    assert one.max(axis=1) == pytest.approx(np.ones((12, 3)))
+    still = enlarge(toys(3), Enlargement(0, 0, 0, 0), 2, np.random.default_rng(1))
+    assert still[3:] == pytest.approx(toys(3), abs=1e-12)
+
+
+def write_curves(path: Path, cameras: dict[str, np.ndarray]) -> Path:
+    lines = ["camera,wavelength_nm,R,G,B"]
+    for name, curves in cameras.items():
+        lines += [
+            f"{name},{w:g},{','.join(map(repr, map(float, row)))}" for w, row in zip(NODES, curves, strict=True)
+        ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    curves = write_curves(tmp_path / "mine.csv", {f"toy {i}": c for i, c in enumerate(toys())})
+    assert main([str(curves), "-o", str(tmp_path / "mine.npz"), "--components", "6", "--licence", "mine"]) == 0
+    assert "12 measured cameras" in capsys.readouterr().out
+    assert [p.name for p in tmp_path.iterdir() if p.suffix == ".npz"] == ["mine.npz"]
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())
+    answer = recover(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
+    assert answer.engine == "reference"
+    assert answer.basis == "mine"
+    assert answer.code.shape == (6, 3)
+
+
+def test_bad_curves_and_bases_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    junk = tmp_path / "junk.npz"
+    junk.write_bytes(b"PK\x03\x04 nonsense")
+    for spec in (str(junk), str(tmp_path / "none.npz"), "nonsense", str(tmp_path)):
+        with pytest.raises(InvalidArgument, match="basis"):
+            read_basis(spec)
+    odd = tmp_path / "odd.npz"
+    np.savez(odd, mean=np.zeros((3, 5)), dictionary=np.zeros((3, 5, 2)), source=np.array("x"))
+    with pytest.raises(InvalidArgument, match="shape"):
+        read_basis(str(odd))
+    pickled = tmp_path / "pickled.npz"
+    np.savez(pickled, mean=np.array([{"a": 1}], dtype=object), dictionary=np.zeros((3, 69, 2)), source=np.array("x"))
+    with pytest.raises(InvalidArgument):
+        read_basis(str(pickled))
+    text = tmp_path / "curves.csv"
+    for content in (
+        "",
+        "a,b\n1,2\n",
+        "camera,wavelength_nm,R,G,B\nx,500,1,1,1\n",
+        "camera,wavelength_nm,R,G,B\nx,y,1,1,1\n",
+    ):
+        text.write_text(content)
+        with pytest.raises(InvalidArgument):
+            read_curves(text)
+    assert main([str(text), "-o", str(tmp_path / "out.npz")]) == 2
+    assert "invalid_argument" in capsys.readouterr().err
+    assert not (tmp_path / "out.npz").exists()
+
+
+def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
+    if not CURVES.exists():
+        pytest.skip("measured curves are not on this machine")
+    assert main([str(CURVES), "-o", str(tmp_path / "again.npz"), "--licence", "Apache-2.0"]) == 0
+    again, shipped = read_basis(str(tmp_path / "again.npz")), read_basis("cameras")
+    assert again.source == shipped.source
+    assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
+    spread = np.einsum("cmr,cnr->cmn", shipped.dictionary[:, ::40], shipped.dictionary[:, ::40])
+    anew = np.einsum("cmr,cnr->cmn", again.dictionary[:, ::40], again.dictionary[:, ::40])
+    assert anew == pytest.approx(spread, abs=1e-9)

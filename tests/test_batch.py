@@ -1,0 +1,253 @@
+"""Batch: a bad row stops no other, nothing is done twice, no name escapes its folder."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from camssf.batch import MARK, Job, Outcome, read_manifest, run_batch
+from camssf.errors import InvalidArgument
+
+HEADER = "name,photo,lamp,white,dark,chart"
+
+
+def stub(job: Job, folder: Path) -> Outcome:
+    """In place of the calibration, run in the other process: what the photo says is what happens."""
+    text = Path(job.photos[0]).read_text()
+    if text == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if text == "bug":
+        raise RuntimeError("two\nlines")
+    if text == "refused":
+        return Outcome(job.name, job.folder, "refused", "overexposed", "Too bright.")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "result.json").write_text("{}")
+    with open(folder / "visits", "a") as file:
+        file.write(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')} {text}\n")
+    return Outcome(job.name, job.folder, "accepted", "", "")
+
+
+def slow(job: Job, folder: Path) -> Outcome:
+    time.sleep(1.0)
+    return stub(job, folder)
+
+
+def write(home: Path, rows: list[str], photos: dict[str, str]) -> Path:
+    for name, text in photos.items():
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).write_text(text)
+    manifest = home / "manifest.csv"
+    manifest.write_text("\n".join([HEADER, *rows]) + "\n", "utf-8")
+    return manifest
+
+
+def visits(out: Path, name: str) -> int:
+    return len((out / name / "visits").read_text().splitlines())
+
+
+def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
+    manifest = write(
+        tmp_path,
+        ["good,a,D55,,,", "bug,b,D55,,,", "dies,c,D55,,,", "lost,missing,D55,,,", "refused,d,D55,,,", "last,a,A,,,"],
+        {"a": "fine", "b": "bug", "c": "dies", "d": "refused"},
+    )
+    outcomes = run_batch(manifest, tmp_path / "out", jobs=2, work=stub)
+    assert [(o.name, o.status) for o in outcomes] == [
+        ("good", "accepted"),
+        ("bug", "failed"),
+        ("dies", "failed"),
+        ("lost", "failed"),
+        ("refused", "refused"),
+        ("last", "accepted"),
+    ]
+    assert "RuntimeError: two lines" in outcomes[1].reason
+    assert "died" in outcomes[2].reason
+    rows = list(csv.DictReader((tmp_path / "out" / "summary.csv").read_text("utf-8").splitlines()))
+    assert [row["name"] for row in rows] == [o.name for o in outcomes]
+    assert rows[4]["code"] == "overexposed"
+
+
+def test_it_resumes(tmp_path: Path) -> None:
+    manifest = write(
+        tmp_path, ["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], {"a": "1", "b": "2", "w": "w", "c": "refused"}
+    )
+    out = tmp_path / "out"
+
+    def again(**options: object) -> list[bool]:
+        return [o.resumed for o in run_batch(manifest, out, jobs=1, work=stub, **options)]  # type: ignore[arg-type]
+
+    assert again() == [False, False, False]
+    assert again() == [True, True, False]  # what was refused is tried again
+    assert visits(out, "one") == visits(out, "two") == 1
+
+    (tmp_path / "w").write_text("another white frame")
+    assert again() == [True, False, False]
+    manifest.write_text(manifest.read_text().replace("one,a,D55", "one,a,A"))
+    assert again() == [False, True, False]
+    assert again(basis="gaussian") == [False, False, False]
+    assert again(basis="gaussian") == [True, True, False]
+    (out / "one" / "result.json").unlink()
+    (out / "two" / MARK).write_text("not JSON")
+    assert again(basis="gaussian") == [False, False, False]
+
+
+def test_it_uses_the_processes(tmp_path: Path) -> None:
+    """Two sleepers at once are in two processes, each with one thread for its algebra; jobs=1 takes one process."""
+    manifest = write(tmp_path, ["one,a,D55,,,", "two,b,D55,,,"], {"a": "1", "b": "2"})
+    for jobs, expected in ((2, 2), (1, 1)):
+        out = tmp_path / str(jobs)
+        run_batch(manifest, out, jobs=jobs, work=slow)
+        seen = [(out / name / "visits").read_text().split() for name in ("one", "two")]
+        assert len({line[0] for line in seen}) == expected
+        assert os.environ.get("OMP_NUM_THREADS", "1") == seen[0][1]
+        assert str(os.getpid()) not in {line[0] for line in seen}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../evil",
+        "..",
+        ".",
+        "/etc/passwd",
+        "a/../../b",
+        "C:\\Windows",
+        "CON",
+        "lpt1.txt",
+        "x" * 300,
+        "nul\tbyte",
+        "~",
+        " ",
+    ],
+)
+def test_no_name_escapes(tmp_path: Path, name: str) -> None:
+    manifest = tmp_path / "manifest.csv"
+    with manifest.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([HEADER.split(","), [name, "a", "D55", "", "", ""]])
+    (job,) = read_manifest(manifest)
+    inside = (tmp_path / "out" / job.folder).resolve()
+    assert inside.parent == (tmp_path / "out").resolve()
+    assert len(job.folder) < 120
+    assert not set(job.folder) & set('/\\:*?"<>|\t\0')
+    assert not job.folder.endswith((".", " "))
+    assert job.folder.split(".")[0].casefold() not in ("con", "lpt1")
+
+
+def test_names_stay_readable_and_apart(tmp_path: Path) -> None:
+    names = ["Nikon 5100 (NPL)", "Kamera für Späße", "a/b", "a_b", "a?b", "canon", "Canon"]
+    manifest = write(tmp_path, [f"{name},a,D55,,," for name in names], {"a": "1"})
+    folders = [job.folder for job in read_manifest(manifest)]
+    assert folders[:2] == names[:2]
+    assert folders[3] == "a_b"
+    assert len({folder.casefold() for folder in folders}) == len(names)
+    assert folders == [job.folder for job in read_manifest(manifest)]
+
+
+def test_rows_of_one_name_are_its_shots_and_paths_are_the_manifest_s(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    manifest = write(
+        home,
+        ["cam,day.dng,D:5500,wd.dng,dd.dng,nano24:mine.csv", "other,x.dng,D55,,,", "cam,bulb.dng,lamp.csv,none,,"],
+        {"mine.csv": "", "lamp.csv": ""},
+    )
+    manifest.write_text(manifest.read_text().replace("lamp.csv,none,,", "lamp.csv,none,,nano24:mine.csv"))
+    cam, other = read_manifest(manifest)
+    assert cam.photos == (str(home / "day.dng"), str(home / "bulb.dng"))
+    assert cam.lamps == ("D:5500", str(home / "lamp.csv"))
+    assert cam.white == (str(home / "wd.dng"), None)
+    assert cam.dark == (str(home / "dd.dng"), None)
+    assert cam.chart == f"nano24:{home / 'mine.csv'}"
+    assert (other.chart, other.white, other.dark) == ("classic24", (None,), (None,))
+    assert not cam.fault
+    assert not other.fault
+
+
+def test_a_spreadsheet_s_csv(tmp_path: Path) -> None:
+    """Byte-order mark, semicolons, carriage returns, capitals, missing columns, an empty line."""
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_bytes("\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n".encode())
+    (job,) = read_manifest(manifest)
+    assert (job.name, job.lamps, job.photos) == ("cam", ("D55",), (str(tmp_path / "a.dng"),))
+
+
+def test_a_bad_row_is_its_name_s_fault(tmp_path: Path) -> None:
+    manifest = write(
+        tmp_path,
+        [
+            "two charts,a,D55,,,classic24",
+            "two charts,a,A,,,sg140",
+            "no photo,,D55,,,",
+            "long,a,D55,,,,,x",
+            "ok,a,D55,,,",
+        ],
+        {"a": "1"},
+    )
+    outcomes = run_batch(manifest, tmp_path / "out", jobs=1, work=stub)
+    assert [(o.status, o.code) for o in outcomes] == [("refused", "invalid_argument")] * 3 + [("accepted", "")]
+    for outcome, words in zip(outcomes, ("different charts", "no photo", "more fields"), strict=False):
+        assert words in outcome.reason
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot be read"),
+        (b"\xff\xfe\x00", "cannot be read"),
+        (b"", "lacks the column name"),
+        (b"name,photo\nx,y\n", "lacks the column lamp"),
+        (b"name,photo,lamp,lens\n", "unknown"),
+        (b"name,photo,lamp,lamp\n", "doubled"),
+        (b"name,photo,lamp\n", "no rows"),
+    ],
+)
+def test_a_manifest_without_sense(tmp_path: Path, content: bytes | None, words: str) -> None:
+    manifest = tmp_path / "manifest.csv"
+    if content is not None:
+        manifest.write_bytes(content)
+    with pytest.raises(InvalidArgument, match=words):
+        run_batch(manifest, tmp_path / "out", work=stub)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_folder_that_is_a_file(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
+    with pytest.raises(InvalidArgument, match="cannot be written"):
+        run_batch(manifest, tmp_path / "a", work=stub)
+
+
+def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
+    run_batch(manifest, tmp_path / "out", jobs=1, work=stub)
+    mark = json.loads((tmp_path / "out" / "one" / MARK).read_text("utf-8"))
+    assert mark["format"] == "camssf-batch/1"
+    assert len(mark["made_from"]) == 64
+    assert not list((tmp_path / "out").rglob(".camssf-*"))
+
+
+def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path) -> None:
+    manifest = write(tmp_path, [f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
+    out = tmp_path / "out"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from camssf.batch import run_batch\nfrom test_batch import slow\n"
+        f"if __name__ == '__main__': run_batch({str(manifest)!r}, {str(out)!r}, jobs=1, work=slow)"
+    )
+    running = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, start_new_session=True)
+    with running:
+        deadline = time.monotonic() + 60
+        while not list(out.glob("*/visits")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does: the children hear it, too
+        assert running.wait(timeout=60) != 0
+    done = {path.parent.name for path in out.glob(f"*/{MARK}")}
+    assert 0 < len(done) < 8
+    assert not (out / "summary.csv").exists()
+    again = run_batch(manifest, out, jobs=2, work=stub)
+    assert {outcome.name for outcome in again if outcome.resumed} == done
+    assert all(outcome.ok for outcome in again)

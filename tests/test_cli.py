@@ -1,0 +1,506 @@
+"""The command line, run as a user runs it: what goes where, what it exits with, what it leaves behind."""
+
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import camssf
+from camssf import cli, errors
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import WAVELENGTHS
+
+ROOT = Path(__file__).parents[1]
+FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """chart.dng, white.dng, dark.dng and truth.csv of a simulated camera, written by the command line."""
+    folder = tmp_path_factory.mktemp("shots")
+    assert cli.main(["simulate", "--lamp", "D55", "--size", "900x675", "-o", str(folder), "--seed", "1"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def triple(shots: Path) -> list[str]:
+    """The arguments of that capture."""
+    frames = {kind: str(shots / f"{kind}.dng") for kind in ("chart", "white", "dark")}
+    return [frames["chart"], "--lamp", "D55", "--white", frames["white"], "--dark", frames["dark"]]
+
+
+@pytest.fixture(scope="module")
+def result(shots: Path, triple: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("result") / "deep" / "out"
+    assert cli.main(["calibrate", *triple, "--truth", str(shots / "truth.csv"), "-o", str(out)]) == 0
+    return out
+
+
+@pytest.fixture
+def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes], None]:
+    """Put something on stdin."""
+
+    def put(data: str | bytes) -> None:
+        raw = data if isinstance(data, bytes) else data.encode()
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(raw), "utf-8"))
+
+    return put
+
+
+def swap(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> None:
+    """Replace something in camssf.calibrate; the module, not the verb of that name."""
+    monkeypatch.setattr(import_module("camssf.calibrate"), name, value)
+
+
+def raising(error: BaseException) -> Callable[..., Any]:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise error
+
+    return fail
+
+
+def leaves() -> list[type[CalibrationError]]:
+    kinds = [CalibrationError]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    return [kind for kind in kinds if kind.__module__ == "camssf.errors" and not kind.__subclasses__()]
+
+
+# The whole way
+
+
+def test_calibrate_leaves_four_files_and_prints_no_data(result: Path, shots: Path) -> None:
+    assert sorted(path.name for path in result.iterdir()) == FILES
+    document = json.loads((result / "result.json").read_text("utf-8"))
+    assert document["format"] == "camssf-result/1"
+    assert document["verdict"]["status"] in ("accepted", "doubtful")
+    truth = np.genfromtxt(shots / "truth.csv", delimiter=",", skip_header=1)
+    found = np.genfromtxt(result / "ssf.csv", delimiter=",", skip_header=1)
+    inside = (found[:, 0] >= 400) & (found[:, 0] <= 700)
+    for channel in (1, 2, 3):
+        known = np.interp(found[:, 0], truth[:, 0], truth[:, channel])
+        known /= known.max()
+        # computed here from the two CSV files, so that the printed number has a witness
+        rmse = float(np.sqrt(np.mean((found[inside, channel] - known[inside]) ** 2)))
+        assert rmse == pytest.approx(document["scores"]["rmse"][channel - 1], rel=1e-3)
+        assert rmse < 0.10  # of the peak; the mean of 87 cameras is 0.05, a wrong answer is above 0.15
+
+
+def test_calibrate_without_a_folder_is_json_on_stdout(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["calibrate", *triple]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["format"] == "camssf-result/1"
+    assert "verdict: " in err
+    assert "duality gap" in err
+
+
+def test_the_pipe_is_calibrate_in_steps(
+    triple: list[str],
+    shots: Path,
+    result: Path,
+    tmp_path: Path,
+    feed: Callable[[str], None],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """patches | solve | validate | report, in process: each takes the stdout of the one before."""
+    whole = json.loads((result / "result.json").read_text("utf-8"))
+    truth = ["--truth", str(shots / "truth.csv")]
+    for arguments in (["patches", *triple], ["solve", "-"], ["validate", "-", *truth]):
+        assert cli.main(arguments) == 0
+        data = capsys.readouterr().out
+        assert len(data.splitlines()) == 1
+        feed(data)
+    stepped = json.loads(data)
+    for key in ("camera", "chart", "basis", "gamma", "l2", "verdict", "truth"):
+        assert stepped[key] == whole[key], key
+    assert stepped["hashes"] == whole["hashes"]
+    for colour in ("red", "green", "blue"):
+        np.testing.assert_allclose(stepped["ssf"][colour], whole["ssf"][colour], atol=1e-12)
+    np.testing.assert_allclose(stepped["scores"]["rmse"], whole["scores"]["rmse"], rtol=1e-9)
+
+    photo = ["--photo", triple[0]]
+    assert cli.main(["report", "-", "-o", str(tmp_path / "out"), *photo]) == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
+    assert (tmp_path / "out" / "ssf.csv").read_bytes() == (result / "ssf.csv").read_bytes()
+    assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+
+def test_a_real_pipe_of_processes(triple: list[str]) -> None:
+    camssf_ = [sys.executable, "-m", "camssf.cli"]
+    first = subprocess.Popen([*camssf_, "patches", *triple], stdout=subprocess.PIPE)
+    with first:
+        done = subprocess.run(
+            [*camssf_, "solve", "-"], stdin=first.stdout, capture_output=True, text=True, timeout=120
+        )
+    assert first.returncode == 0
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["format"] == "camssf-result/1"
+
+
+def test_a_closed_pipe_is_no_bug() -> None:
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m camssf.cli lamps | head -n 1"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.stdout == "A\n"
+    assert "bug" not in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_report_shows_no_other_photo(result: Path, triple: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert cli.main(["report", str(result / "result.json"), "-o", str(out), "--photo", triple[4]]) == 2
+    assert not out.exists()
+
+
+def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["demo", "-o", str(tmp_path / "out")]) == 0
+    _, err = capsys.readouterr()
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == sorted([*FILES, "shots"])
+    assert "RMSE against the truth" in err
+    assert str(tmp_path / "out" / "report.html") in err
+    document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
+    for value in document["scores"]["rmse"]:
+        assert f"{value:.4f}" in err
+
+
+def test_simulate_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "shots"
+    arguments = ["simulate", "--lamp", "D55", "--lamp", "2856K", "--size", "480x360", "--no-noise", "-o", str(out)]
+    assert cli.main(arguments) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert [shot["lamp"] for shot in said["shots"]] == ["D55", "2856K"]
+    paths = {Path(shot[kind]) for shot in said["shots"] for kind in ("chart", "white", "dark")} | {
+        Path(said["truth"])
+    }
+    assert paths == set(out.iterdir())
+
+
+def test_the_readme_s_python_runs(
+    triple: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    block = text.partition("```python\n")[2].partition("```")[0]
+    for source, name in zip((triple[0], triple[4], triple[6]), ("photo.dng", "white.dng", "dark.dng"), strict=True):
+        shutil.copy(source, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(block, "README.md", "exec"), names)
+    assert names["curves"].shape == (681, 3)
+    assert capsys.readouterr().out.startswith(("accepted", "doubtful"))
+
+
+def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    manifest = tmp_path / "manifest.csv"
+    chart, _, _, _, white, _, dark = triple
+    manifest.write_text(
+        f"name,photo,lamp,white,dark,chart\ngood,{chart},D55,{white},{dark},\nbad,{chart},no-such-lamp,,,\n", "utf-8"
+    )
+    out = tmp_path / "out"
+    assert cli.main(["batch", str(manifest), "-o", str(out), "--jobs", "1"]) == cli.BATCH_FAILED
+    stdout, err = capsys.readouterr()
+    assert stdout == ""
+    assert "1 of 2 calibrated" in err
+    assert sorted(path.name for path in (out / "good").iterdir()) == sorted([*FILES, "batch.json"])
+    before = (out / "good" / "result.json").stat().st_mtime_ns
+    assert cli.main(["batch", str(manifest), "-o", str(out), "--jobs", "1"]) == cli.BATCH_FAILED
+    assert "(unchanged)" in capsys.readouterr().err
+    assert (out / "good" / "result.json").stat().st_mtime_ns == before
+
+
+# Refusals
+
+
+@pytest.mark.parametrize("kind", leaves(), ids=lambda kind: kind.code)
+def test_each_family_has_its_exit_status(
+    kind: type[CalibrationError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    swap(monkeypatch, "calibrate", raising(kind("What [is] wrong.", "What to do.")))
+    assert cli.main(["calibrate", "x.dng", "--lamp", "D55", "-o", str(tmp_path / "out")]) == kind.exit_status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == f"{kind.code}: What [is] wrong.\n  What to do.\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_refused_capture_leaves_its_evidence(
+    shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A white frame in place of the chart. Older curves in the folder go: they are another result's."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "ssf.csv").write_text("old")
+    arguments = ["calibrate", str(shots / "white.dng"), "--lamp", "D55"]
+    assert cli.main([*arguments, "-o", str(out)]) == errors.ChartNotFound.exit_status
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
+    document = json.loads((out / "result.json").read_text("utf-8"))
+    assert document["verdict"]["status"] == "refused"
+    assert [reason["code"] for reason in document["verdict"]["reasons"]] == ["chart_not_found"]
+    assert "ssf" not in document
+    _, err = capsys.readouterr()
+    assert err.count("chart_not_found") == 1
+    assert str(out / "report.html") in err
+
+    assert cli.main(arguments) == errors.ChartNotFound.exit_status
+    assert json.loads(capsys.readouterr().out) == document
+
+
+def test_a_refused_result_stays_refused_down_the_pipe(
+    shots: Path, tmp_path: Path, feed: Callable[[str], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    cli.main(["calibrate", str(shots / "white.dng"), "--lamp", "D55"])
+    feed(capsys.readouterr().out)
+    assert cli.main(["validate", "-", "--truth", str(shots / "truth.csv")]) == 4
+    feed(capsys.readouterr().out)
+    assert cli.main(["report", "-", "-o", str(tmp_path / "out")]) == 4
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json"]
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not a photo", b"II*\x00\x08\x00\x00\x00"])
+def test_a_file_that_is_no_photo(content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "photo.dng"
+    if content is not None:
+        path.write_bytes(content)
+    assert cli.main(["patches", str(path), "--lamp", "D55"]) == errors.RawError.exit_status
+    assert "photo.dng" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["calibrate", "patches"])
+def test_without_a_lamp_it_explains(command: str, triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([command, triple[0]]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "One photo cannot" in err
+    assert "D55" in err
+    assert "LED-B1" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["calibrate"], "Missing argument"),
+        (["nosuch"], "No such command"),
+        (["calibrate", "x.dng", "--nosuch"], "No such option"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--gamma", "much"], "--gamma"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--corners", "1,2 3,4"], "not four points"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--corners", "1,2 3,4 5,6 7,eight"], "not four points"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "7-"], "not a list of patches"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "seven"], "not a list of patches"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--white-reflectance", "95%"], "not a number"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--lamp", "A"], "1 photo"),
+        (["calibrate", "x.dng", "--lamp", "no-such-lamp"], "no-such-lamp"),
+        (["simulate", "--lamp", "D55", "--size", "big", "-o", "x"], "not a size"),
+        (["simulate", "-o", "x"], "lamp"),
+        (["solve", "no-such-file.json"], "no-such-file.json"),
+        (["report", "no-such-file.json"], "no-such-file.json"),
+        (["batch", "no-such-file.csv"], "no-such-file.csv"),
+        (["batch", "m.csv", "--jobs", "0"], "--jobs"),
+    ],
+)
+def test_a_wrong_call_is_2(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("command", "data", "words"),
+    [
+        ("solve", "", "is empty"),
+        ("solve", "{", "is not JSON"),
+        ("solve", b"\xff\xfe", "is not JSON"),
+        ("solve", "[]", "no camssf document"),
+        ("solve", '{"format": "camssf-result/1"}', "holds camssf-result/1"),
+        ("solve", '{"format": "camssf-patches/1"}', "camssf-patches/1"),
+        ("solve", '{"format": "camssf-patches/1", "chart": "classic24", "white_reflectance": null, "shots": []}', ""),
+        ("solve", '{"format": "camssf-patches/1", "chart": "classic24", "white_reflectance": [1], "shots": [1]}', ""),
+        ("validate", '{"format": "camssf-patches/1"}', "holds camssf-patches/1"),
+        ("validate", '{"format": "camssf-result/1"}', "lacks"),
+        ("report", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
+        ("report", "NaN", "no camssf document"),
+    ],
+)
+def test_bad_json_is_2(
+    command: str,
+    data: str | bytes,
+    words: str,
+    tmp_path: Path,
+    feed: Callable[[str | bytes], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    feed(data)
+    assert cli.main([command, "-"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("invalid_argument: ")
+    assert words in err
+    assert str(tmp_path.parent.parent) not in err  # no temporary name in the words
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_exception_is_one_line_and_a_request(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swap(monkeypatch, "calibrate", raising(RuntimeError("odd [/] thing\nsecond line")))
+    call = ["calibrate", "x.dng", "--lamp", "D55"]
+    assert cli.main(call) == cli.BUG
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("bug: RuntimeError: odd [/] thing second line\n")
+    assert "report" in err
+    assert "Traceback" not in err
+    for arguments in (["--debug", *call], [*call, "--debug"]):
+        assert cli.main(arguments) == cli.BUG
+        assert "Traceback" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    swap(monkeypatch, "calibrate", raising(KeyboardInterrupt()))
+    assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_an_output_folder_that_is_a_file(
+    triple: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "out").write_text("mine")
+    assert cli.main(["calibrate", *triple, "-o", str(tmp_path / "out")]) == 2
+    assert (tmp_path / "out").read_text() == "mine"
+    assert "invalid_argument: " in capsys.readouterr().err
+
+
+# Arguments
+
+
+def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: dict[str, Any] = {}
+
+    def listen(photos: Any, lamps: Any, **options: Any) -> Any:
+        heard.update(options, photos=photos, lamps=lamps)
+        raise InvalidArgument("enough.", "")
+
+    swap(monkeypatch, "calibrate", listen)
+    line = "calibrate a b --lamp D55 --lamp 2856K --white none --white w --dark d1 --dark NONE --fit 1,7-9,8 --signed"
+    corners = ["--corners", "none", "--corners", "1,2 3,4 5,6.5 -7,8"]
+    assert cli.main([*line.split(), *corners, "--gamma", "0.1", "--l2", "1", "--white-reflectance", "0.95"]) == 2
+    heard.pop("progress")
+    assert heard == {
+        "photos": ["a", "b"],
+        "lamps": ["D55", "2856K"],
+        "white": [None, "w"],
+        "dark": ["d1", None],
+        "corners": [None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]]],
+        "white_reflectance": 0.95,
+        "chart": "classic24",
+        "basis": "cameras",
+        "fit": (1, 7, 8, 9),
+        "nonnegative": False,
+        "gamma": 0.1,
+        "l2": 1.0,
+        "engine": "onnx",
+        "truth": None,
+    }
+
+
+def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"camssf {camssf.__version__}\n"
+    for command in ("demo", "calibrate", "batch", "simulate", "patches", "solve", "validate", "report", "lamps"):
+        assert cli.main([command, "--help"]) == 0
+        assert f"Example: camssf {'patches' if command == 'solve' else command}" in capsys.readouterr().out
+    assert cli.main(["--help"]) == 0
+    assert "..." not in capsys.readouterr().out.partition("Commands:")[2]  # no summary is cut off
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [("lamps", "LED-B3"), ("charts", "classic24"), ("cameras", "Nikon 5100 (NPL)")]
+)
+def test_lists_are_one_name_a_line(command: str, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([command]) == 0
+    assert name in capsys.readouterr().out.splitlines()
+
+
+def test_every_listed_name_is_read() -> None:
+    from camssf import spectra
+
+    for names, read in (
+        (spectra.lamp_names(), spectra.read_lamp),
+        (spectra.chart_names(), spectra.read_chart),
+        (spectra.camera_names(), spectra.read_camera),
+    ):
+        assert len(names) > 1
+        for name in names:
+            assert len(WAVELENGTHS) in np.shape(read(name).values)
+
+
+# Progress
+
+
+def test_progress_shows_itself_on_long_work_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def work(*_: Any, progress: Callable[[str, float], None], **__: Any) -> Any:
+        progress("looking for the chart", 0.5)
+        time.sleep(0.4)
+        raise InvalidArgument("enough.", "")
+
+    swap(monkeypatch, "calibrate", work)
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
+    monkeypatch.setenv("TERM", "xterm-256color")
+    for after, shown in ((0.1, True), (2.0, False)):
+        monkeypatch.setattr(cli, "PROGRESS_AFTER", after)
+        assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
+        out, err = capsys.readouterr()
+        assert ("looking for the chart" in err) is shown
+        assert out == ""
+    monkeypatch.delenv("FORCE_COLOR")
+    monkeypatch.setattr(cli, "PROGRESS_AFTER", 0.1)
+    assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
+    assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
+
+
+def test_the_bar_waits_two_seconds() -> None:
+    assert cli.PROGRESS_AFTER == 2.0
+
+
+def test_main_is_the_console_script() -> None:
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["scripts"]["camssf"] == "camssf.cli:main"
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; from camssf.cli import main; sys.argv = ['camssf', 'nosuch']; sys.exit(main())",
+        ],
+        capture_output=True,
+        timeout=60,
+        env=os.environ,
+    )
+    assert done.returncode == 2

@@ -1,0 +1,190 @@
+"""README and docs are true: commands parse, links lead somewhere, tables agree with the code."""
+
+import ast
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+import camssf
+from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app
+from camssf.errors import CalibrationError
+
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("**/*.md")),
+]
+README = (ROOT / "README.md").read_text("utf-8")
+CLI = typer.main.get_command(app)
+
+by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def blocks(text: str, language: str) -> list[str]:
+    found = re.findall(rf"^( *)```{language}\n(.*?)^\1```", text, re.DOTALL | re.MULTILINE)
+    return ["\n".join(line.removeprefix(indent) for line in body.splitlines()) for indent, body in found]
+
+
+def calls(line: str) -> list[list[str]]:
+    """The camssf commands of a shell line, without redirections."""
+    found, current = [], None
+    for token in shlex.split(line, comments=True):
+        if token in ("|", "&&", ">"):
+            current = None
+        elif current is not None:
+            current.append(token)
+        elif Path(token).name == "camssf":
+            found.append(current := [])
+    return found
+
+
+def epilogs() -> list[str]:
+    commands = CLI.commands.values()  # type: ignore[attr-defined]
+    return [str(command.epilog).removeprefix("Example: ") for command in commands]
+
+
+def written() -> list[str]:
+    lines = [line for page in PAGES for block in blocks(page.read_text("utf-8"), "sh") for line in block.splitlines()]
+    return [line for line in [*lines, *epilogs()] if calls(line)]
+
+
+@pytest.mark.parametrize("line", sorted(set(written())))
+def test_a_written_command_is_one(line: str) -> None:
+    """Parsed by the command line itself, which knows every option and its type; nothing is run."""
+    for arguments in calls(line):
+        command = CLI.commands[arguments[0]]  # type: ignore[attr-defined]
+        command.make_context(arguments[0], arguments[1:])
+
+
+def test_the_parser_of_this_test_sees_the_commands() -> None:
+    assert calls("a && .venv/bin/camssf demo -o out/") == [["demo", "-o", "out/"]]
+    assert calls('camssf patches "a b" | camssf solve - > x # camssf') == [["patches", "a b"], ["solve", "-"]]
+    assert len(written()) > 20
+    with pytest.raises(Exception, match="No such option"):
+        CLI.commands["demo"].make_context("demo", ["--out", "x", "--nosuch"])  # type: ignore[attr-defined]
+
+
+def test_every_command_has_one_example_of_itself() -> None:
+    for name, command in CLI.commands.items():  # type: ignore[attr-defined]
+        assert str(command.epilog).count("Example:") == 1
+        assert [name] in [arguments[:1] for arguments in calls(command.epilog.removeprefix("Example: "))]
+
+
+def test_the_readme_s_two_commands_make_their_own_environment() -> None:
+    lines = [line for block in blocks(README, "sh") for line in block.splitlines() if "venv" in line]
+    assert [line.rpartition("&& ")[2] for line in lines] == [
+        ".venv/bin/camssf demo -o out/",
+        ".venv/bin/python -m pytest",
+    ]
+    assert all(line.startswith("python3 -m venv .venv && .venv/bin/pip install -e ") for line in lines)
+
+
+@by_page
+def test_links_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if target.startswith(("https://", "mailto:")):
+            continue
+        name, _, anchor = target.partition("#")
+        aim = (page.parent / name).resolve() if name else page
+        if aim.suffix == ".png" and not aim.exists():
+            pytest.fail(f"{target}: run `camssf demo -o out/` and copy out/ssf.png there")
+        assert aim.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", aim.read_text("utf-8"), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, target
+
+
+@by_page
+def test_files_named_in_backticks_exist(page: Path) -> None:
+    for name in re.findall(
+        r"`((?:tests|docs|reference|export|golden|benchmarks|\.ci)/[\w./-]+)`", page.read_text("utf-8")
+    ):
+        assert (ROOT / name).exists(), name
+
+
+@by_page
+def test_docs_name_no_place_of_one_machine(page: Path) -> None:
+    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text("utf-8"))
+
+
+def test_the_readme_s_python_is_sound() -> None:
+    (block,) = blocks(README, "python")
+    names = [alias.name for n in ast.walk(ast.parse(block)) if isinstance(n, ast.ImportFrom) for alias in n.names]
+    assert names
+    assert set(names) <= set(camssf.__all__)
+    assert len(block.splitlines()) <= 10
+
+
+def test_the_readme_names_every_verb() -> None:
+    for name in set(camssf.__all__) - {"CalibrationError"}:
+        assert f"`{name}`" in README or f"import CalibrationError, {name}" in README
+    for name in CLI.commands:  # type: ignore[attr-defined]
+        assert f"`camssf {name}" in README or f"`{name}`" in README
+
+
+def test_cli_md_names_every_command_and_option_of_calibrate() -> None:
+    text = (ROOT / "docs" / "cli.md").read_text("utf-8")
+    for name, command in CLI.commands.items():  # type: ignore[attr-defined]
+        assert f"`{name}`" in text or f"`camssf {name}`" in text
+        if name == "calibrate":
+            for option in [o for p in command.params for o in p.opts if o.startswith("--")]:
+                assert option == "--out" or f"`{option}`" in text, option
+
+
+def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
+    text = (ROOT / "docs" / "cli.md").read_text("utf-8").partition("## Exit status")[2]
+    rows = {
+        int(status): set(re.findall(r"`(\w+)`", codes))
+        for status, codes in re.findall(r"^\| (\d+) \|([^|]*)\|", text, re.M)
+    }
+    kinds = [CalibrationError]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    expected: dict[int, set[str]] = {0: set(), BATCH_FAILED: set(), BUG: set(), INTERRUPTED: set()}
+    for kind in kinds:
+        if not kind.__subclasses__():
+            expected.setdefault(kind.exit_status, set()).add(kind.code)
+    assert rows == expected
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    listed = set(re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
+    assert listed == {str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")}
+
+
+def test_the_pages_need_no_other_server() -> None:
+    text = (ROOT / "mkdocs.yml").read_text("utf-8")
+    assert "font: false" in text
+    assert "plugins: [search]" in text
+
+
+def test_ci_runs_the_readme_s_commands() -> None:
+    text = (ROOT / ".ci" / "run").read_text("utf-8")
+    assert "pip install" not in text  # they come from the README, so that the two cannot drift
+    assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
+    assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
+
+
+def test_constraints_pin_what_the_package_asks_for() -> None:
+    import tomllib
+
+    from packaging.requirements import Requirement
+    from packaging.utils import canonicalize_name
+
+    lines = [line for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines() if not line.startswith("#")]
+    pins = {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    asked = [
+        *project["project"]["dependencies"],
+        *project["project"]["optional-dependencies"]["dev"],
+        *project["build-system"]["requires"],
+    ]
+    for requirement in map(Requirement, asked):
+        assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), requirement
+    assert not {name for name in pins if name.startswith(("torch", "nvidia", "cuda"))}

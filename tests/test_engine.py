@@ -1,0 +1,91 @@
+"""The shipped models: what they say of themselves, and that another one is not taken for them."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from camssf import engine, recover
+from camssf.basis import read_basis
+from camssf.errors import InvalidArgument, NotConverged
+from camssf.grid import WAVELENGTHS
+from tests.problems import chart_and_lamp, theory, toy_camera
+
+
+@pytest.mark.parametrize("name", engine.SHIPPED)
+def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
+    model, basis = engine.load_model(name), read_basis(name)
+    content = (resources.files("camssf") / "data" / f"camssf-{name}.onnx").read_bytes()
+    assert model.sha256 == hashlib.sha256(content).hexdigest()
+    assert len(content) <= 400_000
+    assert (
+        model.metadata["basis_sha256"]
+        == hashlib.sha256(basis.mean.tobytes() + basis.dictionary.tobytes()).hexdigest()
+    )
+    assert model.metadata["grid"] == "380 to 720 nm every 0.5 nm"
+
+
+@pytest.mark.parametrize("basis", engine.SHIPPED)
+@pytest.mark.parametrize("shots", [1, 2])
+def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
+    if basis == "gaussian" and shots > 1:
+        shots = 1
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    _, bulb = chart_and_lamp("A")
+    lamps = np.stack([day, bulb])[:shots]
+    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in lamps])
+    y = y * (1 + 0.004 * np.sin(np.arange(y.size)).reshape(y.shape))
+    arguments = {
+        "standard_error": np.hypot(0.004 * y, 1e-3),
+        "lamp_tolerance": 0.02,
+        "lamp_modes": 0.01 * np.sin(WAVELENGTHS / 50) * np.ones((shots, 2, 1)),
+        "white_reflectance": 0.9 + 0.05 * np.cos(WAVELENGTHS / 80),
+        "basis": basis,
+        "frames": (512 + 9000 * y, 9512 + 0 * y, 512 + 0 * y),
+    }
+    one, other = (recover(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
+    assert (one.engine, other.engine) == ("onnx", "reference")
+    for name in ("values", "code", "predicted", "channel_gain", "std"):
+        a, b = getattr(one, name), getattr(other, name)
+        if name == "std" and basis == "gaussian":
+            assert a is None
+            assert b is None
+        else:
+            assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
+    assert (one.gap <= 1e-9).all()
+
+
+def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InvalidArgument, match="shipped"):
+        engine.load_model("nonsense")
+    engine.load_model.cache_clear()
+    monkeypatch.setattr(engine, "VOCABULARY", "2")
+    with pytest.raises(InvalidArgument, match="does not belong"):
+        engine.load_model("cameras")
+    monkeypatch.undo()
+    nowhere = resources.files("camssf") / "nowhere"
+    monkeypatch.setattr(engine.resources, "files", lambda package: nowhere)
+    with pytest.raises(InvalidArgument, match="Install camssf anew"):
+        engine.load_model("cameras")
+    monkeypatch.undo()
+    engine.load_model.cache_clear()
+
+
+@pytest.mark.parametrize("which", ["onnx", "reference"])
+def test_no_curve_without_its_proof(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("camssf.ssf.LARGEST_GAP", -1.0)
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())
+    with pytest.raises(NotConverged, match="duality gap"):
+        recover(y, reflectance, lamp, standard_error=0.01 * y, engine=which)
+
+
+def test_a_penalty_that_leaves_nothing_is_refused() -> None:
+    reflectance, lamp = chart_and_lamp("D55")
+    y = theory(reflectance, lamp, toy_camera())
+    for which in ("onnx", "reference"):
+        with pytest.raises(NotConverged, match="smaller gamma"):
+            recover(y, reflectance, lamp, basis="gaussian", gamma=1e9, engine=which)
