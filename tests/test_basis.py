@@ -57,7 +57,8 @@ def test_codes_of_the_training_set_are_standard_normal() -> None:
     crowd = enlarge(toys(), Enlargement(), 10, np.random.default_rng(0))
     mean, dictionary = learn(toys(), components=8, copies=10, seed=0)
     for c in range(3):
-        codes = np.linalg.lstsq(dictionary[c], (crowd[:, :, c] - mean[c]).T, rcond=None)[0]
+        shapes = crowd[:, :, c] / crowd[:, :, c].sum(axis=1, keepdims=True) * mean[c].sum()  # of equal area
+        codes = np.linalg.lstsq(dictionary[c], (shapes - mean[c]).T, rcond=None)[0]
         assert codes.mean(axis=1) == pytest.approx(np.zeros(8), abs=1e-8)
         assert codes.var(axis=1, ddof=1) == pytest.approx(np.ones(8), rel=1e-8)
 

@@ -120,8 +120,11 @@ def learn(
     crowd = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
     mean, dictionary = [], []
     for c in range(3):
-        centre = crowd[:, :, c].mean(axis=0)
-        _, spread, directions = np.linalg.svd(crowd[:, :, c] - centre, full_matrices=False)
+        # Rows know no scale, so none may be left to the prior: curves of equal area, the mean's peak at 1.
+        shapes = crowd[:, :, c] / crowd[:, :, c].sum(axis=1, keepdims=True)
+        shapes /= shapes.mean(axis=0).max()
+        centre = shapes.mean(axis=0)
+        _, spread, directions = np.linalg.svd(shapes - centre, full_matrices=False)
         atoms = directions[:components].T * spread[:components] / np.sqrt(len(crowd) - 1)
         atoms *= np.where(atoms[np.abs(atoms).argmax(axis=0), np.arange(components)] < 0, -1.0, 1.0)
         mean.append(centre)
