@@ -158,24 +158,27 @@ class _Problem:
 
     def finish(self, z: Floats, steps: int) -> tuple[Floats, int]:
         """Walk from the layers' z to the optimum; x and the number of pivots."""
+        walk = self._start(z)
+        taken = walk.go(steps)
+        return self._settle(walk), taken
+
+    def _start(self, z: Floats) -> _Walk:
+        """The problem of unit diagonal (one tolerance fits all), solved by z for some other g₀."""
         r = z.size
         diagonal = np.diag(self.M)
-        scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))  # M of unit diagonal: one tolerance fits all
-        M = self.M * scale * scale[:, None]
+        self.scale = scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         high = self.gamma * scale
         low = np.full(r, -np.inf) if self.nonnegative else -high
         free = self.gamma == 0 and not self.nonnegative
 
-        # Rows: basic variables, columns: nonbasic ones. Labels: x_i is i, w_i is r + i, t is 2 r.
-        tableau = np.concatenate([-M, np.zeros((r, 1))], axis=1)
-        rows, columns = np.arange(r) + r, np.append(np.arange(r), 2 * r)
+        tableau = -self.M * scale * scale[:, None]
+        support = np.zeros(r, dtype=bool)
         for i in range(r) if free else map(int, np.flatnonzero(z)):
             if -tableau[i, i] > PIVOT_FLOOR:
                 tableau = _exchange(tableau, i, i)
-                rows[i], columns[i] = columns[i], rows[i]
-        support = rows < r
+                support[i] = True
         x0 = np.where(support, z / scale, 0.0)
-        sign = np.where(z < 0, -1.0, 1.0)
+        up = z >= 0
         w = self.residual(x0 * scale) * scale
         # Off the support w₀ must lie strictly inside its bounds, each at a depth of its own: ties make walks circle.
         depths = 0.05 + 0.9 * ((np.arange(r) * GOLDEN) % 1.0)
@@ -183,71 +186,39 @@ class _Problem:
             strictly = w - (1.0 + depths) * np.maximum(w - high, 0.0)
         else:
             strictly = np.where(np.abs(w) > high, np.sign(w) * high * depths, w)
-        w0 = np.where(support, np.where(sign > 0, high, -high), strictly)
+        w0 = np.where(support, np.where(up, high, -high), strictly)
         d = w - w0
-        tableau[:, r] = np.where(support, 0.0, d) - tableau[:, :r] @ np.where(support, d, 0.0)
-        value = np.where(support, x0, w0)
+        slope = np.where(support, 0.0, d) - tableau @ np.where(support, d, 0.0)
+        count = np.arange(r)
+        return _Walk(
+            tableau=np.concatenate([tableau, slope[:, None]], axis=1),
+            value=np.where(support, x0, w0),
+            lower=np.where(support, np.where(up & (not free), 0.0, -np.inf), low),
+            upper=np.where(support, np.where(up | free, np.inf, 0.0), high),
+            rows=np.where(support, count, count + r),
+            columns=np.append(np.where(support, count + r, count), 2 * r),
+            low=low,
+            high=high,
+            free=free,
+        )
 
-        driver, direction, t, step_count = 2 * r, 1.0, 0.0, 0
-        while step_count < steps:
-            step_count += 1
-            q = int(np.flatnonzero(columns == driver)[0])
-            rate = direction * tableau[:, q]
-            which = rows % r
-            is_x, is_t = rows < r, rows == 2 * r
-            positive = sign[which] > 0
-            lower = np.where(is_x, np.where(positive & (not free), 0.0, -np.inf), low[which])
-            upper = np.where(is_x, np.where(positive | free, np.inf, 0.0), high[which])
-            lower, upper = np.where(is_t, -np.inf, lower), np.where(is_t, 1.0, upper)
-            up, down = rate > PIVOT_FLOOR, rate < -PIVOT_FLOOR
-            room = np.where(up, upper - value, np.where(down, lower - value, np.inf))
-            limit = np.maximum(room / np.where(up | down, rate, 1.0), 0.0)
-            own = 1.0 - t if driver == 2 * r else (high - low)[driver - r] if driver >= r else np.inf
-            nearest = float(limit.min())
-            step = min(nearest, own)
-            if not np.isfinite(step):
-                break  # unbounded: impossible for a convex problem but for rounding; the gap will say so
-            value = value + step * rate
-            if own <= nearest:
-                if driver == 2 * r:
-                    break  # t = 1
-                i = driver - r  # w_i crossed from one bound to the other: x_i goes the other way
-                driver, sign[i] = i, direction
-                continue
-            p = int(np.argmax(np.where(limit <= nearest, np.abs(rate), -1.0)))
-            leaving, at_top = int(rows[p]), rate[p] > 0
-            start = self._start(driver, direction, high, low, r)
-            tableau = _exchange(tableau, p, q)
-            rows[p], columns[q] = driver, leaving
-            value[p] = start + direction * step
-            if leaving == 2 * r:
-                break  # t = 1
-            i = leaving % r
-            if leaving < r:  # x_i came to zero: let w_i off its bound
-                driver, direction = r + i, -float(sign[i])
-            else:  # w_i met its bound: let x_i off zero
-                driver, direction = i, 1.0 if at_top else -1.0
-                sign[i] = direction
-        x = np.zeros(r)
-        inside = rows < r
-        x[rows[inside]] = value[inside]
+    def _settle(self, walk: _Walk) -> Floats:
+        """x where the walk ended, refined against the residual itself."""
+        r = self.g.size
+        inside = walk.rows < r
+        x, down = np.zeros(r), np.zeros(r, dtype=bool)
+        x[walk.rows[inside]] = walk.value[inside]
+        down[walk.rows[inside]] = walk.upper[inside] <= 0
+        support = np.isin(np.arange(r), walk.rows[inside])
         inverse = np.zeros((2 * r + 1, 2 * r + 1))
-        inverse[np.ix_(rows, columns)] = -tableau
-        K = inverse[:r, r : 2 * r]
-        support = np.isin(np.arange(r), rows[inside])
-        x = x * scale
-        for _ in range(2):  # refine against the residual itself
-            error = self.residual(x) * scale - np.where(sign > 0, high, -high)
-            x = x + scale * (K @ np.where(support, error, 0.0))
-        wrong = ~support | ((x * sign < 0) & (not free))
-        return np.where(wrong, 0.0, x), step_count
-
-    @staticmethod
-    def _start(driver: int, direction: float, high: Floats, low: Floats, r: int) -> float:
-        """Value from which a nonbasic variable starts to move."""
-        if driver == 2 * r or driver < r:
-            return 0.0
-        return float(high[driver - r] if direction < 0 else low[driver - r])
+        inverse[np.ix_(walk.rows, walk.columns)] = -walk.tableau
+        K = inverse[:r, r : 2 * r]  # of the support's M, since there x moves against w
+        x = x * self.scale
+        for _ in range(2):
+            error = self.residual(x) * self.scale - np.where(down, -walk.high, walk.high)
+            x = x + self.scale * (K @ np.where(support, error, 0.0))
+        crossed = (np.where(down, -x, x) < 0) & (not walk.free)
+        return np.where(support & ~crossed, x, 0.0)
 
     def prove(self, x: Floats) -> tuple[float, float]:
         """Objective and relative duality gap of x."""
@@ -263,6 +234,70 @@ class _Problem:
             alpha = min(1.0, self.gamma / worst) if worst > 0 else 1.0
             gap = 0.5 * (1 - alpha) ** 2 * quadratic + self.gamma * float(np.abs(x).sum()) - alpha * float(x @ w)
         return objective, max(gap, 0.0) / objective if objective > 0 else 0.0
+
+
+@dataclass
+class _Walk:
+    """A tableau on its way from t = 0 to t = 1: rows are basic variables, columns nonbasic ones at a bound.
+
+    Labels: x_i is i, w_i is r + i, t is 2 r. One nonbasic variable, the driver, moves at a time; the first basic one
+    that meets a bound leaves for it, and its mate (x_i for w_i, w_i for x_i) drives next.
+    """
+
+    tableau: Floats
+    value: Floats
+    lower: Floats
+    upper: Floats
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    low: Floats
+    high: Floats
+    free: bool
+
+    def go(self, steps: int) -> int:
+        """At most so many pivots; how many it took."""
+        r = self.value.size
+        driver, direction = 2 * r, 1.0
+        for taken in range(1, steps + 1):
+            start, floor, ceiling = self._range(driver, direction)
+            own = ceiling - floor
+            q = int(np.flatnonzero(self.columns == driver)[0])
+            rate = direction * self.tableau[:, q]
+            moves = np.abs(rate) > PIVOT_FLOOR
+            room = np.where(rate > 0, self.upper, self.lower) - self.value
+            limit = np.where(moves, np.maximum(room / np.where(moves, rate, 1.0), 0.0), np.inf)
+            nearest = float(limit.min())
+            step = min(nearest, own)
+            if not np.isfinite(step):
+                return taken  # unbounded: impossible for a convex problem but for rounding; the gap will say so
+            self.value = self.value + step * rate
+            if own <= nearest:
+                if driver == 2 * r:
+                    return taken  # t = 1
+                driver -= r  # w_i crossed from one bound to the other: x_i leaves zero on that side
+                continue
+            p = int(np.argmax(np.where(limit <= nearest, np.abs(rate), -1.0)))
+            leaving = int(self.rows[p])
+            self.tableau = _exchange(self.tableau, p, q)
+            self.rows[p], self.columns[q] = driver, leaving
+            self.value[p], self.lower[p], self.upper[p] = start + direction * step, floor, ceiling
+            if leaving == 2 * r:
+                return taken  # t = 1
+            driver = leaving + r if leaving < r else leaving - r
+            direction = float(np.sign(rate[p]))
+        return steps
+
+    def _range(self, driver: int, direction: float) -> tuple[float, float, float]:
+        """Where a nonbasic variable starts to move, and its bounds from then on."""
+        r = self.value.size
+        if driver == 2 * r:
+            return 0.0, 0.0, 1.0
+        if driver >= r:
+            floor, ceiling = float(self.low[driver - r]), float(self.high[driver - r])
+            return (floor if direction > 0 else ceiling), floor, ceiling
+        if self.free:
+            return 0.0, -np.inf, np.inf
+        return (0.0, 0.0, np.inf) if direction > 0 else (0.0, -np.inf, 0.0)
 
 
 def _exchange(tableau: Floats, p: int, q: int) -> Floats:
