@@ -1,0 +1,175 @@
+"""`python -m camssf_onnx build` writes the shipped models, `check` proves that they are what they should be."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import camssf
+from camssf.basis import read_basis
+from camssf.engine import SHIPPED
+from camssf.errors import CalibrationError, InvalidArgument
+
+DATA = Path(camssf.__file__).parent / "data"
+LARGEST = 400_000
+"""Size bar of a model file, bytes."""
+STAGES = ("ssf", "calibrate")
+"""Golden cases that a model can run."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; exit status 0, 1 where a check failed, or that of the error's family."""
+    parser = argparse.ArgumentParser(prog="python -m camssf_onnx", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    verbs.add_parser("build", help="write both models into the package's data folder")
+    verbs.add_parser("check", help="build in memory, compare with the shipped bytes, run the golden cases")
+    verb = parser.parse_args(arguments).verb
+    try:
+        return _build() if verb == "build" else _check()
+    except CalibrationError as error:
+        print(f"{error.code}: {error}", file=sys.stderr)
+        return error.exit_status
+
+
+def built() -> Iterator[tuple[str, bytes]]:
+    """Name and bytes of each model, built now.
+
+    Raises:
+        InvalidArgument: onnx is not installed.
+    """
+    try:
+        import onnx  # noqa: F401
+
+        from camssf_onnx.model import build
+    except ImportError as error:
+        raise InvalidArgument(
+            f"the models cannot be built without {error.name}.", "Install the extra: pip install 'camssf[export]'."
+        ) from error
+    for name in SHIPPED:
+        yield name, build(read_basis(name)).SerializeToString(deterministic=True)
+
+
+def faults(content: bytes) -> list[str]:
+    """What a model's file must not be: too large, another opset or IR, other operators, invalid."""
+    import onnx
+
+    from camssf_onnx.model import IR, OPSET
+
+    model = onnx.load_model_from_string(content)
+    found = []
+    if len(content) > LARGEST:
+        found.append(f"{len(content)} bytes, more than {LARGEST}")
+    if model.ir_version != IR:
+        found.append(f"IR {model.ir_version}, not {IR}")
+    if [(opset.domain, opset.version) for opset in model.opset_import] != [("", OPSET)]:
+        found.append(f"opsets {[(o.domain, o.version) for o in model.opset_import]}, not the standard {OPSET} alone")
+    odd = sorted({f"{node.domain}.{node.op_type}" for node in _nodes(model.graph) if node.domain})
+    if odd or model.functions:
+        found.append(f"operators outside the standard: {', '.join(odd) or 'local functions'}")
+    if any(tensor.data_location == onnx.TensorProto.EXTERNAL for tensor in model.graph.initializer):
+        found.append("data outside the file")
+    try:
+        onnx.checker.check_model(model, full_check=True)
+    except onnx.checker.ValidationError as error:
+        found.append(f"invalid: {error}")
+    return found
+
+
+def _nodes(graph: Any) -> Iterator[Any]:
+    """All nodes, those of Loop bodies included."""
+    for node in graph.node:
+        yield node
+        for attribute in node.attribute:
+            if attribute.HasField("g"):
+                yield from _nodes(attribute.g)
+
+
+def _build() -> int:
+    for name, content in list(built()):
+        _replace(DATA / f"camssf-{name}.onnx", content)
+        print(_line(name, content))
+    return 0
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InvalidArgument(
+            f"{path} cannot be written ({error.strerror}).", "Run this in a checkout of the repository."
+        ) from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _line(name: str, content: bytes) -> str:
+    import onnx
+
+    nodes = sum(1 for _ in _nodes(onnx.load_model_from_string(content).graph))
+    return f"camssf-{name}.onnx  {len(content)} bytes  {nodes} nodes  SHA-256 {sha256(content).hexdigest()}"
+
+
+def _check() -> int:
+    passed, failed = 0, 0
+    for name, content in built():
+        path = DATA / f"camssf-{name}.onnx"
+        try:
+            shipped = path.read_bytes()
+        except OSError as error:
+            raise InvalidArgument(
+                f"{path.name} cannot be read ({error.strerror}).", "Run `python -m camssf_onnx build`."
+            ) from error
+        print(_line(name, shipped))
+        wrong = faults(shipped)
+        if content == shipped:
+            print("  built anew: the same bytes")
+        else:
+            wrong.append(f"built anew: other bytes, SHA-256 {sha256(content).hexdigest()}")
+        for fault in wrong:
+            print(f"  FAILED {fault}")
+        passed, failed = passed + (not wrong), failed + bool(wrong)
+    good, bad = _golden()
+    print(f"{passed + good} passed, {failed + bad} failed")
+    return 1 if failed + bad else 0
+
+
+def _golden() -> tuple[int, int]:
+    """Golden cases passed and failed on the shipped files."""
+    try:
+        from golden.reading import GoldenError, paths, read_case
+        from golden.running import findings
+    except ImportError as error:
+        raise InvalidArgument(
+            f"the golden vectors are not here ({error.name} cannot be imported).",
+            "Run this from the root of the repository.",
+        ) from error
+    passed, failed = 0, 0
+    for path in paths():
+        if path.parent.name not in STAGES:
+            continue
+        try:
+            broken = [finding for finding in findings(read_case(path), "onnx") if not finding.holds]
+            wrong = [f"{finding.limit}: {finding.measured:.2e} > {finding.bound:.0e}" for finding in broken]
+        except GoldenError as error:
+            wrong = [str(error)]
+        for fault in wrong:
+            print(f"  FAILED {path.parent.name}/{path.stem}: {fault}")
+        passed, failed = passed + (not wrong), failed + bool(wrong)
+    return passed, failed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

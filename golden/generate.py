@@ -1,0 +1,380 @@
+"""The only writer of golden/: `python -m golden.generate` writes, `--check` proves that nothing drifted.
+
+`--check` makes everything anew in memory and compares with the files:
+
+- what is reproducible on any machine must be equal to the last character: names, comments, expectations, inputs,
+  limits, sources, spectra, the manifest;
+- outputs must keep the case's own limits against the stored ones (another BLAS or CPU rounds differently); how many
+  are equal to the bit is printed;
+- the oracle's numbers must keep the same bound against the stored ones that they set for everybody else, and the gap
+  that is recomputed from the stored code must keep its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camssf.engine import load_model
+from camssf.errors import CalibrationError
+from camssf.grid import WAVELENGTHS, Floats
+from golden import reading
+from golden.compare import METRICS, optimality, rmse
+from golden.reading import FORMAT, ROOT, GoldenError, Json, check, digest, paths, read_case, resolve
+from golden.running import basis_of, problem, run
+
+GAP = 1e-9
+"""Largest relative duality gap of any engine's answer."""
+ORACLE_GAP = 5e-10
+"""Largest relative duality gap of the oracle's own answer."""
+MARGIN = 0.9
+"""A truth bound must hold with this part of it at generation."""
+COMMAND = "python -m golden.generate"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; 0 if all is well, 1 if something drifted or does not hold, 2 where cvxpy is missing."""
+    parser = argparse.ArgumentParser(prog=COMMAND, description="Write the golden vectors, or check them.")
+    parser.add_argument("--check", action="store_true", help="write nothing: make all anew and compare")
+    options = parser.parse_args(arguments)
+    try:
+        import cvxpy  # noqa: F401
+    except ImportError:
+        print("cvxpy is missing: the oracle needs it. Install the extra dev.", file=sys.stderr)
+        return 2
+    try:
+        files = dict(_files())
+    except GoldenError as error:
+        print(f"golden: {error}", file=sys.stderr)
+        return 1
+    finally:
+        reading.PENDING.clear()
+    if options.check:
+        return _check_files(files)
+    _write(files)
+    size = sum(len(content) for content in files.values())
+    print(f"{len(files) - 4} cases, {size / 1e6:.1f} MB written")
+    return 0
+
+
+def _files() -> Iterable[tuple[str, bytes]]:
+    """Relative path and content of every file, the manifest last; made in memory."""
+    from rich.console import Console
+    from rich.progress import track
+
+    from golden.scenes import cases
+    from golden.tables import write_tables
+
+    spectra = {f"spectra/{name}.json": _text(table) for name, table in write_tables().items()}
+    reading.PENDING.update(spectra)
+    yield from spectra.items()
+    entries: dict[str, str] = {}
+    faults: list[str] = []
+    scenes = list(cases())
+    names = [scene["case"] for scene in scenes]
+    if len(set(names)) < len(names):
+        raise GoldenError(f"two cases share a name: {sorted({n for n in names if names.count(n) > 1})}")
+    console = Console(stderr=True)
+    for scene in track(scenes, "golden vectors", console=console, disable=not console.is_terminal):
+        try:
+            made = finish(scene)
+        except GoldenError as error:
+            faults.append(str(error))
+            continue
+        path = f"cases/{made['case']}.json"
+        content = _text(made)
+        reading.PENDING[path] = content
+        entries[made["case"]] = digest(content)
+        yield path, content
+    if faults:
+        raise GoldenError("\n".join(faults))
+    manifest = {
+        "format": FORMAT,
+        "count": len(entries),
+        "generator": reading.generator_digest(),
+        "spectra": {name: digest(content) for name, content in spectra.items()},
+        "cases": dict(sorted(entries.items())),
+    }
+    yield "manifest.json", (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def finish(scene: Json) -> Json:
+    """A scene solved: outputs by the reference, oracle by cvxpy, limits."""
+    stage = scene["case"].partition("/")[0]
+    inputs = _plain(scene["inputs"])
+    made: Json = {
+        "format": FORMAT,
+        "case": scene["case"],
+        "stage": stage,
+        "comment": scene["comment"],
+        "expect": scene["expect"],
+        "requires": _requires(stage, scene["expect"]),
+        "source": _source(inputs),
+        "inputs": inputs,
+        "outputs": None,
+        "oracle": None,
+        "truth": None,
+        "limits": [],
+    }
+    if scene["expect"] != "success":
+        try:
+            run(made)
+        except CalibrationError as error:
+            if error.code == scene["expect"]:
+                return check(made)
+            raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
+        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
+    try:
+        outputs = run(made)
+    except CalibrationError as error:
+        raise GoldenError(f"{made['case']}: {error.code}: {error}") from error
+    kept = {name: _absent(outputs[name]) for name in sorted(reading.OUTPUTS[stage])}
+    made["outputs"] = _plain(kept)
+    if stage in ("solve", "ssf"):
+        made["oracle"] = _plain(_oracle(made))
+    if scene["truth"] is not None:
+        made["truth"] = {
+            "ssf": scene["truth"],
+            "measured": _truth(made, outputs["ssf"], scene["truth"], scene["rmse"]),
+        }
+    made["limits"] = _limits(made, scene)
+    return check(made)
+
+
+def _oracle(made: Json) -> Json:
+    from golden.oracle import consult
+
+    given, sensing = made["inputs"], problem(made)
+    gamma = np.broadcast_to(np.array(given["gamma"], float), 3)
+    basis = white = None
+    if made["stage"] == "ssf":
+        basis = basis_of(given["basis"])
+        white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
+    oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
+    if not (oracle["gap"] <= ORACLE_GAP).all():
+        raise GoldenError(f"{made['case']}: the oracle's own gap is {oracle['gap'].max():.1e}")
+    return oracle
+
+
+def _truth(made: Json, found: Floats, truth: Json, bound: float) -> Json:
+    measured = rmse(found, resolve(truth))
+    if not measured <= MARGIN * bound:
+        raise GoldenError(f"{made['case']}: RMSE {measured:.4f} leaves no margin below {bound}")
+    return {"rmse": round(measured, 4)}
+
+
+def _limits(made: Json, scene: Json) -> list[Json]:
+    """Which value is held against what, how, how closely."""
+
+    def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:
+        return {"value": value, "against": against, "metric": metric, "bound": {"float64": bound},
+                "requires": list(requires)}  # fmt: skip
+
+    stage, outputs = made["stage"], made["outputs"]
+    port: dict[str, list[tuple[str, str, float]]] = {
+        "signals": [("signals", "norm", 1e-15), ("standard_error", "norm", 1e-14), ("used", "exact", 0.0),
+                    ("assumptions", "exact", 0.0)],
+        "sensing": [("matrix", "norm", 1e-12), ("target", "norm", 1e-12), ("covariance", "norm", 1e-12)],
+        "weights": [("rho", "norm", 1e-15), ("W", "norm", 1e-10), ("z", "norm", 1e-10)],
+        "solve": [("objective", "relative", 1e-10)],
+        "ssf": [("ssf", "norm", 1e-10), ("ssf_std", "norm", 1e-10), ("signals", "norm", 1e-15),
+                ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14)],
+        "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
+                      ("ssf_std", "norm", 1e-10), ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14)],
+    }  # fmt: skip
+    found = [limit(v, "outputs", m, bound) for v, m, bound in port[stage] if outputs[v] is not None]
+    if stage == "solve" and scene["generic"]:
+        found += [limit("code", "outputs", "norm", 1e-9), limit("pivots", "outputs", "exact", 0.0)]
+    if stage == "calibrate":
+        found.append(limit("gap", "outputs", "at_most", GAP))
+    if made["oracle"] is not None:
+        found.append(limit("objective", "oracle", "relative", 1e-9, *(["reference"] if stage == "ssf" else [])))
+        found.append(limit("gap", "oracle", "at_most", GAP))
+        if made["oracle"]["ssf"] is not None:
+            found.append(limit("ssf", "oracle", "peak", 1e-6))
+    if made["truth"] is not None:
+        found.append(limit("ssf", "truth", "rmse", scene["rmse"]))
+    return found
+
+
+def _requires(stage: str, expect: str) -> list[str]:
+    if stage == "signals":
+        return ["signals"]
+    if stage == "calibrate":
+        return ["signals", "model"]
+    return ["model"] if stage == "ssf" else ["reference"]
+
+
+def _source(inputs: Json) -> Json:
+    """Where a case comes from: the basis by the hash that the shipped model states, the spectra by name."""
+    basis = _basis(inputs)
+    shipped = isinstance(basis, str)
+    return {
+        "generator": COMMAND,
+        "basis": basis,
+        "basis_sha256": load_model(basis).metadata["basis_sha256"] if isinstance(basis, str) else None,
+        "spectra": sorted(_names(inputs)),
+    } | (
+        {} if shipped else {"basis": None if basis is None else f"{basis['count']} Gaussians of {basis['width']} nm"}
+    )
+
+
+def _basis(inputs: Json) -> Any:
+    if "basis" in inputs:
+        return inputs["basis"]
+    parent = inputs.get("matrix")
+    if isinstance(parent, dict):
+        return reading.sibling(parent["case"])["inputs"]["basis"]
+    return None
+
+
+def _names(value: Any) -> set[str]:
+    if isinstance(value, dict):
+        found = {f"charts:{value['chart']}"} if isinstance(value.get("chart"), str) else set()
+        found |= {f"lamps:{name}" for name in value.get("lamps", []) if name != "equal-energy"}
+        return found.union(*(_names(v) for v in value.values()), set())
+    return set()
+
+
+def _absent(value: Any) -> Any:
+    """A band that does not exist is null."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
+        return None
+    return value
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists."""
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value
+
+
+def _text(case: Json) -> bytes:
+    """A line a key, and a line a value one level below."""
+
+    def line(value: Any) -> str:
+        return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+    lines = []
+    for key, value in case.items():
+        if isinstance(value, dict) and value:
+            inner = ",\n".join(f"  {line(k)}: {line(v)}" for k, v in value.items())
+            lines.append(f" {line(key)}: {{\n{inner}\n }}")
+        else:
+            lines.append(f" {line(key)}: {line(value)}")
+    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+
+
+def _place(files: dict[str, bytes]) -> None:
+    """Write files, each whole or not at all."""
+    for name, content in files.items():
+        path = ROOT / name
+        if path.exists() and path.read_bytes() == content:
+            continue
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+
+def _write(files: dict[str, bytes]) -> None:
+    """All files, and none that no scene makes."""
+    _place(files)
+    for path in paths():
+        if path.relative_to(ROOT).as_posix() not in files:
+            path.unlink()
+
+
+def _check_files(files: dict[str, bytes]) -> int:
+    faults = [f"{path.relative_to(ROOT)}: no scene makes it" for path in paths()
+              if path.relative_to(ROOT).as_posix() not in files]  # fmt: skip
+    same = 0
+    for name, content in files.items():
+        path = ROOT / name
+        stored = path.read_bytes() if path.exists() else None
+        if stored == content:
+            same += 1
+        elif stored is None:
+            faults.append(f"{name}: missing")
+        elif name.startswith("cases/"):
+            faults += [f"{name}: {fault}" for fault in drift(read_case(path), json.loads(content))]
+        elif name == "manifest.json":
+            faults += _manifest_drift(json.loads(stored), json.loads(content))
+        else:
+            faults.append(f"{name}: another content")
+    for fault in faults:
+        print(fault)
+    print(f"{len(files)} files, {same} equal to the bit, {len(faults)} drifted")
+    if faults:
+        print(f"If that is meant, run `{COMMAND}`.", file=sys.stderr)
+    return 1 if faults else 0
+
+
+def drift(stored: Json, made: Json) -> list[str]:
+    """What differs between a stored case and its new self by more than its own limits."""
+    numbers = ("outputs", "oracle", "truth")
+    faults = [f"{key} differs" for key in stored if key not in numbers and stored[key] != made[key]]
+    if stored["expect"] != "success" or faults:
+        return faults
+    for limit in stored["limits"]:
+        kind, value, bound = limit["against"], limit["value"], limit["bound"]["float64"]
+        if kind == "truth":
+            if stored["truth"]["ssf"] != made["truth"]["ssf"]:
+                faults.append("another truth")
+        elif METRICS[limit["metric"]](made[kind][value], stored[kind][value]) > bound:
+            faults.append(f"{value} of the {kind} by more than {bound:g} ({limit['metric']})")
+    if stored["oracle"] is not None:
+        worst = max(gap for _, gap in proofs(stored))
+        if not worst <= ORACLE_GAP:
+            faults.append(f"the stored oracle's gap is {worst:.1e}")
+    return faults
+
+
+def proofs(case: Json) -> list[tuple[float, float]]:
+    """Objective and gap of the stored oracle's code, recomputed from it channel by channel, without cvxpy."""
+    given, sensing = case["inputs"], problem(case)
+    gamma = np.broadcast_to(np.array(given["gamma"], float), 3)
+    return [
+        optimality(A, b, S, np.array(x), given["l2"], float(g), given["nonnegative"])
+        for A, b, S, x, g in zip(
+            sensing.matrix, sensing.target, sensing.covariance, case["oracle"]["x"], gamma, strict=True
+        )
+    ]
+
+
+def _manifest_drift(stored: Json, made: Json) -> list[str]:
+    """Case hashes follow the cases, which are judged by themselves; all else must be equal."""
+    keys = ("format", "count", "generator", "spectra")
+    faults = [f"manifest.json: {key} differs" for key in keys if stored.get(key) != made[key]]
+    if set(stored.get("cases", {})) != set(made["cases"]):
+        faults.append("manifest.json: another list of cases")
+    for name, value in stored.get("cases", {}).items():
+        path = ROOT / "cases" / f"{name}.json"
+        if not path.exists() or digest(path.read_bytes()) != value:
+            faults.append(f"manifest.json: the hash of {name} is not the file's")
+    return faults
+
+
+assert WAVELENGTHS.size == 681  # the shapes in the scenes are written out
+
+if __name__ == "__main__":
+    sys.exit(main())

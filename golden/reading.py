@@ -1,0 +1,249 @@
+"""Golden files → cases: a strict check of every key, and the arrays that the input forms stand for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf import errors
+from camssf.basis import interpolate
+from camssf.grid import WAVELENGTHS, Floats
+from golden.compare import METRICS
+
+Json: TypeAlias = dict[str, Any]
+ROOT = Path(__file__).parent
+FORMAT = 1
+FIELDS = (
+    "format", "case", "stage", "comment", "expect", "requires", "source", "inputs", "outputs", "oracle", "truth",
+    "limits",
+)  # fmt: skip
+CAPABILITIES = ("signals", "reference", "model")
+"""signals: patch statistics → Eq. (5); reference: the algebra step by step; model: the algebra in one call."""
+_PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
+_ROWS = {
+    "basis", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
+    "lamp_modes",
+}  # fmt: skip
+_SHOTS = {"shots", "patches", "white"}
+INPUTS: dict[str, set[str]] = {
+    "signals": _SHOTS,
+    "sensing": _ROWS | {"signals", "standard_error"},
+    "weights": _PROBLEM | {"depths"},
+    "solve": _PROBLEM | {"depth", "finish"},
+    "ssf": _ROWS | {"chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"},
+    "calibrate": {"shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
+                  "white_reflectance", "basis", "l2", "gamma", "nonnegative"},
+}  # fmt: skip
+OUTPUTS: dict[str, set[str]] = {
+    "signals": {"signals", "standard_error", "used", "assumptions"},
+    "sensing": {"matrix", "target", "covariance"},
+    "weights": {"rho", "W", "z"},
+    "solve": {"code", "objective", "gap", "pivots"},
+    "ssf": {"ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"},
+    "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain"},
+}
+ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}
+AGAINST = ("outputs", "oracle", "truth")
+_FRAME = {"mean", "standard_error", "clipped"}
+
+
+class GoldenError(ValueError):
+    """A golden file breaks its format."""
+
+
+def codes() -> set[str]:
+    """The error codes of the vocabulary."""
+    kinds = [getattr(errors, name) for name in vars(errors)]
+    kinds = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, errors.CalibrationError)]
+    return {kind.code for kind in kinds} - {errors.CalibrationError.code}
+
+
+def check(case: Json) -> Json:
+    """The case itself if it is format 1 to the letter.
+
+    Raises:
+        GoldenError: an unknown or missing key, or a value that its field does not allow.
+    """
+    _keys("the case", case, set(FIELDS))
+    name = case["case"]
+    _need(case["format"] == FORMAT, f"{name}: format {case['format']!r} is not {FORMAT}")
+    stage = case["stage"]
+    _need(stage in INPUTS, f"{name}: there is no stage {stage!r}")
+    _need(isinstance(name, str) and name.startswith(f"{stage}/"), f"{name}: does not belong to the stage {stage}")
+    _need(isinstance(case["comment"], str) and bool(case["comment"]), f"{name}: has no comment")
+    _need(case["expect"] == "success" or case["expect"] in codes(), f"{name}: expects {case['expect']!r}")
+    _need(set(case["requires"]) <= set(CAPABILITIES), f"{name}: requires {case['requires']}")
+    _keys(f"{name}: source", case["source"], {"generator", "basis", "basis_sha256", "spectra"})
+    _keys(f"{name}: inputs", case["inputs"], INPUTS[stage])
+    for shot in case["inputs"].get("shots", []):
+        _keys(f"{name}: shot", shot, {"chart", "white", "dark", "black", "saturation"})
+        for frame in ("chart", "white", "dark"):
+            if shot[frame] is not None:
+                _keys(f"{name}: {frame}", shot[frame], _FRAME)
+    if case["expect"] != "success":
+        empty = case["outputs"] is None and case["oracle"] is None and case["truth"] is None and not case["limits"]
+        _need(empty, f"{name}: an error has no outputs, oracle, truth or limits")
+        return case
+    _keys(f"{name}: outputs", case["outputs"], OUTPUTS[stage])
+    if case["oracle"] is not None:
+        _keys(f"{name}: oracle", case["oracle"], ORACLE)
+    if case["truth"] is not None:
+        _keys(f"{name}: truth", case["truth"], {"ssf", "measured"})
+    _need(bool(case["limits"]), f"{name}: has no limits")
+    for limit in case["limits"]:
+        _keys(f"{name}: limit", limit, {"value", "against", "metric", "bound", "requires"})
+        _need(limit["against"] in AGAINST, f"{name}: compares against {limit['against']!r}")
+        _need(limit["metric"] in METRICS, f"{name}: there is no metric {limit['metric']!r}")
+        _need(set(limit["requires"]) <= set(CAPABILITIES), f"{name}: limit requires {limit['requires']}")
+        _keys(f"{name}: bound", limit["bound"], {"float64"})
+        known = case[limit["against"]]
+        _need(known is not None and known.get(limit["value"]) is not None, f"{name}: nothing to hold {limit} against")
+        _need(not (limit["against"] == "oracle" and limit["value"] == "x"), f"{name}: codes are never compared")
+    return case
+
+
+def read_case(path: Path) -> Json:
+    """One case, checked."""
+    try:
+        case: Json = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise GoldenError(f"{path.name}: not readable as JSON ({error})") from error
+    _need(isinstance(case, dict), f"{path.name}: is no object")
+    check(case)
+    _need(case["case"] == f"{path.parent.name}/{path.stem}", f"{path.name}: calls itself {case['case']}")
+    return case
+
+
+def paths() -> list[Path]:
+    """All case files, in order."""
+    return sorted((ROOT / "cases").glob("*/*.json"))
+
+
+def digest(content: bytes) -> str:
+    """SHA-256, hex."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def generator_digest() -> str:
+    """Of the sources that write the cases."""
+    text = b"".join(p.name.encode() + b"\0" + p.read_bytes().replace(b"\r\n", b"\n") for p in _sources())
+    return digest(text)
+
+
+def _sources() -> Iterator[Path]:
+    yield from sorted(ROOT.glob("*.py"))
+
+
+def spectra(name: str) -> Json:
+    """golden/spectra/<name>.json."""
+    return _parsed(_content(f"spectra/{name}.json"))
+
+
+@lru_cache(maxsize=32)
+def _parsed(content: bytes) -> Json:
+    parsed: Json = json.loads(content)
+    return parsed
+
+
+PENDING: dict[str, bytes] = {}
+"""Files that the generator has made but not yet written: nothing is written before all is right."""
+
+
+def _content(name: str) -> bytes:
+    return PENDING[name] if name in PENDING else (ROOT / name).read_bytes()
+
+
+def sibling(name: str) -> Json:
+    """Another case by its name, from the generator's memory or from its file."""
+    return check(_parsed(_content(f"cases/{name}.json")))
+
+
+def chart(name: str) -> Floats:
+    """(24, 681) reflectance."""
+    return np.array(spectra("charts")["values"][name], float)
+
+
+def lamp(name: str) -> Floats:
+    """(681,) relative power."""
+    return np.ones(WAVELENGTHS.size) if name == "equal-energy" else np.array(spectra("lamps")["values"][name], float)
+
+
+def camera(name: str) -> Floats:
+    """(681, 3) curves: known on the 5-nm nodes, straight between them."""
+    return interpolate(np.array(spectra("cameras")["values"][name], float))
+
+
+def resolve(value: Any) -> Any:
+    """What an input stands for (README.md, Input forms): arrays, or the nested lists of a ragged one."""
+    if isinstance(value, dict):
+        return _form(value)
+    if isinstance(value, list):
+        try:
+            return np.array(_numbers(value), float)
+        except ValueError:
+            return _numbers(value)  # shots of unequal length: for the checks to refuse
+    return value
+
+
+def _form(form: Json) -> Any:
+    kind = frozenset(form)
+    if kind == {"chart", "patches"}:
+        return chart(form["chart"])[np.array(form["patches"], int) - 1]
+    if kind == {"chart", "mixtures"}:
+        table, i = chart(form["chart"]), np.arange(form["mixtures"])
+        t = ((37 * i) % 100 / 100.0)[:, None]
+        return (1.0 - t) * table[i % 24] + t * table[(7 * i + 5) % 24]
+    if kind == {"lamps"}:
+        return np.stack([lamp(name) for name in form["lamps"]])
+    if kind == {"constant", "shape"}:
+        return np.full(form["shape"], _numbers(form["constant"]), float)
+    if kind == {"polynomials"}:
+        u = (WAVELENGTHS - 550.0) / 170.0
+        return np.array([[_horner(mode, u) for mode in shot] for shot in form["polynomials"]], float).reshape(
+            len(form["polynomials"]), -1, WAVELENGTHS.size
+        )
+    if kind == {"camera"}:
+        return camera(form["camera"])
+    if kind == {"bells"}:
+        return np.stack(
+            [sum(h * np.exp(-0.5 * ((WAVELENGTHS - m) / s) ** 2) for h, m, s in c) for c in form["bells"]], axis=1
+        )
+    if kind == {"case", "output"}:
+        return resolve(sibling(form["case"])["outputs"][form["output"]])
+    raise GoldenError(f"there is no input form with the keys {sorted(form)}")
+
+
+def _horner(coefficients: list[float], u: Floats) -> Floats:
+    total = np.zeros_like(u)
+    for coefficient in reversed(coefficients):
+        total = total * u + coefficient
+    return total
+
+
+def _numbers(value: Any) -> Any:
+    """JSON has no NaN: it is written as a word."""
+    if isinstance(value, list):
+        return [_numbers(v) for v in value]
+    if isinstance(value, str):
+        _need(value in ("NaN", "Infinity", "-Infinity"), f"{value!r} is no number")
+        return float(value.replace("Infinity", "inf"))
+    return value
+
+
+def _keys(where: str, found: Any, allowed: set[str]) -> None:
+    _need(isinstance(found, dict), f"{where} is no object")
+    _need(
+        set(found) == allowed,
+        f"{where}: unknown {sorted(set(found) - allowed)}, missing {sorted(allowed - set(found))}",
+    )
+
+
+def _need(holds: bool, message: str) -> None:
+    if not holds:
+        raise GoldenError(message)

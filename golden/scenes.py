@@ -1,0 +1,586 @@
+"""The cases, before they are solved: one behaviour each.
+
+A scene photographs a chart by formula: white frame 12,000 DN times the channel's gain times a fall-off over the
+patches, dark frame about 64 DN, noise by a sine of the square of the sample's number (no random generator). The DN
+are rounded to 1/1000 and stored: the rounded numbers are the inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.grid import Floats
+from golden.reading import Json, resolve
+
+NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
+"""σ = hypot(first · y, second)."""
+GAINS = (0.55, 1.0, 0.7)
+ALL = list(range(1, 25))
+TWELVE = list(range(7, 19))
+EIGHTEEN = list(range(1, 19))
+NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
+NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
+BELLS = {
+    "bells": [[[1.0, 604, 31], [0.07, 442, 24]], [[1.0, 534, 37]], [[1.0, 459, 26], [0.03, 545, 30]]],
+}  # fmt: skip
+FLAT = {"constant": 1.0, "shape": [681]}
+Case = Json
+
+
+def cases() -> Iterator[Case]:
+    """Every case: name, comment, expect, inputs, and for some truth, bounds and what must not be compared."""
+    yield from _signal_cases()
+    yield from _sensing_cases()
+    yield from _weights_cases()
+    yield from _solve_cases()
+    yield from _ssf_cameras()
+    yield from _ssf_gaussian()
+    yield from _ssf_errors()
+    yield from _calibrate_cases()
+
+
+def case(name: str, comment: str, inputs: Json, *, expect: str = "success", **more: Any) -> Case:
+    """A case with what the generator may be told: truth, rmse (its bound), generic (code and pivots comparable)."""
+    return {
+        "case": name,
+        "comment": comment,
+        "inputs": inputs,
+        "expect": expect,
+        "truth": None,
+        "generic": True,
+    } | more
+
+
+# -- photographs --------------------------------------------------------------------------------------------------
+
+
+def photograph(
+    camera: Json, lamps: Sequence[str], reflectance: Any, *, noise: str = "low", white: Any = FLAT, shade: float = 0.3
+) -> dict[str, Floats]:
+    """Chart, white and dark frame (k, n, 3) in DN, and the standard error of the signals."""
+    R, s = resolve(reflectance), resolve(camera)
+    L, rho = resolve({"lamps": list(lamps)}), resolve(white)
+    y = np.stack([((R * lamp) @ s) / ((rho * lamp) @ s) for lamp in L])
+    k, n, _ = y.shape
+    j, i, c = np.meshgrid(np.arange(k), np.arange(n), np.arange(3), indexing="ij")
+    dark = 64.0 + 0.25 * ((5 * i + 3 * c + j) % 4)
+    fall = 1.0 - shade * ((7 * i) % 24) / 24.0
+    frame = np.round(dark + 12_000.0 * np.array(GAINS) * fall, 3)
+    part, least = NOISES[noise]
+    sigma = np.hypot(part * y, least)
+    number = ((j * n + i) * 3 + c + 1).astype(float)
+    e = sigma * np.sqrt(2.0) * np.sin(12.9898 * number**2)
+    return {
+        "chart": np.round(dark + (y + e) * (frame - dark), 3),
+        "white": frame,
+        "dark": dark,
+        "standard_error": np.round(sigma, 6),
+    }
+
+
+def scene(
+    name: str,
+    comment: str,
+    *,
+    camera: Json = NIKON,
+    lamps: Sequence[str] = ("D55",),
+    patches: Any = ALL,
+    table: str = "babelcolor",
+    taken: str | None = None,
+    noise: str = "low",
+    basis: str = "cameras",
+    l2: float | None = None,
+    gamma: float | None = None,
+    nonnegative: bool | None = None,
+    chart_tolerance: ArrayLike = 0.03,
+    white_tolerance: float = 0.01,
+    lamp_tolerance: ArrayLike = 0.0,
+    modes: list[Any] | None = None,
+    white: Any = FLAT,
+    rmse: float | None = None,
+    change: Json | None = None,
+    expect: str = "success",
+    **more: Any,
+) -> Case:
+    """A case of the stage ssf; `taken` names the table of the chart that was photographed, if not the known one."""
+    known = (
+        {"chart": table, "mixtures": patches} if isinstance(patches, int) else {"chart": table, "patches": patches}
+    )
+    photo = photograph(camera, lamps, known | {"chart": taken or table}, noise=noise, white=white)
+    k, n, _ = photo["chart"].shape
+    learned = basis == "cameras"
+    inputs: Json = {
+        "basis": basis,
+        **photo,
+        "reflectance": known,
+        "chart_tolerance": {"constant": chart_tolerance, "shape": [n]},
+        "white_reflectance": white,
+        "white_tolerance": white_tolerance,
+        "lamp": {"lamps": list(lamps)},
+        "lamp_tolerance": {"constant": lamp_tolerance, "shape": [k]},
+        "lamp_modes": {"polynomials": modes or [[] for _ in lamps]},
+        "l2": (1.0 if learned else 0.0) if l2 is None else l2,
+        "gamma": (0.05 if learned else 1e-3) if gamma is None else gamma,
+        "nonnegative": (not learned) if nonnegative is None else nonnegative,
+    } | (change or {})
+    truth = camera if rmse is not None else None
+    return case(f"ssf/{name}", comment, inputs, expect=expect, truth=truth, rmse=rmse, **more)
+
+
+# -- stage ssf ------------------------------------------------------------------------------------------------------
+
+
+def _ssf_cameras() -> Iterator[Case]:
+    known = "the truth is one of the cameras that the basis was learned from"
+    makers = [
+        ("arri", "ARRI D21", ["D55"], ALL, 0.10),
+        ("insta360", "Arashi Vision Insta360 X5", ["A"], ALL, 0.05),
+        ("canon", "Canon EOS 5D Mark II", ["LED-B3"], EIGHTEEN, 0.04),
+        ("fujifilm", "Fujifilm X-T3", ["FL2"], TWELVE, 0.08),
+        ("hasselblad", "Hasselblad L1D-20c", ["D55", "A"], ALL, 0.05),
+        ("nikon", "Nikon D5100", ["D55", "A", "LED-B3"], ALL, 0.03),
+        ("panasonic", "Panasonic DC-GX9", ["D55"], NINE, 0.06),
+        ("sony", "Sony ILCE-7M3", ["FL2", "D55"], ALL, 0.04),
+    ]
+    for name, camera, lamps, patches, bound in makers:
+        yield scene(
+            f"cameras-{name}",
+            f"{camera} under {' + '.join(lamps)}, {len(patches)} patches, full covariance, λ₂ = 1; {known}.",
+            camera={"camera": camera}, lamps=lamps, patches=patches, rmse=bound,
+        )  # fmt: skip
+    yield scene(
+        "cameras-sony-compact", f"A compact camera, two lamps, usual noise; {known}.",
+        camera={"camera": "Sony DSC-RX100M4"}, lamps=["D55", "A"], noise="usual", rmse=0.06,
+    )  # fmt: skip
+    yield scene(
+        "cameras-mixtures", "96 patches that are convex mixtures of the measured 24: more rows, no more evidence.",
+        camera={"camera": "Canon EOS R5"}, patches=96, rmse=0.04,
+    )  # fmt: skip
+    yield scene(
+        "cameras-bells", "A camera of Gaussian bells, which is in nobody's list; three shots.",
+        camera=BELLS, lamps=["D55", "A", "FL2"], rmse=0.06,
+    )  # fmt: skip
+    for share, lamps in (("one-lamp", ["D55"]), ("two-lamps", ["D55", "A"])):
+        yield scene(
+            f"cameras-foreign-table-{share}",
+            "The chart photographed is Ohta's, the table known BabelColor's: lamps share the chart's error.",
+            camera={"camera": "Nikon Z f"}, lamps=lamps, taken="ohta", rmse=0.10,
+        )  # fmt: skip
+    off: Json = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
+    yield scene(
+        "cameras-diagonal", "All tolerances zero: Σ is the diagonal of the measured errors.", **off, rmse=0.03
+    )
+    yield scene(
+        "cameras-floor", "Neither noise nor tolerances: Σ is the floor of 1e-4, the worst conditioned of all.",
+        noise="none", patches=TWELVE, **off, rmse=0.03,
+    )  # fmt: skip
+    yield scene(
+        "cameras-l1-only", "λ₂ = 0, γ = 1.4: the l1 penalty alone, a sparse code.", l2=0.0, gamma=1.4, rmse=0.05,
+    )  # fmt: skip
+    yield scene(
+        "cameras-l1-tiny",
+        "λ₂ = 0, γ = 0.001, about 1e-5 of the γ that leaves nothing.",
+        l2=0.0,
+        gamma=1e-3,
+        lamps=["D55", "A"],
+    )
+    yield scene("cameras-gamma-half", "λ₂ = 1, γ = 0.5: ten times the default.", gamma=0.5, rmse=0.05)
+    yield scene("cameras-gamma-two", "λ₂ = 1, γ = 2 under A, 12 patches.", gamma=2.0, lamps=["A"], patches=TWELVE)
+    yield scene(
+        "cameras-posterior-mean", "λ₂ = 1, γ = 0: the Gaussian posterior mean in closed form.", gamma=0.0, rmse=0.04,
+    )  # fmt: skip
+    yield scene(
+        "cameras-zero-code", "γ = 1e9 leaves no code at all: the answer is the mean of the basis, with gap 0.",
+        gamma=1e9,
+    )  # fmt: skip
+    yield scene("cameras-nonnegative", "Non-negative codes on the learned basis.", nonnegative=True, gamma=0.5)
+    yield scene(
+        "cameras-nonnegative-closed", "γ = 0 and non-negative codes: NNLS with a ridge.", nonnegative=True, gamma=0.0,
+    )  # fmt: skip
+    yield scene(
+        "cameras-identical-patches", "Six times one patch, six times another: rank two, the prior fills the rest.",
+        patches=[19] * 6 + [15] * 6,
+    )  # fmt: skip
+    yield scene("cameras-one-patch", "One patch, one row a channel.", patches=[15])
+    yield scene(
+        "cameras-lamp-tolerance", "Both lamps may be off by 2 % (smooth).", lamps=["D55", "A"],
+        lamp_tolerance=0.02, rmse=0.06,
+    )  # fmt: skip
+    yield scene(
+        "cameras-lamp-modes", "Two modes of each lamp's logarithm, a tilt and a bow; one shot has only the first.",
+        lamps=["D55", "A"], modes=[[[0.0, 0.08], [0.0, 0.0, 0.05]], [[0.0, 0.12], [0.0]]], lamp_tolerance=0.01,
+        rmse=0.06,
+    )  # fmt: skip
+    white = {"polynomials": [[[0.9, -0.02, 0.01]]]}
+    yield scene(
+        "cameras-grey-white", "The white frame shows a card of 90 %, slightly bent over wavelength.",
+        white=resolve(white)[0, 0].round(6), rmse=0.04,
+    )  # fmt: skip
+    two = photograph(NIKON, ["D55", "A"], {"chart": "babelcolor", "patches": ALL})
+    chart, error = two["chart"].copy(), two["standard_error"].copy()
+    chart[1, 18], error[1, 18] = 16_383.0, 1e3
+    yield scene(
+        "cameras-hidden-patch", "The white patch is clipped in the second shot: a standard error of 1e3 hides it.",
+        lamps=["D55", "A"], change={"chart": chart, "standard_error": error}, rmse=0.04,
+    )  # fmt: skip
+    one = photograph(NIKON, ["D55"], {"chart": "babelcolor", "patches": ALL})
+    yield scene(
+        "cameras-zero-signal", "Chart equal to dark: every signal is 0, which no camera gives; finite all the same.",
+        change={"chart": one["dark"]},
+    )  # fmt: skip
+    yield scene(
+        "cameras-lamp-scale", "The lamp in other units (× 1000): nothing changes but the scale of the curves.",
+        change={"lamp": 1000.0 * np.round(resolve({"lamps": ["D55"]}), 3)}, rmse=0.04,
+    )  # fmt: skip
+
+
+def _ssf_gaussian() -> Iterator[Case]:
+    plain: Json = {"basis": "gaussian", "chart_tolerance": 0.0, "white_tolerance": 0.0}
+    unit = {"standard_error": {"constant": 1.0, "shape": None}}
+    wide: list[tuple[str, str, list[str], Any, float, float, bool, str]] = [
+        ("paper", "Nikon D5100", ["D55"], TWELVE, 1e-5, 0.08, True, "the paper's Eq. (10), x ≥ 0, 12 patches"),
+        ("paper-signed", "Nikon D5100", ["D55"], TWELVE, 1e-4, 0.10, False, "the paper's literal Eq. (10)"),
+        ("nine", "Canon EOS R5", ["LED-B3"], NINE, 1e-5, 0.12, True, "9 patches"),
+        ("eighteen", "Fujifilm X-T3", ["A"], EIGHTEEN, 1e-4, 0.10, True, "18 patches"),
+        ("twenty-four", "Sony ILCE-7M3", ["FL2"], ALL, 1e-4, 0.15, True, "24 patches"),
+        ("mixtures", "Panasonic DC-GX9", ["D55"], 96, 1e-3, 0.10, True, "96 mixtures"),
+        ("gamma-large", "Hasselblad L1D-20c", ["A"], ALL, 1e-2, 0.28, True, "a large γ"),
+    ]
+    for name, camera, lamps, patches, gamma, bound, nonnegative, what in wide:
+        n = patches if isinstance(patches, int) else len(patches)
+        ones = {"standard_error": unit["standard_error"] | {"shape": [1, n, 3]}}
+        yield scene(
+            f"gaussian-{name}", f"Σ = I: {what}; {camera} under {lamps[0]}.", camera={"camera": camera}, lamps=lamps,
+            patches=patches, gamma=gamma, nonnegative=nonnegative, rmse=bound, change=ones, **plain,
+        )  # fmt: skip
+    yield scene(
+        "gaussian-measured-errors", "Σ from the measured standard errors and a chart tolerance of 1 %.",
+        basis="gaussian", gamma=1.0, noise="usual", chart_tolerance=0.01,
+    )  # fmt: skip
+    yield scene(
+        "gaussian-tiny-gamma", "γ = 1 with measured errors, about 1e-5 of what leaves nothing.",
+        gamma=1.0, noise="usual", **plain,
+    )  # fmt: skip
+    yield scene("gaussian-ridge", "λ₂ = 1 and γ = 0.05, measured errors.", l2=1.0, gamma=0.05, **plain)
+    yield scene(
+        "gaussian-ridge-signed", "λ₂ = 0.01, γ = 0, signed: the closed form.", l2=0.01, gamma=0.0, nonnegative=False,
+        **plain,
+    )  # fmt: skip
+    yield scene("gaussian-ridge-nonnegative", "λ₂ = 0.01, γ = 0, x ≥ 0.", l2=0.01, gamma=0.0, patches=TWELVE, **plain)
+    yield scene(
+        "gaussian-identical-patches", "Twelve times the same patch: rank one.",
+        patches=[15] * 12, gamma=0.1, **plain,
+    )  # fmt: skip
+    yield scene(
+        "gaussian-equal-energy", "The paper's assumption of a flat lamp, true here.", lamps=["equal-energy"],
+        patches=TWELVE, gamma=1e-5, noise="none", change={"standard_error": {"constant": 1.0, "shape": [1, 12, 3]}},
+        rmse=0.08, **plain,
+    )  # fmt: skip
+
+
+def _ssf_errors() -> Iterator[Case]:
+    yield scene(
+        "error-zero-code-gaussian", "γ = 1e6 leaves nothing of the paper's curves.", basis="gaussian", gamma=1e6,
+        expect="not_converged",
+    )  # fmt: skip
+    one = photograph(NIKON, ["D55"], {"chart": "babelcolor", "patches": ALL})
+    yield scene(
+        "error-zero-signal-gaussian", "Chart equal to dark: no curve explains a black chart.", basis="gaussian",
+        change={"chart": one["dark"]}, expect="not_converged",
+    )  # fmt: skip
+    wrong: list[tuple[str, str, str, Json]] = [
+        ("two-shots-gaussian", "The paper's rows take one shot.", "invalid_argument",
+         {"basis": "gaussian", "lamps": ["D55", "A"]}),
+        ("no-penalty", "γ = 0 and λ₂ = 0 leave no unique answer.", "invalid_argument", {"l2": 0.0, "gamma": 0.0}),
+        ("negative-gamma", "γ < 0.", "invalid_argument", {"gamma": -0.1}),
+        ("negative-l2", "λ₂ < 0.", "invalid_argument", {"l2": -1.0}),
+        ("nan-gamma", "γ is not a number.", "invalid_argument", {"change": {"gamma": "NaN"}}),
+        ("negative-tolerance", "A chart tolerance below zero.", "invalid_argument", {"chart_tolerance": -0.03}),
+        ("negative-standard-error", "A standard error below zero.", "invalid_argument",
+         {"change": {"standard_error": {"constant": -0.01, "shape": [1, 24, 3]}}}),
+        ("reflectance-missing", "23 reflectances for 24 patches.", "invalid_argument",
+         {"change": {"reflectance": {"chart": "babelcolor", "patches": ALL[:-1]}}}),
+        ("lamp-dark", "A lamp without power on the grid.", "lamp_unfit",
+         {"change": {"lamp": {"constant": 0.0, "shape": [1, 681]}}}),
+        ("lamp-negative", "A lamp with negative power.", "lamp_unfit",
+         {"change": {"lamp": {"constant": -1.0, "shape": [1, 681]}}}),
+        ("lamps-too-many", "Two lamps for one shot.", "invalid_argument",
+         {"change": {"lamp": {"lamps": ["D55", "A"]}}}),
+        ("modes-of-another-shot", "Modes for two shots, one given.", "invalid_argument",
+         {"modes": [[[0.0, 0.1]], [[0.0, 0.1]]]}),
+        ("white-black", "A white reference that reflects nothing.", "invalid_argument",
+         {"change": {"white_reflectance": {"constant": 0.0, "shape": [681]}}}),
+    ]  # fmt: skip
+    for name, comment, code, more in wrong:
+        yield scene(f"error-{name}", comment, expect=code, **more)
+    chart = one["chart"].tolist()
+    chart[0][3][1] = "NaN"
+    yield scene("error-nan-signal", "A chart mean that is not a number.", change={"chart": chart},
+                expect="invalid_argument")  # fmt: skip
+    two = photograph(NIKON, ["D55", "A"], {"chart": "babelcolor", "patches": ALL})
+    ragged = {name: [two[name][0].tolist(), two[name][1, :-1].tolist()] for name in ("chart", "white", "dark")}
+    yield scene("error-unequal-shots", "24 patches in the first shot, 23 in the second.", lamps=["D55", "A"],
+                change=ragged, expect="invalid_argument")  # fmt: skip
+
+
+# -- stages signals and calibrate ---------------------------------------------------------------------------------
+
+
+def _frames(
+    camera: Json = NIKON,
+    lamps: Sequence[str] = ("D55",),
+    *,
+    table: str = "babelcolor",
+    white: Any = FLAT,
+    **more: Any,
+) -> list[Json]:
+    """Shots as measured: mean, standard error and clipped share of each frame."""
+    photo = photograph(camera, lamps, {"chart": table, "patches": ALL}, white=white, **more)
+    shots = []
+    for j in range(len(lamps)):
+        D = photo["dark"][j]
+        shot: Json = {"black": [64.0, 64.0, 64.0], "saturation": 16_383.0}
+        for name in ("chart", "white", "dark"):
+            mean = photo[name][j]
+            error = np.round(0.25 + 0.05 * np.sqrt(np.maximum(mean - D, 0.0)) / 2.0, 4)
+            shot[name] = {"mean": mean, "standard_error": error, "clipped": {"constant": 0.0, "shape": [24, 3]}}
+        shots.append(shot)
+    return shots
+
+
+def _clip(shot: Json, frame: str, patches: slice, share: float = 0.5, channels: slice = slice(1, 2)) -> Json:
+    clipped = np.zeros((24, 3))
+    clipped[patches, channels] = share
+    return shot | {frame: shot[frame] | {"clipped": clipped}}
+
+
+def _put(shot: Json, frame: str, key: str, where: Any, value: float) -> Json:
+    array = np.array(shot[frame][key])
+    array[where] = value
+    return shot | {frame: shot[frame] | {key: array}}
+
+
+def _faulty() -> Iterator[tuple[str, str, str, list[Json], str]]:
+    """Captures that Eq. (5) must refuse: name, comment, code, shots, channel."""
+    (shot,) = _frames()
+    yield ("channel-all-clipped", "Every patch's green is clipped.", "overexposed",
+           [_clip(shot, "chart", slice(0, 24))], "")  # fmt: skip
+    yield ("white-clipped", "The white frame is clipped in red.", "overexposed",
+           [_clip(shot, "white", slice(4, 5), 0.02, slice(0, 1))], "")  # fmt: skip
+    faint = _put(shot, "white", "mean", (slice(None), 2), 90.0)
+    yield "white-faint", "The white frame's blue lies at 0.2 % of the range.", "underexposed", [faint], ""
+    noisy = _put(shot, "white", "standard_error", (5, 1), 1000.0)
+    yield "white-noisy", "The white frame is known to worse than 5 % at one patch.", "underexposed", [noisy], ""
+    lost = _put(shot, "chart", "standard_error", (slice(0, 20), slice(None)), 5000.0)
+    yield "patches-lost", "Noise swallows 20 of 24 patches.", "underexposed", [lost], ""
+
+
+def _signal_cases() -> Iterator[Case]:
+    def signals(name: str, comment: str, shots: list[Json], *, patches: int = 24, **more: Any) -> Case:
+        return case(f"signals/{name}", comment, {"shots": shots, "patches": patches, "white": 18}, **more)
+
+    (shot,) = _frames()
+    yield signals("triple", "Chart, white and dark frame: Eq. (5) and its standard errors.", [shot])
+    white = resolve({"chart": "babelcolor", "patches": [19]})[0]
+    card = _frames(white=white, shade=0.0)[0] | {"white": None}
+    yield signals("no-white", "The chart's white patch stands in; its own row is not used.", [card])
+    yield signals("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}])
+    yield signals("chart-alone", "Neither white nor dark frame: two fallbacks.", [card | {"dark": None}])
+    yield signals("two-shots", "Two shots are normalised each by its own frames.", _frames(CANON, ["D55", "A"]))
+    exact = {key: {"mean": {"constant": dn, "shape": [24, 3]}, "standard_error": {"constant": 0.0, "shape": [24, 3]},
+                   "clipped": {"constant": 0.0, "shape": [24, 3]}}
+             for key, dn in (("chart", 576.0), ("white", 2112.0), ("dark", 64.0))}  # fmt: skip
+    yield signals("quarter", "(576 - 64) / (2112 - 64) is exactly 1/4.", [shot | exact])
+    yield signals("clipped-patches", "Clipped above 1 % in one channel: not used; 1 % itself is.",
+                  [_clip(_clip(shot, "chart", slice(0, 2), 0.011), "chart", slice(0, 3), 0.01)
+                   | {"chart": shot["chart"] | {"clipped": [[0, v, 0] for v in (0.011, 0.01, 0.5) + (0.0,) * 21]}}]
+                  )  # fmt: skip
+    yield signals("lost-patch", "The black patch lies below three standard errors in blue.",
+                  [_put(shot, "chart", "standard_error", (23, 2), 2000.0)])  # fmt: skip
+    for name, comment, code, shots, _ in _faulty():
+        yield signals(f"error-{name}", comment, shots, expect=code)
+    yield signals("error-no-shot", "No shot at all.", [], expect="invalid_argument")
+    yield signals("error-other-chart", "24 patches, a table of 140.", [shot], patches=140, expect="invalid_argument")
+
+
+def _calibrate_cases() -> Iterator[Case]:
+    def calibrate(name: str, comment: str, shots: list[Json], lamps: Sequence[str] = ("D55",), **more: Any) -> Case:
+        known = {"truth", "rmse", "expect"}
+        inputs = {
+            "shots": shots,
+            "reflectance": {"chart": "babelcolor", "patches": ALL},
+            "chart_tolerance": 0.03,
+            "white": 18,
+            "lamp": {"lamps": list(lamps)},
+            "lamp_tolerance": {"constant": 0.02, "shape": [len(lamps)]},
+            "lamp_modes": {"polynomials": [[] for _ in lamps]},
+            "white_reflectance": None,
+            "basis": "cameras",
+            "l2": None,
+            "gamma": None,
+            "nonnegative": None,
+        } | {key: value for key, value in more.items() if key not in known}
+        return case(f"calibrate/{name}", comment, inputs, **{k: v for k, v in more.items() if k in known})
+
+    (shot,) = _frames()
+    white = resolve({"chart": "babelcolor", "patches": [19]})[0]
+    card = _frames(white=white, shade=0.0)[0] | {"white": None}
+    yield calibrate("one-shot", "Chart, white, dark under D55 with the product's defaults.", [shot], truth=NIKON,
+                    rmse=0.05)  # fmt: skip
+    yield calibrate("two-shots", "D55 and a bulb.", _frames(CANON, ["D55", "A"]), ["D55", "A"], truth=CANON,
+                    rmse=0.05)  # fmt: skip
+    yield calibrate("three-shots", "D55, a bulb and a white LED.", _frames(BELLS, ["D55", "A", "LED-B3"]),
+                    ["D55", "A", "LED-B3"], truth=BELLS, rmse=0.08)  # fmt: skip
+    yield calibrate("no-white", "The chart's white patch stands in: ρ_w is its table, its row drops out.", [card],
+                    truth=NIKON, rmse=0.06)  # fmt: skip
+    yield calibrate("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}], truth=NIKON,
+                    rmse=0.05)  # fmt: skip
+    yield calibrate("grey-card", "The white frame shows a card of 90 %.",
+                    _frames(white=np.full(681, 0.9)), white_reflectance=0.9, truth=NIKON, rmse=0.05)  # fmt: skip
+    first, second = _frames(NIKON, ["D55", "A"])
+    yield calibrate("clipped-in-one", "Three patches clipped in the second shot serve in the first alone.",
+                    [first, _clip(second, "chart", slice(18, 21))], ["D55", "A"], truth=NIKON, rmse=0.05)  # fmt: skip
+    yield calibrate("clipped-in-both", "A patch that no shot can use is left out of the fit, and predicted.",
+                    [_clip(first, "chart", slice(18, 19)), _clip(second, "chart", slice(18, 19))], ["D55", "A"],
+                    truth=NIKON, rmse=0.05)  # fmt: skip
+    yield calibrate("modes", "A lamp of uncertain temperature: one mode.", [shot],
+                    lamp_modes={"polynomials": [[[0.0, 0.1]]]}, truth=NIKON, rmse=0.08)  # fmt: skip
+    yield calibrate("paper", "The paper's basis with a given γ; no band.", [shot], basis="gaussian", gamma=1.0,
+                    truth=NIKON, rmse=0.15)  # fmt: skip
+    for name, comment, code, shots, _ in _faulty():
+        yield calibrate(f"error-{name}", comment, shots, expect=code)
+    yield calibrate("error-lamp-dark", "A lamp without power on the grid.", [shot],
+                    lamp={"constant": 0.0, "shape": [1, 681]}, expect="lamp_unfit")  # fmt: skip
+    yield calibrate("error-two-shots-paper", "The paper's rows take one shot.", _frames(NIKON, ["D55", "A"]),
+                    ["D55", "A"], basis="gaussian", gamma=1.0, expect="invalid_argument")  # fmt: skip
+    yield calibrate("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.", [shot], basis="gaussian",
+                    gamma=1e9, expect="not_converged")  # fmt: skip
+
+
+# -- stages sensing, weights, solve -------------------------------------------------------------------------------
+
+
+def _sensing_cases() -> Iterator[Case]:
+    def sensing(name: str, comment: str, patches: list[int], lamps: Sequence[str] = ("D55",), **more: Any) -> Case:
+        made = scene(name, comment, patches=patches, lamps=lamps, noise="usual", **more)["inputs"]
+        y = (made["chart"] - made["dark"]) / (made["white"] - made["dark"])
+        unused = ("chart", "white", "dark", "l2", "gamma", "nonnegative")
+        inputs = {key: value for key, value in made.items() if key not in unused}
+        return case(f"sensing/{name}", comment, inputs | {"signals": np.round(y, 6)})
+
+    few = [15, 14, 13, 19]
+    yield sensing("cameras-diagonal", "No tolerances: Σ is diagonal.", few, chart_tolerance=0.0, white_tolerance=0.0)
+    yield sensing("cameras-chart", "The chart's error: one a patch, the same under both lamps.", few, ["D55", "A"],
+                  white_tolerance=0.0)  # fmt: skip
+    yield sensing("cameras-white", "The white's error: common to all rows.", few, ["D55", "FL2"], chart_tolerance=0.0)
+    yield sensing("cameras-lamp", "Each lamp's own error: smooth, and a mode.", few, ["A", "LED-B3"],
+                  chart_tolerance=0.0, white_tolerance=0.0, lamp_tolerance=0.02,
+                  modes=[[[0.0, 0.1]], [[0.02, 0.0, -0.05]]])  # fmt: skip
+    yield sensing("cameras-two-lamps", "Everything at once: 12 patches, two shots.", TWELVE, ["D55", "A"],
+                  lamp_tolerance=0.02)  # fmt: skip
+    yield sensing("gaussian-twelve", "The paper's rows F Ψ x = y, 12 patches.", TWELVE, basis="gaussian",
+                  chart_tolerance=0.0)  # fmt: skip
+    yield sensing("gaussian-one-atom", "A basis of a single Gaussian.", few, basis="gaussian",
+                  change={"basis": {"count": 1, "width": 50.0}})  # fmt: skip
+
+
+def _waves(rows: int, columns: int, seed: int) -> Floats:
+    """A matrix by formula, (3, rows, columns), entries in [-1, 1] with three decimals."""
+    c, i, j = np.meshgrid(np.arange(3), np.arange(rows), np.arange(columns), indexing="ij")
+    waves: Floats = np.sin(12.9898 * (i + 1) ** 2 + 78.233 * (j + 1) ** 2 + 37.719 * (c + seed) + 0.5 * i * j)
+    return np.round(waves, 3)
+
+
+def _identity(rows: int) -> Floats:
+    return np.broadcast_to(np.eye(rows), (3, rows, rows)).copy()
+
+
+def _problem(A: Any, b: Any, sigma: Any, l2: float, gamma: Any, nonnegative: bool = False) -> Json:
+    return {"matrix": A, "target": b, "covariance": sigma, "l2": l2, "gamma": gamma, "nonnegative": nonnegative}
+
+
+def _rows_of(name: str, l2: float, gamma: Any, nonnegative: bool = False) -> Json:
+    A, b, sigma = ({"case": f"sensing/{name}", "output": part} for part in ("matrix", "target", "covariance"))
+    return _problem(A, b, sigma, l2, gamma, nonnegative)
+
+
+def _weights_cases() -> Iterator[Case]:
+    def weights(name: str, comment: str, problem: Json, depths: list[int], **more: Any) -> Case:
+        return case(f"weights/{name}", comment, problem | {"depths": depths}, **more)
+
+    yield weights("identity", "A = I, λ₂ = 0, γ = 1: W = I / 2, and z by hand.",
+                  _problem(_identity(3), [[3.0, -0.5, 1.0]] * 3, _identity(3), 0.0, [1.0] * 3), [0, 1, 2]
+                )  # fmt: skip
+    yield weights("waves", "Six rows, four atoms, λ₂ = 1.",
+                  _problem(_waves(6, 4, 1), _waves(6, 1, 2)[..., 0], _identity(6), 1.0, [0.1] * 3), [1, 8, 32]
+                )  # fmt: skip
+    yield weights("waves-nonnegative", "The same with x ≥ 0 and another γ for each channel.",
+                  _problem(_waves(6, 4, 1), _waves(6, 1, 2)[..., 0], _identity(6), 0.0, [0.05, 0.2, 0.8], True),
+                  [1, 8, 32])  # fmt: skip
+    yield weights("closed-form", "γ = 0: W = (H + 3 λ₂ I)⁻¹, nothing is thresholded.",
+                  _problem(_waves(6, 4, 1), _waves(6, 1, 2)[..., 0], _identity(6), 0.5, [0.0] * 3), [1, 32]
+                )  # fmt: skip
+    yield weights("cameras", "The product's rows: two lamps, full covariance, λ₂ = 1, γ = 0.05.",
+                  _rows_of("cameras-two-lamps", 1.0, [0.05] * 3), [1, 4, 32])  # fmt: skip
+    yield weights("cameras-l1", "λ₂ = 0, γ = 1.4.", _rows_of("cameras-two-lamps", 0.0, [1.4] * 3), [1, 4, 32])
+    yield weights("gaussian", "The paper's rows, x ≥ 0.", _rows_of("gaussian-twelve", 0.0, [1.0] * 3, True),
+                  [1, 4, 32])  # fmt: skip
+
+
+def _solve_cases() -> Iterator[Case]:
+    def solve(name: str, comment: str, problem: Json, *, depth: int | None = None, **more: Any) -> Case:
+        return case(f"solve/{name}", comment, problem | {"depth": depth, "finish": None}, **more)
+
+    A, b, eye = _waves(8, 5, 3), _waves(8, 1, 4)[..., 0], _identity(8)
+    yield solve("soft", "A = I: x = soft(b, γ), by hand [2, 0, 0] with objective 3.125.",
+                _problem(_identity(3), [[3.0, -0.5, 1.0]] * 3, _identity(3), 0.0, [1.0] * 3), generic=False
+                )  # fmt: skip
+    yield solve("one-atom", "One atom.", _problem(A[:, :, :1], b, eye, 0.0, [0.1] * 3))
+    yield solve("one-row", "One row, one atom.", _problem(A[:, :1, :1], b[:, :1], _identity(1), 0.0, [0.01] * 3))
+    yield solve("zero-target", "b = 0: x = 0, objective 0, gap 0.", _problem(A, 0 * b, eye, 0.0, [0.1] * 3))
+    yield solve("gamma-kills", "γ above γ_max: x = 0.", _problem(A, b, eye, 0.0, [1e3] * 3))
+    yield solve("generic", "Eight rows, five atoms.", _problem(A, b, eye, 0.0, [0.1] * 3))
+    yield solve("three-gammas", "Another γ for each channel.", _problem(A, b, eye, 0.0, [0.01, 0.1, 1.0]))
+    yield solve("nonnegative", "x ≥ 0.", _problem(A, b, eye, 0.0, [0.1] * 3, True))
+    yield solve("elastic", "λ₂ = 1.", _problem(A, b, eye, 1.0, [0.1] * 3))
+    yield solve("closed-form", "γ = 0, λ₂ = 1: ridge regression.", _problem(A, b, eye, 1.0, [0.0] * 3))
+    yield solve("closed-form-nonnegative", "γ = 0, λ₂ = 0.1, x ≥ 0.", _problem(A, b, eye, 0.1, [0.0] * 3, True))
+    yield solve("gamma-tiny", "γ = 1e-9.", _problem(A, b, eye, 0.0, [1e-9] * 3))
+    yield solve("no-layers", "Depth 0: the finish alone arrives.", _problem(A, b, eye, 0.0, [0.1] * 3), depth=0)
+    F = _waves(8, 2, 5)
+    sigma = np.round(eye + F @ F.transpose(0, 2, 1), 6)
+    yield solve("full-covariance", "Correlated errors.", _problem(A, b, sigma, 0.0, [0.1] * 3))
+    twice = np.concatenate([A, A], axis=2)
+    yield solve("duplicate-atoms", "Every atom twice: the code is not unique, the objective is.",
+                _problem(twice, b, eye, 0.0, [0.1] * 3), generic=False)  # fmt: skip
+    yield solve("duplicate-atoms-ridge", "Every atom twice, λ₂ = 1: they share.",
+                _problem(twice, b, eye, 1.0, [0.1] * 3), generic=False)  # fmt: skip
+    yield solve("opposite-atoms", "Every atom and its negative.",
+                _problem(np.concatenate([A, -A], axis=2), b, eye, 0.0, [0.1] * 3, True), generic=False)  # fmt: skip
+    yield solve("empty-atom", "An atom of zeros is never taken.",
+                _problem(np.concatenate([A, 0 * A[:, :, :1]], axis=2), b, eye, 0.0, [0.1] * 3))  # fmt: skip
+    yield solve("identical-rows", "Eight times the same row: rank one.",
+                _problem(np.repeat(A[:, :1], 8, axis=1), np.repeat(b[:, :1], 8, axis=1), eye, 0.0, [0.1] * 3)
+                )  # fmt: skip
+    yield solve("more-atoms-than-rows", "Four rows, nine atoms.",
+                _problem(_waves(4, 9, 6), b[:, :4], _identity(4), 0.0, [0.05] * 3))  # fmt: skip
+    tie = np.array([[1.0, 1.0, 0.5], [1.0, -1.0, 0.0], [0.0, 0.0, 0.5]])
+    yield solve("ties", "Two atoms meet the bound together.",
+                _problem(np.broadcast_to(tie, (3, 3, 3)).copy(), [[2.0, 0.0, 1.0]] * 3, _identity(3), 0.0, [0.5] * 3),
+                generic=False)  # fmt: skip
+    for l2, gamma, name in ((1.0, 0.05, "cameras"), (0.0, 1.4, "cameras-l1"), (1.0, 0.0, "cameras-closed")):
+        yield solve(name, f"The product's rows, λ₂ = {l2:g}, γ = {gamma:g}.",
+                    _rows_of("cameras-two-lamps", l2, [gamma] * 3), generic=False)  # fmt: skip
+    for gamma, positive, name in (
+        (1.0, True, "gaussian"),
+        (1.0, False, "gaussian-signed"),
+        (1e-3, True, "gaussian-weak"),
+    ):
+        yield solve(name, f"The paper's rows, γ = {gamma:g}, {'x ≥ 0' if positive else 'signed'}.",
+                    _rows_of("gaussian-twelve", 0.0, [gamma] * 3, positive), generic=False)  # fmt: skip
+    yield solve("gaussian-one-atom", "A basis of one Gaussian.",
+                _rows_of("gaussian-one-atom", 0.0, [0.5] * 3, True))  # fmt: skip

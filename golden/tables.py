@@ -1,0 +1,61 @@
+"""The spectra that cases name, once each in golden/spectra: rounded, because the rounded numbers are the inputs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from camssf.grid import Floats
+from camssf.spectra import read_chart, read_lamp
+from golden.reading import ROOT, Json, digest, spectra
+
+CURVES = ROOT.parents[1] / "shared" / "data" / "ssf" / "rawtoaces.csv"
+CHARTS = {"babelcolor": "classic24", "ohta": "classic24:ohta"}
+LAMPS = ("D55", "A", "LED-B3", "FL2")
+CAMERAS = (
+    "ARRI D21", "Arashi Vision Insta360 X5", "Canon EOS 5D Mark II", "Canon EOS R5", "Fujifilm X-T3",
+    "Hasselblad L1D-20c", "Nikon D5100", "Nikon Z f", "Panasonic DC-GX9", "Sony ILCE-7M3", "Sony DSC-RX100M4",
+)  # fmt: skip
+DECIMALS = 6
+
+
+def write_tables() -> dict[str, Json]:
+    """golden/spectra/<name>.json by name; cameras are taken from that file where the measured curves are missing."""
+    grid = "380 to 720 nm every 0.5 nm"
+    science = "colour-science, BSD-3-Clause"
+    return {
+        "charts": {
+            "origin": f"{science}: BabelColor Average and ColorChecker N Ohta, by camssf.spectra.read_chart",
+            "licence": "BSD-3-Clause",
+            "grid": grid,
+            "values": {name: _rounded(read_chart(spec).values) for name, spec in CHARTS.items()},
+        },
+        "lamps": {
+            "origin": f"{science}: CIE illuminants, scaled to a mean of 1, by camssf.spectra.read_lamp",
+            "licence": "BSD-3-Clause",
+            "grid": grid,
+            "values": {name: _rounded(read_lamp(name).values) for name in LAMPS},
+        },
+        "cameras": _cameras(CURVES),
+    }
+
+
+def _cameras(path: Path) -> Json:
+    if not path.exists():
+        return spectra("cameras")
+    from camssf.learn import read_curves
+
+    curves = read_curves(path)
+    return {
+        "origin": f"rawtoaces-data 1.1.0 of the Academy Software Foundation (SHA-256 {digest(path.read_bytes())}), "
+        "each channel's peak 1",
+        "licence": "Apache-2.0",
+        "grid": "380 to 720 nm every 5 nm, straight between",
+        "values": {name: _rounded(curves[name]) for name in CAMERAS},
+    }
+
+
+def _rounded(values: Floats) -> list[list[float]] | list[float]:
+    rounded: list[list[float]] | list[float] = (np.round(values, DECIMALS) + 0.0).tolist()
+    return rounded

@@ -1,0 +1,390 @@
+"""The golden vectors: strict in form, complete, true of the reference, and able to fail."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.basis import interpolate, read_basis
+from camssf.engine import SHIPPED, load_model
+from camssf.grid import WAVELENGTHS
+from golden import compare, generate, reading
+from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
+from golden.running import findings, judge, problem, run
+
+Json = dict[str, Any]
+CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
+SOUND = [name for name, case in CASES.items() if case["expect"] == "success"]
+SOLVED = [name for name in SOUND if CASES[name]["oracle"]]
+MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
+
+
+# -- form ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_manifest_names_every_file() -> None:
+    assert MANIFEST["format"] == 1
+    assert MANIFEST["count"] == len(CASES) >= 60
+    found = {name: reading.digest((ROOT / "cases" / f"{name}.json").read_bytes()) for name in CASES}
+    assert found == MANIFEST["cases"]
+    tables = {f"spectra/{p.name}": reading.digest(p.read_bytes()) for p in (ROOT / "spectra").glob("*.json")}
+    assert tables == MANIFEST["spectra"]
+
+
+def test_the_files_were_made_by_these_sources() -> None:
+    assert MANIFEST["generator"] == reading.generator_digest(), f"run `{generate.COMMAND}`"
+
+
+def test_spectra_say_where_they_come_from() -> None:
+    for name in ("charts", "lamps", "cameras"):
+        table = reading.spectra(name)
+        assert table["origin"]
+        assert table["licence"] in ("BSD-3-Clause", "Apache-2.0")
+
+
+def test_cases_belong_to_the_shipped_bases() -> None:
+    stated = {name: load_model(name).metadata["basis_sha256"] for name in SHIPPED}
+    seen = set()
+    for name, case in CASES.items():
+        basis = case["source"]["basis"]
+        if basis in SHIPPED:
+            seen.add(basis)
+            assert case["source"]["basis_sha256"] == stated[basis], f"{name}: run `{generate.COMMAND}`"
+    assert seen == set(SHIPPED)
+
+
+def test_size_and_one_line_a_value() -> None:
+    files = [*paths(), *(ROOT / "spectra").glob("*.json"), ROOT / "manifest.json"]
+    assert sum(path.stat().st_size for path in files) < 8_000_000
+
+
+BREAKS: dict[str, Callable[[Json], object]] = {
+    "unknown field": lambda c: c.update(extra=1),
+    "missing field": lambda c: c.pop("comment"),
+    "another format": lambda c: c.update(format=2),
+    "unknown stage": lambda c: c.update(stage="magic"),
+    "another stage": lambda c: c.update(stage="solve"),
+    "unknown error": lambda c: c.update(expect="sorry"),
+    "unknown capability": lambda c: c["requires"].append("gpu"),
+    "unknown input": lambda c: c["inputs"].update(seed=1),
+    "missing input": lambda c: c["inputs"].pop("lamp"),
+    "unknown output": lambda c: c["outputs"].update(time=1.0),
+    "unknown source": lambda c: c["source"].update(date="today"),
+    "unknown oracle": lambda c: c["oracle"].update(status="optimal"),
+    "unknown truth": lambda c: c["truth"].update(name="x"),
+    "no limits": lambda c: c.update(limits=[]),
+    "unknown in a limit": lambda c: c["limits"][0].update(why="x"),
+    "unknown metric": lambda c: c["limits"][0].update(metric="allclose"),
+    "unknown comparison": lambda c: c["limits"][0].update(against="matlab"),
+    "unknown dtype": lambda c: c["limits"][0]["bound"].update(float16=1.0),
+    "codes compared": lambda c: c["limits"][0].update(value="x", against="oracle"),
+    "nothing to compare with": lambda c: c["limits"][0].update(value="phase"),
+    "error with outputs": lambda c: c.update(expect="blurred"),
+}
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_the_format_is_strict(name: str) -> None:
+    case = copy.deepcopy(CASES["ssf/cameras-nikon"])
+    check(case)
+    BREAKS[name](case)
+    with pytest.raises(GoldenError):
+        check(case)
+
+
+def test_a_shot_is_strict_too() -> None:
+    case = copy.deepcopy(CASES["signals/triple"])
+    case["inputs"]["shots"][0]["iso"] = 100
+    with pytest.raises(GoldenError, match="iso"):
+        check(case)
+
+
+@pytest.mark.parametrize("form", [{"random": 3}, {"chart": "babelcolor"}, {"lamps": ["D55"], "scale": 2.0}])
+def test_unknown_input_forms_are_errors(form: Json) -> None:
+    with pytest.raises(GoldenError):
+        resolve(form)
+
+
+def test_a_file_that_calls_itself_something_else_is_an_error(tmp_path: Any) -> None:
+    file = tmp_path / "ssf" / "other.json"
+    file.parent.mkdir()
+    file.write_text(json.dumps(CASES["ssf/cameras-nikon"]), encoding="utf-8")
+    with pytest.raises(GoldenError, match="calls itself"):
+        read_case(file)
+    file.write_text("{", encoding="utf-8")
+    with pytest.raises(GoldenError, match="JSON"):
+        read_case(file)
+
+
+def test_input_forms_by_hand() -> None:
+    u = (WAVELENGTHS - 550) / 170
+    assert resolve({"polynomials": [[[1.0, 2.0, 3.0]], [[0.0]]]}) == pytest.approx(
+        np.stack([1 + 2 * u + 3 * u**2, 0 * u])[:, None], abs=1e-14
+    )
+    assert resolve({"polynomials": [[], []]}).shape == (2, 0, 681)
+    table = reading.chart("babelcolor")
+    mixed = resolve({"chart": "babelcolor", "mixtures": 96})
+    assert mixed[1] == pytest.approx(0.63 * table[1] + 0.37 * table[12], abs=1e-15)
+    assert (resolve({"chart": "babelcolor", "patches": [19]})[0] == table[18]).all()
+    assert resolve({"bells": [[[2.0, 550.0, 10.0]]] * 3})[340] == pytest.approx([2.0] * 3)
+    assert np.isnan(resolve([["NaN", 1.0]])[0, 0])
+    assert resolve([[1.0], [1.0, 2.0]]) == [[1.0], [1.0, 2.0]]
+
+
+def test_what_the_issue_lists_is_there() -> None:
+    """Makers, lamps, patch counts, shots, penalties, signs, and both kinds of Σ."""
+    ssf = [CASES[name]["inputs"] for name in SOUND if name.startswith("ssf/")]
+    cameras = {str((CASES[name]["truth"] or {}).get("ssf", {}).get("camera", "")).split(" ")[0] for name in SOUND}
+    assert {"ARRI", "Arashi", "Canon", "Fujifilm", "Hasselblad", "Nikon", "Panasonic", "Sony"} <= cameras
+    lamps = {lamp for g in ssf if isinstance(g["lamp"], dict) for lamp in g["lamp"].get("lamps", [])}
+    assert {"D55", "A", "LED-B3", "FL2"} <= lamps
+    shapes = {np.shape(g["chart"])[:2] for g in ssf}
+    assert {n for _, n in shapes} >= {9, 12, 18, 24, 96}
+    assert {k for k, _ in shapes} == {1, 2, 3}
+    for basis in SHIPPED:
+        mine = [g for g in ssf if g["basis"] == basis]
+        assert {0.0, 1.0} <= {g["l2"] for g in mine}
+        assert len({g["gamma"] for g in mine}) >= 3
+        assert {g["nonnegative"] for g in mine} == {True, False}
+    assert {float(np.max(resolve(g["chart_tolerance"]))) for g in ssf} >= {0.0, 0.03}
+    codes = {case["expect"] for case in CASES.values()}
+    assert {"invalid_argument", "lamp_unfit", "overexposed", "underexposed", "not_converged"} <= codes
+    assert {case["stage"] for case in CASES.values()} == set(reading.INPUTS)
+
+
+# -- truth --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_reference_keeps_every_limit(name: str) -> None:
+    found = findings(CASES[name])
+    assert found
+    assert not [finding for finding in found if not finding.holds or finding.skipped]
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_the_oracle_proves_itself(name: str) -> None:
+    """Its objective and gap, recomputed from its code without cvxpy."""
+    oracle = CASES[name]["oracle"]
+    for (objective, gap), stated in zip(generate.proofs(CASES[name]), oracle["objective"], strict=True):
+        assert gap <= generate.ORACLE_GAP
+        assert objective == pytest.approx(stated, rel=1e-10, abs=1e-300)
+
+
+def test_every_problem_has_an_oracle() -> None:
+    assert {name for name in SOUND if name.split("/")[0] in ("solve", "ssf")} == set(SOLVED)
+
+
+def test_soft_thresholding_by_hand() -> None:
+    """A = I, b = (3, -1/2, 1), γ = 1: x = (2, 0, 0), objective ½ (1 + ¼ + 1) + 2."""
+    outputs = CASES["solve/soft"]["outputs"]
+    assert outputs["code"] == [[2.0, 0.0, 0.0]] * 3
+    assert outputs["objective"] == pytest.approx([3.125] * 3, rel=1e-15)
+
+
+def test_layers_by_hand() -> None:
+    """A = I, λ₂ = 0, ρ = γ = 1: W = I / 2; v₀ = 0, v₁ = 0.8 b, z₁ = soft(0.8 b, 1)."""
+    outputs = CASES["weights/identity"]["outputs"]
+    assert np.array(outputs["W"]) == pytest.approx(np.broadcast_to(np.eye(3) / 2, (3, 3, 3)))
+    v = 0.8 * np.array([3.0, -0.5, 1.0])
+    z = np.sign(v) * np.maximum(np.abs(v) - 1, 0)
+    v2 = v + 1.6 * (0.5 * np.array([3.0, -0.5, 1.0]) + 0.5 * (2 * z - v) - z)
+    z2 = np.sign(v2) * np.maximum(np.abs(v2) - 1, 0)
+    for found, expected in zip(outputs["z"], (0 * z, z, z2), strict=True):
+        assert np.array(found) == pytest.approx(np.stack([expected] * 3), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", [name for name in SOUND if name.startswith("weights/")])
+def test_weights_are_the_inverse(name: str) -> None:
+    rows, given = problem(CASES[name]), CASES[name]["inputs"]
+    for c in range(3):
+        A, S = rows.matrix[c], rows.covariance[c]
+        M = A.T @ np.linalg.solve(S, A) + (given["l2"] + CASES[name]["outputs"]["rho"][c]) * np.eye(A.shape[1])
+        size = max(1.0, np.linalg.norm(CASES[name]["outputs"]["W"][c]) * np.linalg.norm(M))
+        assert CASES[name]["outputs"]["W"][c] @ M == pytest.approx(np.eye(A.shape[1]), abs=1e-13 * size)
+
+
+@pytest.mark.parametrize("name", ["chart", "white", "lamp", "two-lamps", "diagonal"])
+def test_rows_and_covariance_by_their_integrals(name: str) -> None:
+    """Against loops over DESIGN.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
+    case = CASES[f"sensing/cameras-{name}"]
+    g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
+    basis, nodes = read_basis("cameras"), WAVELENGTHS[::10]
+    straight = interpolate(np.eye(69))  # (681, 69)
+    kernel = {scale: np.exp(-0.5 * ((nodes[:, None] - nodes) / scale) ** 2) for scale in (60.0, 100.0)}
+    k, n, _ = g["signals"].shape
+    for c in range(3):
+        mu = basis.mean[c]
+        W = [0.5 * np.sum(g["white_reflectance"] * L * mu) for L in g["lamp"]]
+        A, sigma, parts = np.zeros((k * n, basis.dictionary.shape[2])), np.zeros((k * n, k * n)), []
+        for j, L in enumerate(g["lamp"]):
+            for i, R in enumerate(g["reflectance"]):
+                y, row = g["signals"][j, i, c], j * n + i
+                fold = R * L * 0.5 / W[j]
+                fold_white = g["white_reflectance"] * L * 0.5 / W[j]
+                A[row] = (fold - y * fold_white) @ basis.dictionary[c]
+                expected = fold @ mu
+                bend = (fold - expected * fold_white) * mu
+                modes = np.array([np.sum(bend * mode) for mode in g["lamp_modes"][j]])
+                parts.append(
+                    (
+                        i, j,
+                        g["chart_tolerance"][i] * (fold @ straight) * mu[::10],
+                        g["white_tolerance"] * expected * (fold_white @ straight) * mu[::10],
+                        g["lamp_tolerance"][j] * ((fold - expected * fold_white) @ straight) * mu[::10],
+                        modes,
+                    )
+                )  # fmt: skip
+                noise = g["standard_error"][j, i, c] ** 2 + (g["chart_tolerance"][i] * y / 4) ** 2
+                sigma[row, row] = max(noise, 1e-8)
+        for p, (i, j, chart, white, lamp, modes) in enumerate(parts):
+            for q, (i2, j2, chart2, white2, lamp2, modes2) in enumerate(parts):
+                sigma[p, q] += (i == i2) * chart @ kernel[100.0] @ chart2 + white @ kernel[100.0] @ white2
+                sigma[p, q] += (j == j2) * (lamp @ kernel[60.0] @ lamp2 + modes @ modes2)
+        assert compare.norm(case["outputs"]["matrix"][c], A) < 1e-11
+        # sensing.py smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid
+        assert compare.norm(case["outputs"]["covariance"][c], sigma) < 2e-3
+
+
+def test_a_quarter_is_a_quarter() -> None:
+    assert np.all(np.array(CASES["signals/quarter"]["outputs"]["signals"]) == 0.25)
+
+
+def test_the_zero_code_is_the_basis_mean() -> None:
+    case, mean = CASES["ssf/cameras-zero-code"], read_basis("cameras").mean
+    assert not np.any(case["outputs"]["code"])
+    assert compare.peak(case["outputs"]["ssf"], (mean.T / mean.max(axis=1))[::10]) < 1e-14
+
+
+# -- able to fail -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_falsified_value_breaks_its_limit(name: str) -> None:
+    """Every limit by itself, with the answer just outside its bound."""
+    case = CASES[name]
+    outputs = run(case)
+    for limit in case["limits"]:
+        false = dict(outputs)
+        value, bound, metric = limit["value"], limit["bound"]["float64"], limit["metric"]
+        if metric == "exact":
+            false[value] = ["x"]
+        elif metric == "at_most":
+            false[value] = np.full(3, 3 * bound)
+        else:
+            array = np.array(outputs[value], float)
+            step = np.zeros_like(array)
+            where = np.unravel_index(np.abs(array).argmax(), array.shape)
+            step[where] = (8 * bound + 1e-14) * (np.abs(array[where]) or 1.0)
+            false[value] = array[::-1] if metric == "rmse" else array - step
+            if metric == "peak":
+                false[value] = array * (1 + 1e-4 * np.arange(len(array))[:, None] / len(array))
+        broken = [finding for finding in judge(case, false) if not finding.holds]
+        assert any(finding.limit == f"{value} against {limit['against']}, {metric}" for finding in broken), limit
+
+
+def test_what_must_be_absent_breaks_when_present() -> None:
+    from golden.running import _complete
+
+    case = CASES["ssf/gaussian-paper"]
+    assert case["outputs"]["ssf_std"] is None
+    outputs = run(case)
+    assert all(finding.holds for finding in _complete(case, outputs))
+    assert not all(finding.holds for finding in _complete(case, outputs | {"ssf_std": np.ones((681, 3))}))
+
+
+def test_a_wrong_lamp_is_found() -> None:
+    case = copy.deepcopy(CASES["ssf/cameras-nikon"])
+    case["inputs"]["lamp"]["lamps"][0] = "A"
+    assert [finding for finding in findings(case) if not finding.holds]
+
+
+def test_an_error_case_must_err_by_its_own_code() -> None:
+    case = copy.deepcopy(CASES["ssf/error-lamp-dark"])
+    assert all(finding.holds for finding in findings(case))
+    case["expect"] = "invalid_argument"
+    assert not all(finding.holds for finding in findings(case))
+    sound = copy.deepcopy(CASES["ssf/cameras-nikon"])
+    sound["expect"] = "lamp_unfit"
+    assert not all(finding.holds for finding in findings(sound))
+
+
+def test_a_runner_that_lacks_a_capability_skips_visibly() -> None:
+    (finding,) = findings(CASES["solve/generic"], capabilities=("model",))
+    assert finding.skipped == "needs reference"
+    skipped = [f for f in findings(CASES["ssf/cameras-nikon"], capabilities=("model",)) if f.skipped]
+    assert [f.limit for f in skipped] == ["objective against oracle, relative"]
+
+
+def test_a_falsified_oracle_is_found() -> None:
+    case = copy.deepcopy(CASES["ssf/cameras-nikon"])
+    case["oracle"]["x"][0][0] += 1e-3
+    assert max(gap for _, gap in generate.proofs(case)) > generate.ORACLE_GAP
+
+
+def test_drift_is_found_and_rounding_is_not() -> None:
+    stored = CASES["ssf/cameras-nikon"]
+    made = copy.deepcopy(stored)
+    made["outputs"]["ssf"][300][1] *= 1 + 1e-14
+    made["oracle"]["objective"][0] *= 1 + 1e-12
+    assert generate.drift(stored, made) == []
+    made["outputs"]["ssf"][300][1] *= 1 + 1e-6
+    assert len(generate.drift(stored, made)) == 1
+    for key, value in (("comment", "another"), ("inputs", {}), ("limits", [])):
+        assert generate.drift(stored, stored | {key: value}) == [f"{key} differs"]
+
+
+def test_nothing_drifted(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev): the oracle cannot be asked anew")
+    assert generate.main(["--check"]) == 0, capsys.readouterr().out
+    assert "0 drifted" in capsys.readouterr().out
+
+
+# -- metrics ------------------------------------------------------------------------------------------------------
+
+
+def test_metrics_by_hand() -> None:
+    assert compare.exact([1, 2], [1, 2]) == 0
+    assert compare.exact([1, 2], [1, 3]) == np.inf
+    assert compare.exact([1, 2], [[1, 2]]) == np.inf
+    assert compare.norm([1.0, 10.0], [1.0, 10.5]) == pytest.approx(0.5 / 10.5)
+    assert compare.norm([0.25, 0.0], [0.0, 0.0]) == 0.25
+    assert compare.norm([np.nan], [1.0]) == np.inf
+    assert compare.norm([1.0], [1.0, 1.0]) == np.inf
+    assert compare.relative([1.1, 10.0], [1.0, 10.0]) == pytest.approx(0.1)
+    assert compare.at_most([1e-9, 3e-9]) == 3e-9
+    assert compare.at_most([np.nan]) == np.inf
+    curves = np.outer(np.linspace(1.0, 2.0, 681), [1.0, 2.0, 4.0])
+    nodes = curves[::10] / curves.max(axis=0)
+    assert compare.peak(4 * curves, nodes) < 1e-15
+    assert compare.peak(nodes, nodes) == 0
+    nodes[10, 0] -= 0.01
+    assert compare.peak(curves, nodes) == pytest.approx(0.01)
+    assert compare.peak(-curves, nodes) == np.inf
+
+
+def test_rmse_counts_400_to_700_nm() -> None:
+    flat = np.ones((681, 3))
+    bent = flat.copy()
+    bent[:40] = 0.0  # below 400 nm
+    bent[641:] = 0.0  # above 700 nm
+    assert compare.rmse(bent, flat) == 0
+    bent[40:641:2, 0] = 0.5
+    count = len(range(40, 641, 2))
+    assert compare.rmse(bent, flat) == pytest.approx(np.sqrt(0.25 * count / 601) / 3)
+
+
+def test_optimality_by_hand() -> None:
+    """½ (x - 2)² + |x| has its optimum at 1 with objective 1.5; at x = 2 the dual bound is 0."""
+    one = np.ones((1, 1))
+    assert compare.optimality(one, np.array([2.0]), one, np.array([1.0]), 0.0, 1.0, False) == (1.5, 0.0)
+    objective, gap = compare.optimality(one, np.array([2.0]), one, np.array([2.0]), 0.0, 1.0, False)
+    assert (objective, gap) == (2.0, 1.0)
+    assert compare.optimality(one, np.array([2.0]), one, np.array([-1.0]), 0.0, 1.0, True)[1] == np.inf
+    # γ = 0: ½ ‖w‖² / λ₂ with w = b - x - λ₂ x = 2 at x = 0
+    assert compare.optimality(one, np.array([2.0]), one, np.array([0.0]), 4.0, 0.0, False) == (2.0, 0.25)

@@ -1,0 +1,264 @@
+"""The shipped ONNX models: what they are, and that they give the reference's numbers and keep the oracle's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.basis import read_basis
+from camssf.engine import SHIPPED, Model, load_model
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.ssf import Ssf, recover
+from golden.compare import norm, optimality, peak
+from golden.reading import paths, read_case
+from golden.running import BY_MODEL, findings, problem, run
+from tests.problems import chart_and_lamp, theory, toy_camera
+
+CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths() if path.parent.name in BY_MODEL}
+LAMPS = ("D55", "A", "LED-B3", "FL2")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_golden_cases(name: str) -> None:
+    found = findings(CASES[name], "onnx")
+    assert found
+    assert not [finding for finding in found if not finding.holds or finding.skipped]
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case["oracle"]])
+def test_the_code_is_optimal(name: str) -> None:
+    """The model's own code, proved without the model: objective not above the oracle's, gap small."""
+    case = CASES[name]
+    given, rows, code = case["inputs"], problem(case), run(case, "onnx")["code"]
+    for c, known in enumerate(case["oracle"]["objective"]):
+        objective, gap = optimality(
+            rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"],
+            given["nonnegative"],
+        )  # fmt: skip
+        assert gap <= 1e-9
+        assert objective <= known * (1 + 1e-9)
+
+
+def seeded(seed: int) -> dict[str, Any]:
+    """Arguments of `recover`: a shifted toy camera, one to three lamps, some patches, noise, penalties."""
+    rng = np.random.default_rng(seed)
+    basis = SHIPPED[seed % 2]
+    shots = int(rng.integers(1, 4)) if basis == "cameras" else 1
+    lamps = rng.choice(LAMPS, shots, replace=False)
+    order = rng.permutation(24)[: int(rng.choice([6, 9, 12, 18, 24]))]
+    R = chart_and_lamp(patches=slice(0, 24))[0][order]
+    L = np.stack([chart_and_lamp(str(lamp))[1] for lamp in lamps])
+    noise = rng.choice([0.0, 0.005, 0.02])
+    y = np.stack([theory(R, lamp, toy_camera(rng.normal(0, 8))) for lamp in L])
+    y = np.maximum(y * (1 + noise * rng.normal(size=y.shape)), 0.0)
+    known = {"cameras": ((1.0, 0.05), (1.0, 0.5), (0.0, 1.4), (1.0, 0.0)), "gaussian": ((0.0, 1.0), (1.0, 0.05))}
+    l2, gamma = known[basis][int(rng.integers(len(known[basis])))]
+    return {
+        "signals": y,
+        "reflectance": R,
+        "lamp": L,
+        "standard_error": np.hypot(0.005 * y, 0.001),
+        "chart_tolerance": float(rng.choice([0.0, 0.03])) if basis == "cameras" else 0.0,
+        "lamp_tolerance": float(rng.choice([0.0, 0.02])),
+        "basis": basis,
+        "l2": l2,
+        "gamma": gamma,
+        "nonnegative": bool(rng.integers(2)),
+    }
+
+
+def both(arguments: dict[str, Any]) -> tuple[Ssf, Ssf]:
+    return recover(**arguments, engine="onnx"), recover(**arguments, engine="reference")
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_seeded_problems(seed: int) -> None:
+    onnx, reference = both(seeded(seed))
+    assert (onnx.engine, reference.engine) == ("onnx", "reference")
+    assert onnx.gap.max() <= 1e-9
+    assert reference.gap.max() <= 1e-9
+    assert norm(onnx.values, reference.values) <= 1e-10
+    assert norm(onnx.predicted, reference.predicted) <= 1e-10
+    if reference.std is None:
+        assert onnx.std is None
+    else:
+        assert norm(onnx.std, reference.std) <= 1e-10
+
+
+@pytest.mark.parametrize("seed", range(0, 12, 3))
+def test_seeded_problems_against_cvxpy(seed: int) -> None:
+    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
+    from camssf.sensing import sense
+    from golden.oracle import consult
+
+    a = seeded(seed)
+    k, n, _ = a["signals"].shape
+    basis, white = read_basis(a["basis"]), np.ones(WAVELENGTHS.size)
+    rows = sense(
+        a["signals"], a["standard_error"], a["reflectance"], a["lamp"], basis,
+        chart_tolerance=np.full(n, a["chart_tolerance"]), white_reflectance=white, white_tolerance=0.01,
+        lamp_tolerance=np.full(k, a["lamp_tolerance"]), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
+    )  # fmt: skip
+    oracle = consult(rows, a["l2"], np.full(3, a["gamma"]), a["nonnegative"], basis, a["lamp"][0])
+    assert oracle["gap"].max() <= 1e-9
+    assert oracle["ssf"] is not None
+    assert peak(recover(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_the_order_of_patches_changes_nothing(basis: str) -> None:
+    a = seeded(SHIPPED.index(basis))
+    order = np.random.default_rng(5).permutation(len(a["reflectance"]))
+    turned = a | {name: a[name][:, order] for name in ("signals", "standard_error")}
+    turned["reflectance"] = a["reflectance"][order]
+    assert norm(recover(**turned).values, recover(**a).values) < 1e-9
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_exposure_and_lamp_scale_change_nothing(basis: str) -> None:
+    a = seeded(SHIPPED.index(basis))
+    y = a["signals"]
+    ones = np.ones_like(y)
+    plain = recover(**a, frames=(y, ones, 0 * ones))
+    louder = recover(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
+    assert norm(louder.values, plain.values) < 1e-9
+    assert louder.channel_gain == pytest.approx([1, 1, 1])
+    assert norm(recover(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_the_same_call_gives_the_same_bits(basis: str) -> None:
+    a = seeded(SHIPPED.index(basis))
+    assert recover(**a).values.tobytes() == recover(**a).values.tobytes()
+
+
+def test_nonnegative_is_optional_and_defaults_by_basis() -> None:
+    """A caller that knows only DESIGN.md's inputs gets x ≥ 0 on the paper's basis and signed codes on the other."""
+    for basis in SHIPPED:
+        model, fed = load_model(basis), inputs_of(basis)
+        code = model.run(fed)["code"]
+        explicit = model.run(fed | {"nonnegative": np.array(float(basis == "gaussian"))})["code"]
+        assert code.tobytes() == explicit.tobytes()
+        assert (code >= 0).all() == (basis == "gaussian")
+
+
+def inputs_of(basis: str) -> dict[str, Floats]:
+    a = seeded(SHIPPED.index(basis))
+    k, n, _ = a["signals"].shape
+    ones = np.ones_like(a["signals"])
+    return {
+        "chart": a["signals"], "white": ones, "dark": 0 * ones, "standard_error": a["standard_error"],
+        "reflectance": a["reflectance"], "chart_tolerance": np.full(n, 0.0),
+        "white_reflectance": np.ones(681), "white_tolerance": np.array(0.01), "lamp": a["lamp"],
+        "lamp_tolerance": np.zeros(k), "lamp_modes": np.zeros((k, 1, 681)), "l2": np.array(1.0),
+        "gamma": np.array(0.05),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_metadata(basis: str) -> None:
+    model: Model = load_model(basis)
+    assert model.metadata["basis"] == basis
+    assert model.metadata["grid"] == "380 to 720 nm every 0.5 nm"
+    assert {"basis_sha256", "basis_source", "depth", "finish", "vocabulary"} <= set(model.metadata)
+    assert len(model.metadata["basis_sha256"]) == len(model.sha256) == 64
+
+
+# -- the files, by the onnx package -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def command() -> Any:
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx import __main__
+
+    return __main__
+
+
+def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["check"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("the same bytes") == 2
+    assert out.splitlines()[-1] == f"{len(CASES) + 2} passed, 0 failed"
+
+
+def test_build_is_deterministic_and_atomic(
+    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = {name: (command.DATA / f"camssf-{name}.onnx").read_bytes() for name in SHIPPED}
+    monkeypatch.setattr(command, "DATA", tmp_path)
+    assert command.main(["build"]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camssf-cameras.onnx", "camssf-gaussian.onnx"]
+    for name, content in shipped.items():
+        assert (tmp_path / f"camssf-{name}.onnx").read_bytes() == content
+    assert "nodes" in capsys.readouterr().out
+
+
+def test_check_fails_on_other_bytes(
+    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in SHIPPED:
+        (tmp_path / f"camssf-{name}.onnx").write_bytes((command.DATA / f"camssf-{name}.onnx").read_bytes())
+    with (tmp_path / "camssf-gaussian.onnx").open("ab") as stream:
+        stream.write(b"\xaa\x01\x00")  # an unknown field: still a model, not ours
+    monkeypatch.setattr(command, "DATA", tmp_path)
+    monkeypatch.setattr(command, "_golden", lambda: (0, 0))
+    assert command.main(["check"]) == 1
+    out = capsys.readouterr().out
+    assert "other bytes" in out
+    assert out.splitlines()[-1] == "1 passed, 1 failed"
+
+
+def test_check_fails_on_a_broken_golden_case(
+    command: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import golden.reading
+
+    false = json.loads(json.dumps(CASES["ssf/cameras-nikon"]))
+    false["outputs"]["ssf"][300][1] *= 1 + 1e-6
+    path = next(path for path in paths() if path.stem == "cameras-nikon")
+    monkeypatch.setattr(golden.reading, "paths", lambda: [path])
+    monkeypatch.setattr(golden.reading, "read_case", lambda path: false)
+    assert command.main(["check"]) == 1
+    out = capsys.readouterr().out
+    assert "FAILED ssf/cameras-nikon: ssf against outputs" in out
+    assert out.splitlines()[-1] == "2 passed, 1 failed"
+
+
+def test_a_missing_model_says_what_to_do(
+    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "DATA", tmp_path)
+    assert command.main(["check"]) == 2
+    assert "python -m camssf_onnx build" in capsys.readouterr().err
+
+
+def test_faults_are_found(command: Any) -> None:
+    import onnx
+
+    content = (command.DATA / "camssf-cameras.onnx").read_bytes()
+    assert command.faults(content) == []
+
+    def changed(change: Any) -> str:
+        model = onnx.load_model_from_string(content)
+        change(model)
+        return "; ".join(command.faults(model.SerializeToString()))
+
+    assert "IR 10" in changed(lambda m: setattr(m, "ir_version", 10))
+    assert "opsets" in changed(lambda m: setattr(m.opset_import[0], "version", 17))
+    assert "opsets" in changed(lambda m: m.opset_import.add(domain="com.microsoft", version=1))
+    assert "com.microsoft.Inverse" in changed(lambda m: m.graph.node.add(op_type="Inverse", domain="com.microsoft"))
+    body = "com.example.Odd"
+    assert body in changed(
+        lambda m: (
+            next(n for n in m.graph.node if n.op_type == "Loop")
+            .attribute[0]
+            .g.node.add(op_type="Odd", domain="com.example")
+        )
+    )
+    assert "bytes" in changed(lambda m: setattr(m.graph, "doc_string", "x" * 400_000))
+    assert "invalid" in changed(lambda m: m.graph.node[-1].input.append("nowhere"))
