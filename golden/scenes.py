@@ -276,6 +276,10 @@ def _ssf_gaussian() -> Iterator[Case]:
         patches=[15] * 12, gamma=0.1, **plain,
     )  # fmt: skip
     yield scene(
+        "gaussian-two-patches", "Six times one patch, six times another, and no prior: rank two.",
+        patches=[19] * 6 + [15] * 6, gamma=0.1, **plain,
+    )  # fmt: skip
+    yield scene(
         "gaussian-equal-energy", "The paper's assumption of a flat lamp, true here.", lamps=["equal-energy"],
         patches=TWELVE, gamma=1e-5, noise="none", change={"standard_error": {"constant": 1.0, "shape": [1, 12, 3]}},
         rmse=0.08, **plain,

@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from camssf.unrolled import _Problem
+from camssf.unrolled import _Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")
@@ -20,7 +20,7 @@ def arguments(nonnegative: bool) -> tuple[list[object], np.ndarray]:
     sensing = random_sensing(7, 20, 12)
     gamma = float(0.05 * gamma_max(sensing).min())
     problems = [
-        _Problem(A, b, np.linalg.inv(S), 0.5, gamma, nonnegative)
+        _Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
         for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
     ]
     expected = np.stack([p.unroll(32) for p in problems])

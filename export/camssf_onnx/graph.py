@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import onnx
@@ -51,20 +52,21 @@ class Graph:
 
     def loop(
         self,
-        body: Callable[[Graph, Value, list[Value]], tuple[list[Value], Value | None]],
+        body: Callable[[Graph, Value, list[Value]], Body],
         state: Sequence[Value],
         kinds: Sequence[int],
         trips: Value,
         word: str,
     ) -> list[Value]:
-        """A Loop: `body(graph, step, state)` gives the next state and, where it may end early, whether to go on."""
+        """A Loop: the state after it, then what its steps left behind, stacked.
+
+        `body(graph, step, state)` gives a Body: the next state, values to stack, and whether to go on (None: always).
+        """
         inner = Graph(self.fresh(word), self)
         step, go_in = inner.fresh("step"), inner.fresh("go")
         names = [inner.fresh("state") for _ in state]
-        after, go = body(inner, Value(inner, step), [Value(inner, name) for name in names])
-        if go is None:
-            go = inner.op("Identity", Value(inner, go_in))
-        outs = [inner.op("Identity", value) for value in after]
+        after = body(inner, Value(inner, step), [Value(inner, name) for name in names])
+        go = after.go or inner.op("Identity", Value(inner, go_in))
         inputs = [
             helper.make_tensor_value_info(step, TensorProto.INT64, []),
             helper.make_tensor_value_info(go_in, TensorProto.BOOL, []),
@@ -72,15 +74,25 @@ class Graph:
         ]
         outputs = [
             helper.make_tensor_value_info(go.name, TensorProto.BOOL, []),
-            *(helper.make_tensor_value_info(o.name, kind, None) for o, kind in zip(outs, kinds, strict=True)),
+            *(helper.make_tensor_value_info(v.name, kind, None) for v, kind in zip(after.state, kinds, strict=True)),
+            *(helper.make_tensor_value_info(v.name, TensorProto.DOUBLE, None) for v in after.left),
         ]
         subgraph = helper.make_graph(inner.nodes, inner.name, inputs, outputs)
         start = self.constant(np.array(True), np.bool_)
-        results = [self.fresh(word) for _ in state]
+        results = [self.fresh(word) for _ in (*after.state, *after.left)]
         self.nodes.append(
             helper.make_node("Loop", [trips.name, start.name, *(v.name for v in state)], results, body=subgraph)
         )
         return [Value(self, name) for name in results]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One step of a Loop: its next state (made by nodes of its own), what it leaves behind, whether to go on."""
+
+    state: list[Value]
+    left: list[Value] = field(default_factory=list)
+    go: Value | None = None
 
 
 class Value:

@@ -4,15 +4,14 @@ The same steps in the same order as `camssf.sensing`, `camssf.unrolled` and `cam
 names follow them. Differences of form, none of value:
 
 - What is known only on the 5-nm nodes stays there: integrals are folded onto them (`_fold`), curves unfolded.
-- ONNX has no float64 Cholesky or inverse. Matrices of unit diagonal are inverted by a Loop of exchange steps (Gauss
-  and Jordan); an exchange is one rank-one update, and the pivots of such a matrix never exceed 1: nothing cancels.
+- ONNX has no float64 Cholesky or inverse. Rows are whitened by Gauss' elimination in a Loop, whose scaled pivot rows
+  are L⁻¹ (A | b). Matrices of unit diagonal are inverted by a Loop of symmetric sweeps, one rank-one update each.
 - The three channels are solved side by side; one that has arrived stands still.
 - No infinities: a bound that does not exist is ±1e300.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,8 +22,8 @@ from camssf import __version__
 from camssf.basis import NODES, Basis
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.sensing import CHART_CORRELATION, FLOOR, INDEPENDENT_SHARE, LAMP_CORRELATION, smooth_errors
-from camssf.unrolled import DEPTH, GOLDEN, PIVOT_FLOOR, RELAXATION, finish_steps
-from camssf_onnx.graph import Graph, Value
+from camssf.unrolled import DEPTH, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
+from camssf_onnx.graph import Body, Graph, Value
 
 OPSET, IR = 18, 9
 BIG = 1e300
@@ -57,27 +56,31 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
     rows = _Rows(g, given)
     A, b, sigma, curves = _cameras(g, rows, basis) if basis.prior else _paper(g, rows, basis)
 
-    inverse = _inverse(g, sigma, _size(g, b, 1), "invert")
-    weighted = inverse @ A  # (3, N, r)
-    H = A.transpose(0, 2, 1) @ weighted
-    pull = (weighted.transpose(0, 2, 1) @ b.unsqueeze(2)).squeeze(2)  # (3, r) g
+    A, b = _whiten(g, sigma, A, b)
+    H = A.transpose(0, 2, 1) @ A
+    pull = (A.transpose(0, 2, 1) @ b.unsqueeze(2)).squeeze(2)  # (3, r) g
     l2, gamma = given["l2"], given["gamma"]
     eye = g.constant(np.eye(r))
     quadratic = H + l2 * eye  # M
     rho = gamma + 2.0 * l2
     low = -g.op("Where", g.op("Greater", nonnegative, 0.5), BIG, gamma)
-    both = _inverse(
-        g, g.op("Concat", quadratic + rho * eye, H + eye, axis=0), g.ints(r).squeeze(0), "weigh"
-    )  # the layers' weights and the code's posterior covariance in one go
+    # The layers' weights and the code's posterior covariance in one go.
+    both = _inverse(g, g.op("Concat", quadratic + rho * eye, H + eye, axis=0), r)
     W, spread = both.slice(0, 3, 0), both.slice(3, 6, 0)
 
     z = _layers(g, W, pull, rho, gamma, low, r, depth)
-    problem = _Problem(g, A, b, weighted, quadratic, l2, gamma, low, nonnegative, r)
+    problem = _Problem(g, A, b, quadratic, l2, gamma, nonnegative, r)
     x = problem.finish(z)
-    g_gap = problem.gap(x, inverse)
-    outputs = {"ssf": curves(x, spread), "code": x.transpose(1, 0), "signals": rows.signals, "gap": g_gap}
-    (outputs["ssf"], outputs["ssf_std"]), outputs["predicted"] = outputs["ssf"][:2], outputs["ssf"][2]
-    outputs["channel_gain"] = rows.gain()
+    ssf, std, predicted = curves(x, spread)
+    outputs = {
+        "ssf": ssf,
+        "ssf_std": std,
+        "code": x.transpose(1, 0),
+        "signals": rows.signals,
+        "predicted": predicted,
+        "gap": problem.gap(x),
+        "channel_gain": rows.gain(),
+    }
     shapes: dict[str, list[str | int]] = {
         "ssf": [M, 3],
         "ssf_std": [M, 3],
@@ -103,10 +106,9 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
         graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR, producer_name="camssf"
     )
     model.producer_version = __version__
-    digest = hashlib.sha256(basis.mean.tobytes() + basis.dictionary.tobytes()).hexdigest()
     metadata = {
         "basis": basis.name,
-        "basis_sha256": digest,
+        "basis_sha256": basis.sha256(),
         "basis_source": basis.source,
         "depth": str(depth),
         "finish": str(finish_steps(r)),
@@ -237,10 +239,10 @@ def _layers(g: Graph, W: Value, pull: Value, rho: Value, gamma: Value, low: Valu
     def clip(graph: Graph, v: Value) -> Value:
         return graph.op("Min", graph.op("Max", v, low), high)
 
-    def layer(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
+    def layer(body: Graph, step: Value, state: list[Value]) -> Body:
         (v,) = state
         pair = body.op("Concat", v, clip(body, v), axis=1)
-        return [body.op("Add", push, body.op("MatMul", both, pair))], None
+        return Body([body.op("Add", push, body.op("MatMul", both, pair))])
 
     start = g.constant(np.zeros((3, r, 1)))
     (v,) = g.loop(layer, [start], [D], g.constant(depth, np.int64), "layers")
@@ -251,57 +253,45 @@ class _Problem:
     """min ½ xᵀ M x - gᵀ x + γ ‖x‖₁ for three channels at once."""
 
     def __init__(
-        self,
-        g: Graph,
-        A: Value,
-        b: Value,
-        weighted: Value,
-        quadratic: Value,
-        l2: Value,
-        gamma: Value,
-        low: Value,
-        nonnegative: Value,
-        r: int,
+        self, g: Graph, A: Value, b: Value, quadratic: Value, l2: Value, gamma: Value, nonnegative: Value, r: int
     ) -> None:
-        self.g, self.A, self.b, self.weighted, self.M, self.l2, self.gamma, self.low = (
-            g, A, b, weighted, quadratic, l2, gamma, low,
-        )  # fmt: skip
-        self.r = r
+        self.g, self.A, self.b, self.M, self.l2, self.gamma, self.r = g, A, b, quadratic, l2, gamma, r
         self.positive = g.op("Greater", nonnegative, 0.5)
-        free = g.op("And", g.op("Equal", gamma, 0.0), g.op("Not", self.positive))
-        self.free = free
+        self.free = g.op("And", g.op("Equal", gamma, 0.0), g.op("Not", self.positive))
         diagonal = (quadratic * np.eye(r)).sum(2)
         self.scale = 1.0 / g.op("Sqrt", g.op("Where", g.op("Greater", diagonal, 0.0), diagonal, 1.0))  # (3, r)
 
+    def rest(self, x: Value) -> Value:
+        """b - A x, (3, N, 1)."""
+        return self.b.unsqueeze(2) - self.A @ x.unsqueeze(2)
+
     def residual(self, x: Value) -> Value:
-        """w = Aᵀ Σ⁻¹ (b - A x) - λ₂ x, (3, r)."""
-        rest = self.b - (self.A @ x.unsqueeze(2)).squeeze(2)
-        return (self.weighted.transpose(0, 2, 1) @ rest.unsqueeze(2)).squeeze(2) - self.l2 * x
+        """w = Aᵀ (b - A x) - λ₂ x, (3, r)."""
+        return (self.A.transpose(0, 2, 1) @ self.rest(x)).squeeze(2) - self.l2 * x
 
     def finish(self, z: Value) -> Value:
         """Walk from the layers' z to the optimum (unrolled.py, `finish`)."""
         g, r, scale = self.g, self.r, self.scale
-        tableau = -(self.M * scale.unsqueeze(1) * scale.unsqueeze(2))
+        unit = self.M * scale.unsqueeze(1) * scale.unsqueeze(2) + RIDGE * np.eye(r)
         high = self.gamma * scale
         low = g.op("Where", self.positive, -BIG, -high)
-        wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), self.free)
+        wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), self.free).real().unsqueeze(2)  # (3, r, 1)
 
-        def enter(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
-            table, support = state
+        def enter(body: Graph, step: Value, state: list[Value]) -> Body:
+            (X,) = state
             at = step.unsqueeze(0)
-            hot = body.op("Gather", np.eye(r), at, axis=0)  # (1, r)
-            column, row = table.take(at, 2), table.take(at, 1)
-            pivot = column.take(at, 1)  # (3, 1, 1)
-            deep = body.op("Less", pivot, -PIVOT_FLOOR)
-            may = body.op("And", wanted.here(body).take(at, 1).unsqueeze(2), deep)
-            u = (column + hot.transpose(1, 0)) / body.op("Where", may, pivot, -1.0)
-            change = u * (row - hot)
-            table = table - body.op("Where", may, change, 0.0)
-            return [table, support + body.op("Where", may.squeeze(2), hot, 0.0)], None
+            column = X.take(at, 2)
+            pivot = column.take(at, 1)
+            deep = body.op("Greater", pivot, PIVOT_FLOOR)
+            share = body.op("Where", deep, wanted.here(body).take(at, 1) / pivot, 0.0)
+            u = column - g.constant(np.eye(r)).here(body).take(at, 1)
+            return Body([X - (share * u) * u.transpose(0, 2, 1)], [body.op("Greater", share, 0.0).real()])
 
-        start = [tableau, g.constant(np.zeros((3, r)))]
-        table, inside = g.loop(enter, start, [D, D], g.constant(r, np.int64), "enter")
+        X, entered = g.loop(enter, [unit], [D], g.constant(r, np.int64), "enter")
+        inside = entered.squeeze(2, 3).transpose(1, 0)  # (3, r)
         support = g.op("Greater", inside, 0.5)
+        # A sweep leaves 2 - 1 / p on its diagonal; the tableau has -M⁻¹ on the support, its signs by column.
+        table = X * (2.0 * inside - 1.0).unsqueeze(1) - 2.0 * inside.unsqueeze(2) * np.eye(r)
 
         x0 = g.op("Where", support, z / scale, 0.0)
         up = g.op("Not", g.op("Less", z, 0.0))
@@ -330,7 +320,7 @@ class _Problem:
         state = [
             table, value, lower, upper, row_labels, column_labels,
             g.constant(2.0 * r * ones), g.constant(ones), g.constant(np.zeros((3, 1))), g.constant(ones),
-            g.constant(-BIG * ones), g.constant(ones), g.constant(np.ones((3, 1), bool), np.bool_),
+            g.constant(0.0 * ones), g.constant(ones), g.constant(np.ones((3, 1), bool), np.bool_),
         ]  # fmt: skip
         kinds = [D] * 12 + [B]
         state = g.loop(self._pivot(low, high), state, kinds, g.constant(finish_steps(r), np.int64), "walk")
@@ -346,9 +336,17 @@ class _Problem:
         down = g.op("Greater", (to_x @ down).squeeze(2), 0.5)
         target = g.op("Where", down, -high, high)
         x = x * scale
-        for _ in range(2):  # refine against the residual itself
+        best, smallest = x, None
+        for _ in range(REFINEMENTS + 1):  # against the residual itself; the best of these throws of the dice
             error = g.op("Where", support, self.residual(x) * scale - target, 0.0)
+            size = g.op("Abs", error).max(1, keep=True)
+            if smallest is None:
+                smallest = size
+            else:
+                better = g.op("Less", size, smallest)
+                best, smallest = g.op("Where", better, x, best), g.op("Where", better, size, smallest)
             x = x + scale * (K @ error.unsqueeze(2)).squeeze(2)
+        x = best
         crossed = g.op("Less", g.op("Where", down, -x, x), 0.0)
         crossed = g.op("And", crossed, g.op("Not", self.free))
         wrong = g.op("Or", g.op("Not", support), crossed)
@@ -358,7 +356,7 @@ class _Problem:
         """One step of the walk; three channels, those that have arrived masked."""
         r = self.r
 
-        def body(g: Graph, step: Value, state: list[Value]) -> tuple[list[Value], Value]:
+        def body(g: Graph, step: Value, state: list[Value]) -> Body:
             (table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going) = state
             q = g.op("Equal", columns, driver).real()  # (3, r + 1)
             column = table @ q.unsqueeze(2)  # (3, r, 1)
@@ -408,17 +406,16 @@ class _Problem:
             x_high = g.op("Where", g.op("Or", up, self.free), BIG, 0.0)
             d_low, d_high = g.op("Where", is_x, x_low, bottom), g.op("Where", is_x, x_high, top)
             after = [table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going]
-            more = g.op("Greater", going.real().max(0, 1), 0.5)
-            return after, more
+            return Body(after, go=g.op("Greater", going.real().max(0, 1), 0.5))
 
         return body
 
-    def gap(self, x: Value, inverse: Value) -> Value:
+    def gap(self, x: Value) -> Value:
         """Relative duality gap (3,) of `unrolled.py`, from the residual itself."""
         g = self.g
-        rest = (self.b - (self.A @ x.unsqueeze(2)).squeeze(2)).unsqueeze(2)  # (3, N, 1)
+        rest = self.rest(x)
         w = self.residual(x)
-        quadratic = (rest.transpose(0, 2, 1) @ inverse @ rest).squeeze(1, 2) + self.l2 * (x * x).sum(1)
+        quadratic = (rest * rest).sum(1, 2) + self.l2 * (x * x).sum(1)
         l1 = self.gamma * g.op("Abs", x).sum(1)
         objective = 0.5 * quadratic + l1
         worst = g.op("Where", self.positive, w, g.op("Abs", w)).max(1)
@@ -436,23 +433,41 @@ class _Problem:
         return g.op("Where", known, gap / g.op("Where", known, objective, 1.0), objective)
 
 
-def _inverse(g: Graph, matrix: Value, size: Value, word: str) -> Value:
-    """Inverse of symmetric positive definite matrices (c, N, N): scaled to unit diagonal, N exchange steps."""
-    identity = _identity(g, size)
-    scale = 1.0 / g.op("Sqrt", (matrix * identity).sum(2))  # (c, N)
-    unit = matrix * scale.unsqueeze(1) * scale.unsqueeze(2)
+def _whiten(g: Graph, sigma: Value, A: Value, b: Value) -> tuple[Value, Value]:
+    """L⁻¹ A (3, N, r) and L⁻¹ b (3, N) with Σ = L Lᵀ: the pivot rows of (Σ | A | b), each over its pivot's root."""
+    N = _size(g, b, 1)
 
-    def exchange(body: Graph, step: Value, state: list[Value]) -> tuple[list[Value], None]:
+    def eliminate(body: Graph, step: Value, state: list[Value]) -> Body:
+        (Z,) = state
+        at = step.unsqueeze(0)
+        row, column = Z.take(at, 1), Z.take(at, 2)
+        pivot = column.take(at, 1)
+        return Body([Z - (column / pivot) * row], [row / body.op("Sqrt", pivot)])
+
+    system = g.op("Concat", sigma, A, b.unsqueeze(2), axis=2)
+    _, left = g.loop(eliminate, [system], [D], N, "whiten")  # (N, 3, 1, N + r + 1)
+    rows = left.squeeze(2).transpose(1, 0, 2)
+    ends = g.ints(-1)
+    matrix = g.op("Slice", rows, N.unsqueeze(0), ends, g.ints(2))
+    return matrix, rows.slice(-1, 2**31, 2).squeeze(2)
+
+
+def _inverse(g: Graph, matrix: Value, size: int) -> Value:
+    """Inverse of symmetric positive definite matrices (c, r, r): unit diagonal, then r symmetric sweeps."""
+    eye = np.eye(size)
+    scale = 1.0 / g.op("Sqrt", (matrix * eye).sum(2))  # (c, r)
+    unit = matrix * scale.unsqueeze(1) * scale.unsqueeze(2)
+    identity = g.constant(eye)
+
+    def sweep(body: Graph, step: Value, state: list[Value]) -> Body:
         (X,) = state
         at = step.unsqueeze(0)
-        hot = identity.here(body).take(at, 0)  # (1, N)
-        column, row = X.take(at, 2), X.take(at, 1)
-        u = (column + identity.here(body).take(at, 1)) / column.take(at, 1)
-        return [X - u * (row - hot)], None
+        column = X.take(at, 2)
+        u = column - identity.here(body).take(at, 1)
+        return Body([X - (u / column.take(at, 1)) * u.transpose(0, 2, 1)])
 
-    (X,) = g.loop(exchange, [unit], [D], size, word)
-    inverse = X * scale.unsqueeze(1) * scale.unsqueeze(2)
-    return 0.5 * (inverse + inverse.transpose(0, 2, 1))
+    (X,) = g.loop(sweep, [unit], [D], g.constant(size, np.int64), "weigh")
+    return (2.0 * eye - X) * scale.unsqueeze(1) * scale.unsqueeze(2)  # a sweep leaves 2 - 1 / p on its diagonal
 
 
 def _fold(g: Graph, f: Value) -> Value:

@@ -163,6 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
                 licence=np.array(options.licence),
                 cameras=np.array(sorted(curves)),
             )
+        Path(temporary).chmod(0o644)  # mkstemp's 0600 would shut other users out of an installation
         os.replace(temporary, options.output)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)

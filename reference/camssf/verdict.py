@@ -169,7 +169,7 @@ def _fall_off(pose: Pose, signals: Floats, predicted: Floats, used: NDArray[np.b
     if int(seen.sum()) < 8:
         return 0.0
     centres = pose.patches[seen].mean(axis=1)
-    x, y = ((centres - centres.mean(axis=0)) / np.ptp(centres, axis=0).max()).T
+    x, y = ((centres - centres.mean(axis=0)) / max(float(np.ptp(centres, axis=0).max()), 1.0)).T
     excess = np.log(signals[seen] / predicted[seen]).mean(axis=1)
     excess = excess - excess.mean()
     design = np.stack([np.ones_like(x), x, y, x**2 + y**2], axis=1)
