@@ -443,7 +443,7 @@ def _tile_section(document: Json) -> str:
 
 def _tiles(shot: Json) -> str:
     patches = shot["patches"]
-    if any(patch["measured_srgb"] is None or patch["synthetic_srgb"] is None for patch in patches):
+    if not patches or any(patch["measured_srgb"] is None or patch["synthetic_srgb"] is None for patch in patches):
         return ""
     columns = _columns(shot["pose"]["patches"])
     tiles = []
@@ -570,17 +570,11 @@ def _photo(index: int, shot: Json, preview: bytes | None) -> str:
     photo, pose = shot["photo"], shot["pose"]
     width, height, orientation = int(photo["width"]), int(photo["height"]), int(photo["orientation"])
     shown = (height, width) if orientation >= 5 else (width, height)
+    if pose is None:
+        return _unplaced(shot, preview, shown)
     quads = _upright(pose["patches"], width, height, orientation)
     corners = _upright(pose["corners"], width, height, orientation)
-    if preview is None:
-        picture = f'<rect class="blank" width="{shown[0]}" height="{shown[1]}"/>'
-    else:
-        data = f"data:{media_type(preview)};base64,{base64.b64encode(preview).decode()}"
-        matrix = " ".join(map(str, _turn(width, height, orientation)))
-        picture = (
-            f'<image href="{data}" width="{width}" height="{height}" preserveAspectRatio="none" '
-            f'transform="matrix({matrix})"/>'
-        )
+    picture = _picture(photo, preview, shown)
     outlines = []
     for patch, quad in zip(shot["patches"], quads, strict=True):
         name, ring = _t(patch["name"]), _ring(quad)
@@ -602,6 +596,42 @@ def _photo(index: int, shot: Json, preview: bytes | None) -> str:
 <use href="#photo-{index}"/>{drawn}{_labels(shot["patches"], quads)}</svg>
 <figcaption>{name}: the chart in the photo, and its patches close up. The central part of each outline is
 measured.{missing}</figcaption>
+</figure>
+"""
+
+
+def _picture(photo: Json, preview: bytes | None, shown: tuple[int, int], *, upright: bool = True) -> str:
+    if preview is None:
+        return f'<rect class="blank" width="{shown[0]}" height="{shown[1]}"/>'
+    width, height = int(photo["width"]), int(photo["height"])
+    data = f"data:{media_type(preview)};base64,{base64.b64encode(preview).decode()}"
+    matrix = " ".join(map(str, _turn(width, height, int(photo["orientation"]) if upright else 1)))
+    return (
+        f'<image href="{data}" width="{width}" height="{height}" preserveAspectRatio="none" '
+        f'transform="matrix({matrix})"/>'
+    )
+
+
+def _unplaced(shot: Json, preview: bytes | None, shown: tuple[int, int]) -> str:
+    """The photo alone, as the sensor saw it, with its pixels numbered: corners by hand are read from it."""
+    photo, name = shot["photo"], _t(shot["photo"]["name"])
+    if preview is None:
+        return ""
+    width, height = int(photo["width"]), int(photo["height"])
+    size = max(width, height) / 45
+    step = 10 ** math.floor(math.log10(max(width, height) / 4))
+    texts = [(x, size, f"{x}") for x in range(step, width, step)]
+    texts += [(2, y, f"{y}") for y in range(step, height, step)]
+    lines = "".join(f'<path d="M{x} 0V{height}"/>' for x in range(step, width, step))
+    lines += "".join(f'<path d="M0 {y}H{width}"/>' for y in range(step, height, step))
+    numbers = "".join(f'<text class="on-dark" x="{x}" y="{y}">{text}</text>' for x, y, text in texts)
+    return f"""<figure class="photo">
+<svg viewBox="0 0 {width} {height}" role="img" aria-label="{name} with its pixels numbered">
+{_picture(photo, preview, (width, height), upright=False)}
+<g stroke="#fff" stroke-opacity=".35" stroke-width="{size / 20:.1f}">{lines}</g>
+<g class="labels" font-size="{size:.1f}">{numbers}</g></svg>
+<figcaption>{name}: no chart was measured in it. The numbers are pixels of the active area, from its top left, as the
+sensor saw it: what corners given by hand are counted in.</figcaption>
 </figure>
 """
 
@@ -660,6 +690,8 @@ def _detail_section(document: Json) -> str:
 
 def _share(shot: Json, key: str) -> str:
     """The largest share, and the patch it belongs to."""
+    if not shot["patches"]:
+        return "not measured"
     worst = max(shot["patches"], key=lambda patch: max(patch[key]))
     share = max(worst[key])
     return "none" if share == 0 else f"{_n(100 * share, 2)} % ({_t(worst['name'])})"
@@ -689,17 +721,22 @@ _DETAILS: tuple[tuple[str, Any], ...] = (
     ("TIFF orientation", lambda s: f"{s['photo']['orientation']:g}"),
     ("Unapplied shading map", lambda s: "yes" if s["photo"]["gain_map"] else "no"),
     ("White level, DN", lambda s: f"{s['saturation']:g}"),
-    ("Chart layout", lambda s: _t(s["pose"]["layout"])),
-    ("Chart found", lambda s: f"{s['pose']['method']}, {90 * s['pose']['quarter_turns']:g}° from upright"),
-    ("Agreement with the chart's colours", lambda s: _n(s["pose"]["score"])),
+    ("Chart layout", lambda s: _t(s["pose"]["layout"]) if s["pose"] else "–"),
+    (
+        "Chart found",
+        lambda s: f"{s['pose']['method']}, {90 * s['pose']['quarter_turns']:g}° from upright" if s["pose"] else "no",
+    ),
+    ("Agreement with the chart's colours", lambda s: _n(s["pose"]["score"]) if s["pose"] else "–"),
     ("Largest clipped share", lambda s: _share(s, "clipped")),
     ("Largest rejected share (dust, hot pixels)", lambda s: _share(s, "dead")),
-    ("Notes", lambda s: _lines(s["pose"]["notes"])),
+    ("Notes", lambda s: _lines(s["pose"]["notes"]) if s["pose"] else "none"),
 )
 
 
 def _patch_table(shot: Json) -> str:
     """Every number of every patch, folded away."""
+    if not shot["patches"]:
+        return ""
     percent = [
         ("clipped", "clipped, %", 100.0, 2),
         ("dead", "rejected, %", 100.0, 2),

@@ -21,12 +21,13 @@ from pathlib import Path
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.report import NAMES
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing or empty."""
 
 MARK = "batch.json"
-"""Beside a result: the hash of everything that it was made from."""
+"""Beside a result: the hashes of everything that it was made from, and of its own files."""
 
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -94,7 +95,8 @@ def run_batch(
     """Calibrate every camera of a manifest into `out/<name>/`, with one row a camera in `out/summary.csv`.
 
     A camera that fails stops no other. A camera with curves from an earlier run is skipped as long as its
-    rows, its files, the options and camssf's version are the same; one that was refused is tried again.
+    rows, its files, the options and camssf's version are the same and its four result files lie there as they
+    were written; one that was refused is tried again.
 
     Args:
         manifest: CSV with a header (COLUMNS); rows of one name are its shots; paths are relative to it.
@@ -292,9 +294,11 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
         earlier = _earlier(folder, made_from)
         if earlier is not None:
             return replace(earlier, name=job.name, folder=job.folder, resumed=True)
+        (folder / MARK).unlink(missing_ok=True)  # whatever happens now, it speaks of the folder no more
         outcome = work(job, folder)
         if outcome.ok:
-            mark = {"format": "camssf-batch/1", "made_from": made_from, "outcome": asdict(outcome)}
+            files = {name: _hash(folder / name) for name in NAMES}
+            mark = {"format": "camssf-batch/1", "made_from": made_from, "files": files, "outcome": asdict(outcome)}
             _replace(folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
     except Exception as error:
         words = " ".join(f"{type(error).__name__}: {error}".split())
@@ -316,11 +320,14 @@ def _hash(path: Path) -> str:
 
 
 def _earlier(folder: Path, made_from: str) -> Outcome | None:
+    """The outcome that the folder still holds: same inputs, all files untouched, the result's own status."""
     try:
         mark = json.loads((folder / MARK).read_text("utf-8"))
-        if (folder / "result.json").is_file() and mark["made_from"] == made_from:
-            return Outcome(**mark["outcome"])
-    except (OSError, ValueError, KeyError, TypeError):  # no mark, or a damaged one: do it again
+        if mark["made_from"] == made_from and mark["files"] == {name: _hash(folder / name) for name in NAMES}:
+            outcome = Outcome(**mark["outcome"])
+            verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
+            return outcome if outcome.ok and outcome.status == verdict["status"] else None
+    except (OSError, ValueError, KeyError, TypeError):  # no mark, a damaged one, a file gone: do it again
         pass
     return None
 

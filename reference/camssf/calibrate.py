@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +25,15 @@ from camssf.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.signals import Assumption, Signals, normalise
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
 from camssf.ssf import Ssf, recover
-from camssf.validate import Scores, validate
-from camssf.verdict import Reason, Verdict, judge
+from camssf.validate import Scores, reflectance_srgb, validate
+from camssf.verdict import Reason, Verdict, judge, refusal
 
 FOLDS = 4
 """All patches enter the fit; each is predicted by a fit that left its quarter of the chart out."""
 HIDDEN = 1e3
 """Standard error of a signal that is used in another shot but not in this one: it then weighs nothing."""
 WHITE_TOLERANCE = 0.01
+MOST_SHOTS, MOST_PATCHES = 64, 1000
 PREVIEW = 1200
 """Longest side of a preview, px."""
 
@@ -75,6 +79,21 @@ class Shot:
     thumbnail: NDArray[np.uint16] | None
 
 
+@dataclass
+class _Begun:
+    """What is known so far, for the evidence of a refusal: finished shots, and the one that was in work."""
+
+    shots: list[Shot] = field(default_factory=list)
+    table: ChartTable | None = None
+    chart: str = ""
+    lamp: Lamp | None = None
+    photo: Photo | None = None
+    saturation: float = 0.0
+    pose: Pose | None = None
+    picture: bytes | None = None
+    files: dict[str, str] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Capture:
     """k measured shots of one chart with one camera: what `solve` needs.
@@ -83,23 +102,25 @@ class Capture:
         shots: k of them.
         chart: the chart's table.
         white_reflectance: of the white frame's card, one number; None for a perfect diffuser.
+        files: SHA-256 of the lamp and chart files, by role and name; empty where both go by name.
     """
 
     shots: tuple[Shot, ...]
     chart: ChartTable
     white_reflectance: float | None
+    files: dict[str, str] = field(default_factory=dict)
 
     def document(self) -> Json:
-        """The capture as plain data, "camssf-patches/1"; lamps and chart travel as their names."""
+        """The capture as plain data, "camssf-patches/1"; it needs no other file to be solved."""
         return {
             "format": "camssf-patches/1",
             "generator": {"name": "camssf", "version": __version__},
-            "chart": self.chart.name,
+            "chart": _plain(vars(self.chart)),
             "white_reflectance": self.white_reflectance,
-            "patches": list(self.chart.patches),
+            "files": self.files,
             "shots": [
                 {
-                    "lamp": shot.lamp.name,
+                    "lamp": _plain(vars(shot.lamp)),
                     "photo": vars(shot.photo),
                     "white": vars(shot.white) if shot.white else None,
                     "dark": vars(shot.dark) if shot.dark else None,
@@ -125,15 +146,19 @@ class Capture:
         if not isinstance(document, dict) or document.get("format") != "camssf-patches/1":
             raise InvalidArgument("this is not a camssf-patches/1 document.", "Make one with `camssf patches`.")
         try:
-            share = document["white_reflectance"]
-            return Capture(
-                tuple(_shot_from(entry) for entry in document["shots"]),
-                read_chart(document["chart"]),
-                None if share is None else float(share),
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            table = _table_from(document["chart"])
+            shots = tuple(_shot_from(entry, len(table.patches)) for entry in document["shots"])
+            _need(0 < len(shots) <= MOST_SHOTS, "shots", f"must hold 1 to {MOST_SHOTS}")
+            files = {_text(key, "files"): _text(value, "files") for key, value in document["files"].items()}
+            _agree(shots)
+            return Capture(shots, table, _card(document["white_reflectance"], shots[0].white is not None), files)
+        except KeyError as error:
             raise InvalidArgument(
-                f"the camssf-patches/1 document has no proper {error}.", "Make it anew with `camssf patches`."
+                f"the camssf-patches/1 document lacks {error}.", "Make it anew with `camssf patches`."
+            ) from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise InvalidArgument(
+                f"the camssf-patches/1 document is damaged: {error}.", "Make it anew with `camssf patches`."
             ) from error
 
 
@@ -168,7 +193,9 @@ class Calibration:
     def document(self) -> Json:
         """The result as plain data, "camssf-result/1" (data/result.schema.json)."""
         curves, std = self.ssf.peak()
-        document = _head(self.capture, self.verdict, self.assumptions) | {
+        capture = self.capture
+        begun = _Begun(list(capture.shots), capture.chart, capture.chart.name, files=capture.files)
+        document = _head(begun, self.verdict, self.assumptions) | {
             "basis": self.ssf.basis,
             "engine": self.ssf.engine,
             "ssf": _curves(curves),
@@ -260,45 +287,53 @@ def measure(
 ) -> Capture:
     """Read the photos, find the chart and measure its patches; arguments as in `calibrate`."""
     tell = progress or (lambda stage, part: None)
-    files = _list(photos)
+    files = _list("photos", photos)
     if not files:
         raise InvalidArgument("there is no photo.", "Give the DNG of at least one photo of the chart.")
-    names = _list(lamps)
+    names = _list("lamps", lamps)
     k = len(files)
     if len(names) != k:
         read_lamp("") if not names else None  # explains why a lamp must be named
         raise InvalidArgument(
             f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order."
         )
+    _need(k <= MOST_SHOTS, "photos", f"must be at most {MOST_SHOTS}")
     whites, darks = _frames("white", white, k), _frames("dark", dark, k)
-    places = list(corners) if corners else [None] * k
+    places = _list("corners", corners) or [None] * k
     if len(places) != k:
         raise InvalidArgument(f"{k} photo(s) but {len(places)} set(s) of corners.", "Give one set a photo.")
-    if white_reflectance is not None and not 0.05 <= white_reflectance <= 1.2:
-        raise InvalidArgument(f"a white card of reflectance {white_reflectance} is none.", "Write 95 % as 0.95.")
     if len({w is None for w in whites}) > 1:
         raise InvalidArgument(
             "some shots have a white frame and some have none.", "Give a white frame for all shots, or for none."
         )
-    lights = [lamp if isinstance(lamp, Lamp) else read_lamp(lamp) for lamp in names]
-    table = chart if isinstance(chart, ChartTable) else read_chart(chart)
-    shots: list[Shot] = []
-    with _evidence(lambda: Capture(tuple(shots), table, white_reflectance)):
+    card = _card(white_reflectance, whites[0] is not None)
+    begun = _Begun(chart=chart.name if isinstance(chart, ChartTable) else str(chart))
+    with _evidence(begun):
+        for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", lamp) for j, lamp in enumerate(names))]:
+            begun.files |= _file(role, spec)
+        lights = [lamp if isinstance(lamp, Lamp) else read_lamp(lamp) for lamp in names]
+        begun.table = table = chart if isinstance(chart, ChartTable) else read_chart(chart)
         for j in range(k):
             at = f" {j + 1} of {k}" if k > 1 else ""
             tell(f"reading photo{at}", j / k)
+            begun.lamp, begun.photo, begun.pose = lights[j], None, None
             photo = read_dng(files[j])
+            begun.photo, begun.saturation = _facts(photo), photo.white
             tell(f"looking for the chart{at}", (j + 0.4) / k)
-            pose = find_chart(photo, table, corners=places[j])
-            tell(f"measuring the patches{at}", (j + 0.7) / k)
-            white_file, dark_file = whites[j], darks[j]
-            white_frame = None if white_file is None else read_dng(white_file)
-            dark_frame = None if dark_file is None else read_dng(dark_file)
-            means = measure_patches(photo, pose, white=white_frame, dark=dark_frame)
-            shots.append(
+            try:
+                begun.pose = pose = find_chart(photo, table, corners=places[j])
+                tell(f"measuring the patches{at}", (j + 0.7) / k)
+                white_file, dark_file = whites[j], darks[j]
+                white_frame = None if white_file is None else read_dng(white_file)
+                dark_frame = None if dark_file is None else read_dng(dark_file)
+                means = measure_patches(photo, pose, white=white_frame, dark=dark_frame)
+            except CalibrationError:
+                begun.picture = preview(photo)
+                raise
+            begun.shots.append(
                 Shot(
                     lights[j],
-                    _facts(photo),
+                    begun.photo,
                     _facts(white_frame) if white_frame else None,
                     _facts(dark_frame) if dark_frame else None,
                     pose,
@@ -306,13 +341,9 @@ def measure(
                     _thumbnail(photo),
                 )
             )
-        bodies = {(shot.photo.make, shot.photo.model) for shot in shots}
-        if len(bodies) > 1:
-            raise FramesDiffer(
-                f"the photos come from different cameras: {', '.join(sorted(' '.join(b) for b in bodies))}.",
-                "Calibrate one camera at a time; `camssf batch` takes many.",
-            )
-    return Capture(tuple(shots), table, white_reflectance)
+            begun.lamp = begun.photo = None
+        _agree(begun.shots)
+    return Capture(tuple(begun.shots), table, card, begun.files)
 
 
 def solve(
@@ -331,8 +362,9 @@ def solve(
     tell = progress or (lambda stage, part: None)
     known = truth if isinstance(truth, CameraCurves) or truth is None else read_camera(str(truth))
     table, k = capture.chart, len(capture.shots)
-    asked = _numbers(fit, len(table.patches))
-    with _evidence(lambda: capture):
+    asked = _fit(fit, len(table.patches))
+    begun = _Begun(list(capture.shots), capture.chart, capture.chart.name, files=capture.files)
+    with _evidence(begun):
         tell("solving", 0.9)
         signals = normalise([shot.means for shot in capture.shots], table)
         signals = replace(signals, used=signals.used & asked)
@@ -361,6 +393,8 @@ def solve(
             how,
         )
         verdict = judge(signals, table, [s.means for s in capture.shots], [s.pose for s in capture.shots], ssf)
+        if verdict.status == "refused":
+            raise refusal(verdict)
     assumptions = signals.assumptions + _assumptions(capture, ssf, k)
     return Calibration(capture, signals, ssf, unseen, scores, verdict, known, assumptions)
 
@@ -486,46 +520,75 @@ def _assumptions(capture: Capture, ssf: Ssf, k: int) -> tuple[Assumption, ...]:
 
 
 @contextmanager
-def _evidence(so_far: Callable[[], Capture]) -> Iterator[None]:
+def _evidence(begun: _Begun) -> Iterator[None]:
     """Attach a refused result document, with what was learned until then, to a refusal on its way out."""
     try:
         yield
     except CalibrationError as error:
         if error.evidence is None and not isinstance(error, InvalidArgument):
-            reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            capture = so_far()
-            document = _head(capture, Verdict("refused", (reason,)), ())
-            error.evidence = document | {"basis": "none", "engine": "reference"}
-            error.previews = tuple(_jpeg(shot) for shot in capture.shots)
+            reasons = error.reasons or (
+                Reason(error.code, error.message, error.advice, error.value, error.threshold),
+            )
+            error.evidence = _head(begun, Verdict("refused", reasons), ()) | {"basis": "none", "engine": "none"}
+            error.previews = tuple(_jpeg(shot) for shot in begun.shots)
+            if begun.photo is not None:
+                error.previews += (begun.picture,)
         raise
 
 
-def _head(capture: Capture, verdict: Verdict, assumptions: tuple[Assumption, ...]) -> Json:
+def _head(begun: _Begun, verdict: Verdict, assumptions: tuple[Assumption, ...]) -> Json:
     """The part of a result document that needs no curves."""
-    table = capture.chart
-    first = capture.shots[0].photo if capture.shots else None
-    inputs = {}
-    for shot in capture.shots:
-        for photo in (shot.photo, shot.white, shot.dark):
-            if photo is not None:
-                inputs[photo.name] = photo.sha256
+    table = begun.table
+    facts = [shot.photo for shot in begun.shots] + ([begun.photo] if begun.photo else [])
+    inputs = dict(begun.files)
+    for j, photo in enumerate(facts):
+        inputs[f"shot {j + 1}, chart: {photo.name}"] = photo.sha256
+    for j, shot in enumerate(begun.shots):
+        for role, frame in (("white", shot.white), ("dark", shot.dark)):
+            if frame is not None:
+                inputs[f"shot {j + 1}, {role}: {frame.name}"] = frame.sha256
+    shots = [_shot_document(shot, table) for shot in begun.shots] if table else []
+    if begun.photo and begun.lamp:
+        shots.append(_begun_document(begun, begun.photo, begun.lamp))
     return {
         "format": "camssf-result/1",
         "generator": {"name": "camssf", "version": __version__},
-        "camera": {"make": first.make if first else "", "model": first.model if first else ""},
-        "chart": {"name": table.name, "table": table.table, "layout": table.layout, "source": table.source},
-        "shots": [_shot_document(shot, capture) for shot in capture.shots],
+        "camera": {"make": facts[0].make if facts else "", "model": facts[0].model if facts else ""},
+        "chart": {
+            "name": begun.chart,
+            "table": table.table if table else "",
+            "layout": table.layout if table else "",
+            "source": table.source if table else "",
+        },
+        "shots": shots,
         "verdict": {"status": verdict.status, "reasons": [vars(reason) for reason in verdict.reasons]},
         "assumptions": [vars(assumption) for assumption in assumptions],
         "hashes": {"inputs": inputs, "model": None},
     }
 
 
-def _shot_document(shot: Shot, capture: Capture) -> Json:
-    """One shot without predictions; signals where they can be formed."""
-    from camssf.validate import reflectance_srgb
+def _begun_document(begun: _Begun, photo: Photo, lamp: Lamp) -> Json:
+    """A shot that was not measured to its end."""
+    return {
+        "lamp": {"name": lamp.name, "tolerance": lamp.tolerance, "source": lamp.source},
+        "white_reference": "white patch",
+        "dark_reference": "black level",
+        "photo": _photo_document(photo),
+        "white": None,
+        "dark": None,
+        "pose": _plain(vars(begun.pose)) if begun.pose else None,
+        "saturation": begun.saturation,
+        "patches": [],
+    }
 
-    table = capture.chart
+
+def _photo_document(photo: Photo) -> Json:
+    facts = {key: value for key, value in vars(photo).items() if key not in ("make", "model")}
+    return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
+
+
+def _shot_document(shot: Shot, table: ChartTable) -> Json:
+    """One shot without predictions; signals where they can be formed."""
     colours = reflectance_srgb(table)
     means = shot.means
     try:
@@ -539,17 +602,7 @@ def _shot_document(shot: Shot, capture: Capture) -> Json:
         "lamp": {"name": shot.lamp.name, "tolerance": shot.lamp.tolerance, "source": shot.lamp.source},
         "white_reference": "white frame" if means.white else "white patch",
         "dark_reference": "dark frame" if means.dark else "black level",
-        "photo": {
-            "name": shot.photo.name,
-            "width": shot.photo.width,
-            "height": shot.photo.height,
-            "orientation": shot.photo.orientation,
-            "exposure": shot.photo.exposure,
-            "iso": shot.photo.iso,
-            "gain_map": shot.photo.gain_map,
-            "sha256": shot.photo.sha256,
-            "camera": " ".join(filter(None, (shot.photo.make, shot.photo.model))),
-        },
+        "photo": _photo_document(shot.photo),
         "white": {"name": shot.white.name, "sha256": shot.white.sha256} if shot.white else None,
         "dark": {"name": shot.dark.name, "sha256": shot.dark.sha256} if shot.dark else None,
         "pose": _plain(vars(shot.pose)),
@@ -577,52 +630,117 @@ def _shot_document(shot: Shot, capture: Capture) -> Json:
     }
 
 
-def _shot_from(entry: Mapping[str, Any]) -> Shot:
-    """One shot of a patches document."""
-
-    def frame(name: str) -> FrameMeans | None:
-        plain = entry["means"][name]
-        if plain is None:
-            return None
-        fields: dict[str, Any] = {key: np.array(plain[key], dtype=np.float64) for key in FrameMeans.__annotations__}
-        if not all(np.isfinite(array).all() and array.ndim == 2 for array in fields.values()):
-            raise ValueError(f"means of the {name} frame")
-        fields["count"] = fields["count"].astype(np.int64)
-        return FrameMeans(**fields)
-
-    def photo(name: str) -> Photo | None:
-        plain = entry[name]
-        return None if plain is None else Photo(**{key: plain[key] for key in Photo.__annotations__})
-
-    first, chart = photo("photo"), frame("chart")
-    if first is None or chart is None:
-        raise ValueError("chart photo")
-    pose = entry["pose"]
-    if pose["layout"] not in LAYOUTS:
-        raise ValueError("pose layout")
-    return Shot(
-        read_lamp(entry["lamp"]),
-        first,
-        photo("white"),
-        photo("dark"),
-        Pose(
-            pose["layout"],
-            np.array(pose["corners"], float).reshape(4, 2),
-            np.array(pose["patches"], float).reshape(-1, 4, 2),
-            int(pose["quarter_turns"]),
-            str(pose["method"]),
-            float(pose["score"]),
-            tuple(map(str, pose["notes"])),
-        ),
-        PatchMeans(
-            chart,
-            frame("white"),
-            frame("dark"),
-            np.array(entry["black"], float).reshape(3),
-            float(entry["saturation"]),
-        ),
-        None,
+def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
+    """One shot of a patches document about n patches."""
+    frames = {name: _means_from(entry["means"][name], name, n) for name in ("chart", "white", "dark")}
+    photos = {role: _photo_from(entry[role], role) for role in ("photo", "white", "dark")}
+    pose, lamp = entry["pose"], entry["lamp"]
+    chart, photo = frames["chart"], photos["photo"]
+    if chart is None or photo is None:
+        raise ValueError("a shot has no chart photo")
+    for role in ("white", "dark"):
+        _need((frames[role] is None) == (photos[role] is None), role, "must be there as a photo and as means, or not")
+    _need(pose["layout"] in LAYOUTS, "pose.layout", "is no layout that camssf knows")
+    black, saturation = (
+        _numbers(entry["black"], "black", (3,)),
+        float(_numbers(entry["saturation"], "saturation", ())),
     )
+    _need(bool((saturation > black).all()), "saturation", "must lie above black")
+    values = _numbers(lamp["values"], "lamp.values", (WAVELENGTHS.size,))
+    modes = np.asarray(lamp["modes"], float).reshape(-1, WAVELENGTHS.size)
+    light = Lamp(
+        _text(lamp["name"], "lamp.name"),
+        values,
+        float(_numbers(lamp["tolerance"], "lamp.tolerance", (), least=0.0)),
+        _numbers(modes, "lamp.modes", modes.shape),
+        _text(lamp["source"], "lamp.source"),
+    )
+    place = Pose(
+        pose["layout"],
+        _numbers(pose["corners"], "pose.corners", (4, 2)),
+        _numbers(pose["patches"], "pose.patches", (n, 4, 2)),
+        int(pose["quarter_turns"]) % 4,
+        _text(pose["method"], "pose.method"),
+        float(_numbers(pose["score"], "pose.score", ())),
+        tuple(_text(note, "pose.notes") for note in pose["notes"]),
+    )
+    means = PatchMeans(chart, frames["white"], frames["dark"], black, saturation)
+    return Shot(light, photo, photos["white"], photos["dark"], place, means, None)
+
+
+def _table_from(plain: Mapping[str, Any]) -> ChartTable:
+    """The chart table of a patches document."""
+    patches = tuple(_text(name, "chart.patches") for name in plain["patches"])
+    n = len(patches)
+    _need(0 < n <= MOST_PATCHES, "chart.patches", f"must hold 1 to {MOST_PATCHES}")
+    white = plain["white"]
+    layout = _text(plain["layout"], "chart.layout")
+    _need(layout in LAYOUTS, "chart.layout", "is no layout that camssf knows")
+    _need(isinstance(white, int) and 0 <= white < n, "chart.white", f"must be a number from 0 to {n - 1}")
+    return ChartTable(
+        _text(plain["name"], "chart.name"),
+        _text(plain["table"], "chart.table"),
+        layout,
+        patches,
+        _numbers(plain["values"], "chart.values", (n, WAVELENGTHS.size), least=0.0, most=2.0),
+        _numbers(plain["tolerance"], "chart.tolerance", (n,), least=0.0),
+        white,
+        _text(plain["source"], "chart.source"),
+    )
+
+
+def _means_from(plain: Mapping[str, Any] | None, name: str, n: int) -> FrameMeans | None:
+    if plain is None:
+        return None
+    least = {"standard_error": 0.0, "count": 1.0, "clipped": 0.0, "dead": 0.0}
+    fields: dict[str, Any] = {
+        key: _numbers(plain[key], f"{name} {key}", (n, 2 if key == "greens" else 3), least=least.get(key, -np.inf))
+        for key in FrameMeans.__annotations__
+    }
+    fields["count"] = fields["count"].astype(np.int64)
+    return FrameMeans(**fields)
+
+
+def _photo_from(plain: Mapping[str, Any] | None, role: str) -> Photo | None:
+    if plain is None:
+        return None
+    texts = {key: _text(plain[key], f"{role}.{key}") for key in ("name", "make", "model", "sha256")}
+    _need(re.fullmatch("[0-9a-f]{64}", texts["sha256"]) is not None, f"{role}.sha256", "must be 64 hex digits")
+    for key in ("width", "height", "orientation"):
+        _need(isinstance(plain[key], int) and plain[key] > 0, f"{role}.{key}", "must be a whole number above 0")
+    exposure, iso = (
+        None if plain[key] is None else float(_numbers(plain[key], f"{role}.{key}", (), least=0.0))
+        for key in ("exposure", "iso")
+    )
+    return Photo(
+        width=plain["width"],
+        height=plain["height"],
+        orientation=plain["orientation"],
+        gain_map=bool(plain["gain_map"]),
+        exposure=exposure,
+        iso=iso,
+        **texts,
+    )
+
+
+def _numbers(
+    value: Any, name: str, shape: tuple[int, ...], *, least: float = -np.inf, most: float = np.inf
+) -> Floats:
+    array = np.asarray(value, dtype=np.float64)
+    _need(array.shape == shape, name, f"has shape {array.shape}, not {shape}")
+    _need(bool(np.isfinite(array).all()), name, "is not finite")
+    _need(bool((array >= least).all() and (array <= most).all()), name, f"must lie between {least:g} and {most:g}")
+    return array
+
+
+def _text(value: Any, name: str) -> str:
+    _need(isinstance(value, str) and len(value) <= 4096, name, "must be a short text")
+    return str(value)
+
+
+def _need(right: bool, name: str, what: str) -> None:
+    if not right:
+        raise InvalidArgument(f"{name} {what}.", "Correct it, or make the document anew with `camssf patches`.")
 
 
 def _plain(fields: Mapping[str, Any]) -> Json:
@@ -681,12 +799,17 @@ def _encode(thumbnail: NDArray[np.uint16], black: Floats, saturation: float) -> 
 # --- arguments ---------------------------------------------------------------------------------------------------
 
 
-def _list(value: Any) -> list[Any]:
-    return [value] if isinstance(value, (str, Path, Lamp)) else [] if value is None else list(value)
+def _list(name: str, value: Any) -> list[Any]:
+    if isinstance(value, str | Path | Lamp):
+        return [value]
+    try:
+        return [] if value is None else list(value)
+    except TypeError as error:
+        raise InvalidArgument(f"{name} is {value!r}, no list.", "Give one a shot, in the shots' order.") from error
 
 
-def _frames(word: str, value: PathLike | Sequence[PathLike | None] | None, k: int) -> list[PathLike | None]:
-    frames = _list(value) or [None] * k
+def _frames(word: str, value: Any, k: int) -> list[PathLike | None]:
+    frames = _list(word, value) or [None] * k
     if len(frames) != k:
         raise InvalidArgument(
             f"{k} photo(s) but {len(frames)} {word} frame(s).", f"Give one --{word} a photo, or none."
@@ -694,12 +817,48 @@ def _frames(word: str, value: PathLike | Sequence[PathLike | None] | None, k: in
     return frames
 
 
-def _numbers(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
+def _card(share: Any, framed: bool) -> float | None:
+    """The white frame's reflectance, checked."""
+    if share is None:
+        return None
+    if isinstance(share, bool) or not isinstance(share, Real) or not 0.05 <= float(share) <= 1.2:
+        raise InvalidArgument(f"a white card of reflectance {share} is none.", "Write 95 % as 0.95.")
+    if not framed:
+        raise InvalidArgument(
+            "a white card's reflectance was given, but no white frame.", "Give the white frame, or leave it out."
+        )
+    return float(share)
+
+
+def _fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     if fit is None:
         return np.ones(n, dtype=bool)
-    numbers = list(fit)
-    if not numbers or not all(isinstance(i, int) and 1 <= i <= n for i in numbers):
-        raise InvalidArgument(f"the patches of this chart are numbered 1 to {n}; got {numbers}.", "Write 7-18.")
+    numbers = _list("fit", fit)
+    if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
+        raise InvalidArgument(f"the patches of this chart are numbered 1 to {n}; got {numbers[:30]}.", "Write 7-18.")
     mask = np.zeros(n, dtype=bool)
-    mask[np.array(numbers) - 1] = True
+    mask[np.array(numbers, dtype=int) - 1] = True
     return mask
+
+
+def _agree(shots: Sequence[Shot]) -> None:
+    """Raise unless one camera took all shots, and all or none have a white frame."""
+    bodies = {(shot.photo.make, shot.photo.model) for shot in shots}
+    if len(bodies) > 1:
+        raise FramesDiffer(
+            f"the photos come from different cameras: {', '.join(sorted(' '.join(b) for b in bodies))}.",
+            "Calibrate one camera at a time; `camssf batch` takes many.",
+        )
+    _need(len({shot.white is None for shot in shots}) == 1, "white", "must be there for all shots or for none")
+
+
+def _file(role: str, spec: Any) -> dict[str, str]:
+    """SHA-256 of the file behind a lamp or chart spec, if there is one."""
+    text = str(spec) if isinstance(spec, str | Path) else ""
+    for name in (text, text.partition(":")[2]):
+        try:
+            if name and Path(name).is_file():
+                return {f"{role}: {Path(name).name}": hashlib.sha256(Path(name).read_bytes()).hexdigest()}
+        except (OSError, ValueError):
+            continue  # whoever reads it says what is wrong
+    return {}

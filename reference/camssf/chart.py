@@ -184,7 +184,7 @@ def refine_corners(
     """
     start = np.asarray(corners, dtype=np.float64)
     side = np.array(layout.side)
-    lattice = _homography(_block(layout, side), start)
+    lattice = _homography(block_corners(layout, side), start)
     locked = 0.0
     for window in windows:
         found = _borders(np.asarray(image), lattice, side, layout, window)
@@ -195,7 +195,7 @@ def refine_corners(
             lattice = lattice @ np.linalg.inv(correction)
         except np.linalg.LinAlgError:
             return start, layout.side, 0.0
-        moved = _apply(lattice, _block(layout, side))
+        moved = map_points(lattice, block_corners(layout, side))
         if not np.isfinite(moved).all() or not _convex(moved):
             return start, layout.side, 0.0
     return moved, (float(side[0]), float(side[1])), locked
@@ -221,6 +221,28 @@ def agreement(measured: Floats, expected: Floats) -> float:
     x, y = features(measured), features(expected)
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     return float(np.sum(x * y)) / size if size > 0 else 0.0
+
+
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def block_corners(layout: ChartLayout, side: ArrayLike) -> Floats:
+    """(4, 2) outer corners of the block of patches with edges `side`, in lattice coordinates (`refine_corners`)."""
+    last = np.array([layout.columns - 1, layout.rows - 1])
+    return np.asarray(_SQUARE * np.asarray(side) / 2 + last * (_SQUARE > 0))
+
+
+def patch_corners(lattice: Floats, layout: ChartLayout, side: ArrayLike) -> Floats:
+    """(n, 4, 2) px corners of every patch with edges `side`; `lattice` (3, 3) maps lattice coordinates to px."""
+    index = np.arange(layout.columns * layout.rows)
+    centres = np.stack([index % layout.columns, index // layout.columns], axis=1)[:, None, :]
+    return map_points(lattice, centres + _SQUARE * np.asarray(side) / 2)
+
+
+def map_points(matrix: Floats, points: Floats) -> Floats:
+    """Map (..., 2) points by a homography (3, 3)."""
+    mapped = points @ matrix[:, :2].T + matrix[:, 2]
+    return np.asarray(mapped[..., :2] / mapped[..., 2:])
 
 
 @dataclass(frozen=True)
@@ -379,12 +401,12 @@ def _label(
     span = np.arange(-0.2, 0.21, 0.1)
     columns = np.arange(-reach, layout.columns + reach, dtype=np.float64)
     rows = np.arange(-reach, layout.rows + reach, dtype=np.float64)
-    block = _block(layout, side)
+    block = block_corners(layout, side)
     lattice = _homography(block, corners)
     spots = np.stack(np.meshgrid(columns, rows), axis=-1)[:, :, None, None] + np.stack(
         np.meshgrid(span * side[0], span * side[1]), axis=-1
     )
-    pixels = np.rint(_apply(lattice, spots)).astype(np.int64)
+    pixels = np.rint(map_points(lattice, spots)).astype(np.int64)
     height, width = view.colours.shape[:2]
     x, y = np.clip(pixels[..., 0], 0, width - 1), np.clip(pixels[..., 1], 0, height - 1)
     seen = view.colours[y, x].mean(axis=(2, 3), dtype=np.float64)
@@ -392,7 +414,7 @@ def _label(
     for dy in range(2 * reach + 1):
         for dx in range(2 * reach + 1):
             part = seen[dy : dy + layout.rows, dx : dx + layout.columns]
-            moved = _apply(lattice, block + np.array([dx - reach, dy - reach]))
+            moved = map_points(lattice, block + np.array([dx - reach, dy - reach]))
             for turned in (part, part[::-1, ::-1]):
                 for mirrored in (False, True):
                     named = turned[:, ::-1] if mirrored else turned
@@ -465,8 +487,10 @@ def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:
         points = np.asarray(corners, dtype=np.float64)
     except (TypeError, ValueError):
         raise InvalidArgument("The corners are not numbers.", advice) from None
-    if points.shape != (4, 2) or not np.isfinite(points).all():
+    if points.shape != (4, 2):
         raise InvalidArgument(f"The corners have the shape {points.shape}, not four points of two.", advice)
+    if not np.isfinite(points).all():
+        raise InvalidArgument("A number of the corners is not finite.", advice)
     limit = np.array(mosaic.samples.shape[::-1]) - 1
     if np.any(points < 0) or np.any(points > limit):
         raise InvalidArgument(f"A corner lies outside the photo of {limit[0] + 1} × {limit[1] + 1} px.", advice)
@@ -495,10 +519,8 @@ def _others(matches: list[_Match]) -> tuple[str, ...]:
 
 
 def _pose(match: _Match, layout: ChartLayout, method: str, notes: tuple[str, ...]) -> Pose:
-    lattice = _homography(_block(layout, match.side), match.corners)
-    index = np.arange(layout.columns * layout.rows)
-    centres = np.stack([index % layout.columns, index // layout.columns], axis=1)[:, None, :]
-    patches = _apply(lattice, centres + _SQUARE * np.array(match.side) / 2)
+    lattice = _homography(block_corners(layout, match.side), match.corners)
+    patches = patch_corners(lattice, layout, match.side)
     across = match.corners[[1, 2]].sum(axis=0) - match.corners[[0, 3]].sum(axis=0)
     turns = round(float(np.degrees(np.arctan2(across[1], across[0]))) / 90) % 4
     score = min(max(match.score, 0.0), 1.0)
@@ -511,14 +533,7 @@ def _expected(table: ChartTable) -> Floats:
     return np.asarray(table.values @ (curves / curves.sum(axis=0)))
 
 
-_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _ALONG = np.linspace(-0.3, 0.3, 9)
-
-
-def _block(layout: ChartLayout, side: ArrayLike) -> Floats:
-    """(4, 2) outer corners of the block in lattice coordinates."""
-    last = np.array([layout.columns - 1, layout.rows - 1])
-    return np.asarray(_SQUARE * np.asarray(side) / 2 + last * (_SQUARE > 0))
 
 
 def _homography(source: Floats, target: Floats) -> Floats:
@@ -528,12 +543,6 @@ def _homography(source: Floats, target: Floats) -> Floats:
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
         right += [u, v]
     return np.append(np.linalg.solve(np.array(rows), np.array(right)), 1.0).reshape(3, 3)
-
-
-def _apply(matrix: Floats, points: Floats) -> Floats:
-    """Map (..., 2) points by a homography."""
-    mapped = points @ matrix[:, :2].T + matrix[:, 2]
-    return np.asarray(mapped[..., :2] / mapped[..., 2:])
 
 
 def _area(quad: Floats) -> float:
@@ -586,7 +595,7 @@ def _borders(
             spots = np.repeat(np.repeat(centres[:, None, None, :], 9, axis=1), offsets.size, axis=2)
             spots[..., axis] += sign * (side[axis] / 2 + offsets)
             spots[..., 1 - axis] += (_ALONG * side[1 - axis])[:, None]
-            profiles.append(_sample(image, _apply(lattice, spots)).mean(axis=1))
+            profiles.append(_sample(image, map_points(lattice, spots)).mean(axis=1))
             seen.append(centres)
             axes.append(np.full(len(centres), axis))
             targets.append(np.stack([centres[:, axis], np.full(len(centres), sign)], axis=1))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import re
 import sys
 import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -26,6 +29,9 @@ BUG = 70
 
 PROGRESS_AFTER = 2.0
 """Seconds of silence before a progress bar appears."""
+
+PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
+"""The formats of the documents that travel down a pipe."""
 
 DEMO_SIZE = (1800, 1350)
 DEMO_CAMERA = "Nikon 5100 (NPL)"
@@ -94,11 +100,16 @@ WhiteReflectance: TypeAlias = Annotated[
 BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
 Gamma: TypeAlias = Annotated[
     float | None,
-    typer.Option(show_default=False, help="The l1 penalty; chosen from the measured noise unless given."),
+    typer.Option(
+        show_default=False,
+        help="The l1 penalty γ; unless given, 0.05 on `cameras`, chosen from the measured noise on `gaussian`.",
+    ),
 ]
 L2: TypeAlias = Annotated[
     float | None,
-    typer.Option("--l2", show_default=False, help="The quadratic penalty λ₂; the basis' own unless given."),
+    typer.Option(
+        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1 on `cameras`, 0 on `gaussian`."
+    ),
 ]
 Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]
 Fit: TypeAlias = Annotated[
@@ -150,6 +161,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.exit_status
     except Exception as error:
         _trace(debug)
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # where click writes, as --help
+            _discard_stdout()
+            _say(f"[bold red]{InvalidArgument.code}[/]: ", f"{os.strerror(errno.ENOSPC)}.")
+            _say("", "  Free some space, or write elsewhere.")
+            return InvalidArgument.exit_status
         _say("[bold red]bug[/]: ", f"{type(error).__name__}: {' '.join(str(error).split())}")
         _say("", "  This is camssf's fault. Run it again with --debug and report what it prints.")
         return BUG
@@ -158,7 +174,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _version(asked: bool) -> None:
     if asked:
-        print(f"camssf {__version__}")
+        _put(f"camssf {__version__}")
         raise typer.Exit
 
 
@@ -234,10 +250,10 @@ def calibrate(
     with _progress() as progress:
         with _evidence(out):
             result = run(
-                photos,
+                _paths("PHOTO", photos),
                 _lamps(lamp),
-                white=_frames(white),
-                dark=_frames(dark),
+                white=_frames("--white", white),
+                dark=_frames("--dark", dark),
                 chart=chart,
                 corners=_corners(corners),
                 white_reflectance=_share(white_reflectance),
@@ -365,10 +381,10 @@ def patches(
 
     with _progress() as progress, _evidence(None):
         capture = measure(
-            photos,
+            _paths("PHOTO", photos),
             _lamps(lamp),
-            white=_frames(white),
-            dark=_frames(dark),
+            white=_frames("--white", white),
+            dark=_frames("--dark", dark),
             chart=chart,
             corners=_corners(corners),
             white_reflectance=_share(white_reflectance),
@@ -388,11 +404,18 @@ def solve(
     engine: Engine = "onnx",
     truth: Truth = None,
 ) -> None:
-    """Patches to curves: JSON in, JSON out."""
+    """Patches to curves: JSON in, JSON out.
+
+    A refusal of the command before the pipe is passed on as it is.
+    """
     from camssf.calibrate import Capture
     from camssf.calibrate import solve as run
 
-    capture = Capture.from_document(_read(document, "camssf-patches/1"))
+    given = _read(document, PATCHES, refusal=True)
+    if given["format"] == RESULT:
+        _pass_on(_sound(given))
+        return
+    capture = Capture.from_document(given)
     with _progress() as progress, _evidence(None):
         result = run(
             capture,
@@ -405,10 +428,7 @@ def solve(
             truth=truth,
             progress=progress,
         )
-    found = result.document()
-    _emit(found)
-    _summary(found, None)
-    _finish(found)
+    _pass_on(result.document())
 
 
 @app.command(epilog="Example: camssf validate result.json --truth truth.csv > scored.json")
@@ -420,22 +440,10 @@ def validate(
 
     Passes the result on with scores.rmse and the truth filled in; without --truth as it is, once checked.
     """
-    from camssf.spectra import read_camera
-    from camssf.validate import rmse
-
     result = _result(document)
     if "ssf" in result and truth is not None:
-        known = read_camera(truth)
-        colours = ("red", "green", "blue")
-        found = np.array([result["ssf"][colour] for colour in colours]).T
-        result["scores"]["rmse"] = rmse(found, known.values).tolist()
-        peak = known.values / known.values.max(axis=0)
-        grid = {"wavelength_nm": WAVELENGTHS.tolist()}
-        curves = grid | {colour: peak[:, i].tolist() for i, colour in enumerate(colours)}
-        result["truth"] = {"name": known.name, "ssf": curves}
-    _emit(result)
-    _summary(result, None)
-    _finish(result)
+        _compare(result, truth)
+    _pass_on(result)
 
 
 @app.command(epilog="Example: camssf report result.json -o out/ --photo photo.dng")
@@ -463,7 +471,7 @@ def lamps() -> None:
     """List the lamps known by name."""
     from camssf.spectra import lamp_names
 
-    print("\n".join(lamp_names()))
+    _put("\n".join(lamp_names()))
 
 
 @app.command(epilog="Example: camssf charts")
@@ -471,7 +479,7 @@ def charts() -> None:
     """List the charts known by name."""
     from camssf.spectra import chart_names
 
-    print("\n".join(chart_names()))
+    _put("\n".join(chart_names()))
 
 
 @app.command(epilog="Example: camssf cameras")
@@ -479,7 +487,7 @@ def cameras() -> None:
     """List the measured cameras known by name."""
     from camssf.spectra import camera_names
 
-    print("\n".join(camera_names()))
+    _put("\n".join(camera_names()))
 
 
 # what the arguments mean
@@ -493,8 +501,14 @@ def _lamps(specs: list[str] | None) -> list[str]:
     return specs or []
 
 
-def _frames(paths: list[str] | None) -> list[str | None]:
-    return [None if path.casefold() == "none" else path for path in paths or []]
+def _paths(word: str, paths: list[str]) -> list[str]:
+    if not all(path.strip() for path in paths):  # "" would mean this folder: often a shell variable that is not set
+        raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
+    return paths
+
+
+def _frames(option: str, paths: list[str] | None) -> list[str | None]:
+    return [None if path.casefold() == "none" else path for path in _paths(option, paths or [])]
 
 
 def _corners(texts: list[str] | None) -> list[Any] | None:
@@ -519,13 +533,15 @@ def _numbers(text: str | None) -> tuple[int, ...] | None:
     """`7-18` or `1,4,7-18` → patch numbers from 1."""
     if text is None:
         return None
-    numbers: list[int] = []
+    numbers: dict[int, None] = {}
     for part in text.split(","):
-        first, dash, last = part.partition("-")
-        if not (first.strip().isdecimal() and (not dash or last.strip().isdecimal())):
-            raise InvalidArgument(f"--fit {text!r} is not a list of patches.", "Write 7-18, or 1,4,7-18.")
-        numbers.extend(range(int(first), int(last if dash else first) + 1))
-    return tuple(dict.fromkeys(numbers))
+        found = re.fullmatch(r"\s*(\d{1,3})\s*(?:-\s*(\d{1,3})\s*)?", part)  # no chart has 1000 patches
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+        if first > last:
+            shown = text if len(text) <= 40 else f"{text[:40]}..."
+            raise InvalidArgument(f"--fit {shown!r} is not a list of patches.", "Write 7-18, or 1,4,7-18.")
+        numbers.update(dict.fromkeys(range(first, last + 1)))
+    return tuple(numbers)
 
 
 def _share(text: str | None) -> float | None:
@@ -541,17 +557,17 @@ def _share(text: str | None) -> float | None:
 
 
 def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.casefold().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
+    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())
+    if not found:
         raise InvalidArgument(f"--size {text!r} is not a size.", "Write width x height, for example 4000x3000.")
-    return int(width), int(height)
+    return int(found[1]), int(found[2])
 
 
 # in and out
 
 
-def _read(source: str, *formats: str) -> dict[str, Any]:
-    """The JSON document in a file or on stdin, of one of the formats."""
+def _read(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
+    """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
     name = "Standard input" if source == "-" else source
     try:
         data = sys.stdin.buffer.read() if source == "-" else Path(source).read_bytes()
@@ -561,27 +577,50 @@ def _read(source: str, *formats: str) -> dict[str, Any]:
         raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
     try:
         document = json.loads(data)
-    except ValueError:  # UnicodeDecodeError is one, too
+    except (ValueError, RecursionError):  # UnicodeDecodeError is a ValueError, too
         raise InvalidArgument(f"{name} is not JSON.", "Give what another camssf command wrote.") from None
     found = document.get("format") if isinstance(document, dict) else None
-    if found not in formats:
+    if found != wanted and not (refusal and found == RESULT and _refused(document)):
         raise InvalidArgument(
-            f"{name} holds {found or 'no camssf document'}, not {' or '.join(formats)}.",
+            f"{name} holds {found or 'no camssf document'}, not {wanted}.",
             "The order is patches, solve, validate, report.",
         )
     return dict(document)
+
+
+def _refused(document: dict[str, Any]) -> bool:
+    verdict = document.get("verdict")
+    return isinstance(verdict, dict) and verdict.get("status") == "refused"
 
 
 def _result(source: str) -> dict[str, Any]:
     """A result document, checked against its form."""
     from camssf.report import read_document
 
-    if source != "-":
-        return read_document(source)
+    return _sound(_read("-", RESULT)) if source == "-" else read_document(source)
+
+
+def _sound(document: dict[str, Any]) -> dict[str, Any]:
+    """A result document from elsewhere than a file, checked against its form."""
+    from camssf.report import read_document
+
     with tempfile.TemporaryDirectory() as aside:
         path = Path(aside, "standard input")
-        path.write_text(json.dumps(_read("-", "camssf-result/1")), "utf-8")
+        path.write_text(json.dumps(document), "utf-8")
         return read_document(path)
+
+
+def _compare(result: dict[str, Any], truth: str) -> None:
+    """Fill in scores.rmse and the truth, as `Calibration.document` does when it knows the truth."""
+    from camssf.spectra import read_camera
+    from camssf.validate import rmse
+
+    known = read_camera(truth)
+    colours = ("red", "green", "blue")
+    found = np.array([result["ssf"][colour] for colour in colours]).T
+    result["scores"]["rmse"] = rmse(found, known.values).tolist()
+    peak = dict(zip(colours, (known.values / known.values.max(axis=0)).T.tolist(), strict=True))
+    result["truth"] = {"name": known.name, "ssf": {"wavelength_nm": WAVELENGTHS.tolist()} | peak}
 
 
 def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
@@ -594,7 +633,7 @@ def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
         raise InvalidArgument(
             f"{len(photos)} photos for {len(shots)} shots.", "Give --photo once a shot, in the shots' order."
         )
-    for path, shot in zip(photos, shots, strict=False):
+    for path, shot in zip(_paths("--photo", photos), shots, strict=False):
         mosaic = read_dng(path)
         if mosaic.sha256 != shot["photo"]["sha256"]:
             raise InvalidArgument(
@@ -606,9 +645,40 @@ def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
 
 
 def _emit(document: dict[str, Any]) -> None:
-    json.dump(document, sys.stdout, allow_nan=False, ensure_ascii=False)
-    sys.stdout.write("\n")
-    sys.stdout.flush()
+    _put(json.dumps(document, allow_nan=False, ensure_ascii=False))
+
+
+def _put(text: str) -> None:
+    """Lines on stdout, now: a full disk must not pass unseen. A pipe that closed is the command line's to answer."""
+    if sys.stdout is None:
+        raise InvalidArgument("Standard output is closed.", "Leave it open, or name a folder by -o.")
+    try:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _discard_stdout()
+        raise InvalidArgument(
+            f"Standard output cannot be written ({error.strerror or error}).",
+            "Free some space, or send it elsewhere; what arrived there is not whole.",
+        ) from error
+
+
+def _discard_stdout() -> None:
+    """What is left in the buffer goes nowhere, or Python tries once more at its end and complains."""
+    with suppress(OSError, ValueError, AttributeError):
+        stdout = sys.stdout.fileno()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stdout)
+        os.close(nowhere)
+
+
+def _pass_on(document: dict[str, Any]) -> None:
+    """A result for the next command, its summary for the reader, and a refusal's exit status."""
+    _emit(document)
+    _summary(document, None)
+    _finish(document)
 
 
 @contextmanager
@@ -619,13 +689,16 @@ def _evidence(out: Path | None) -> Iterator[None]:
     except CalibrationError as error:
         document = getattr(error, "evidence", None)
         if document is not None:
-            if out is None:
-                _emit(document)
-            else:
-                from camssf.report import report
+            try:
+                if out is None:
+                    _emit(document)
+                else:
+                    from camssf.report import report
 
-                report(document, getattr(error, "previews", ())).save(out)
-                _say("", f"What is known of this capture lies in {out / 'report.html'}")
+                    report(document, getattr(error, "previews", ())).save(out)
+                    _say("", f"What is known of this capture lies in {out / 'report.html'}")
+            except InvalidArgument as lost:  # the refusal itself matters more
+                _say("", f"{lost.message} {lost.advice}")
         raise
 
 

@@ -38,6 +38,7 @@ class CalibrationError(Exception):
         value, threshold: the number that decided and the bound it broke, where there is one.
         evidence: a refused result document with what was learned until then, or None.
         previews: a JPEG of each of its shots, or None.
+        reasons: of a verdict that refused; empty where a stage did.
     """
 
     code: ClassVar[str] = "calibration_error"
@@ -53,6 +54,7 @@ class CalibrationError(Exception):
         self.threshold = threshold
         self.evidence: dict[str, Any] | None = None
         self.previews: tuple[bytes | None, ...] = ()
+        self.reasons: tuple[Any, ...] = ()
 
 
 class InvalidArgument(CalibrationError):

@@ -216,8 +216,11 @@ def _check_sense(document: Json) -> None:
         if abs(peak - 1) > 1e-6:
             raise _BrokenError(f"ssf.{colour}", f"must have peak 1, has {peak:.6g}")
     for i, shot in enumerate(document["shots"]):
-        if len(shot["pose"]["patches"]) != len(shot["patches"]):
+        outlines = [] if shot["pose"] is None else shot["pose"]["patches"]
+        if shot["patches"] and len(outlines) != len(shot["patches"]):
             raise _BrokenError(f"shots[{i}].pose.patches", f"must hold {len(shot['patches'])} entries")
+        if "ssf" in document and not shot["patches"]:
+            raise _BrokenError(f"shots[{i}].patches", "must not be empty beside curves")
 
 
 _TYPES: dict[str, tuple[type, ...]] = {

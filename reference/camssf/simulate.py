@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.chart import LAYOUTS, ChartLayout, Pose
+from camssf.chart import LAYOUTS, ChartLayout, Pose, block_corners, map_points, patch_corners
 from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.mosaic import CFA_ORDERS
@@ -40,6 +40,10 @@ FRAME_WIDTH = 0.30
 
 FOCAL = 1.0
 """Focal length in picture widths (36 mm on a full-frame camera): it sets how much a tilt converges."""
+
+
+LARGEST = 200_000_000
+"""Pixels of the largest picture: more than any camera's, and what a computer's memory holds."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +181,8 @@ def true_pose(scene: Scene) -> Pose:
     """Where the chart of `scene` lies."""
     layout = _layout(scene)
     to_pixels = homography(scene)
-    index = np.arange(layout.columns * layout.rows)
-    centres = np.stack([index % layout.columns, index // layout.columns], axis=-1)[:, None, :]
-    half = np.array(layout.side) / 2
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-    patches = _apply(to_pixels, centres + square)
-    last = np.array([layout.columns - 1, layout.rows - 1])
-    corners = _apply(to_pixels, square + last * (square > 0))
+    patches = patch_corners(to_pixels, layout, layout.side)
+    corners = map_points(to_pixels, block_corners(layout, layout.side))
     turns = round(scene.rotation / 90) % 4
     return Pose(scene.layout, corners, patches, turns, "simulated", 1.0, ())
 
@@ -404,6 +403,7 @@ def _check(scene: Scene, sensor: Sensor) -> None:
     width, height = scene.size
     rules = (
         (min(width, height) >= 16 and max(width, height) <= 30000, "size", "16 to 30000 px a side"),
+        (width * height <= LARGEST, "size", f"at most {LARGEST // 1_000_000} megapixels"),
         (0 < scene.fill <= 1, "fill", "a share of the picture's width, above 0 and at most 1"),
         (abs(scene.tilt) <= 80, "tilt", "-80 to 80 degrees"),
         (np.isfinite(scene.rotation), "rotation", "finite, degrees"),
@@ -412,11 +412,8 @@ def _check(scene: Scene, sensor: Sensor) -> None:
         (0 <= scene.blur <= 100, "blur", "0 to 100 px"),
         (0 <= scene.glare <= 1, "glare", "0 to 1"),
         (sensor.cfa in CFA_ORDERS, "cfa", f"one of {', '.join(CFA_ORDERS)}"),
-        (
-            0 <= sensor.black < sensor.white_level <= 65535,
-            "black",
-            "below white_level, which is at most 65535",
-        ),
+        (1 <= sensor.white_level <= 65535, "white_level", "1 to 65535 DN"),
+        (0 <= sensor.black < sensor.white_level, "black", "at least 0 and below white_level, DN"),
         (0 < sensor.exposure <= 100, "exposure", "above 0 and at most 100"),
         (sensor.full_well > 0, "full_well", "above 0, electrons"),
         (sensor.read_noise >= 0, "read_noise", "at least 0, electrons"),
@@ -442,18 +439,10 @@ def _sites(cfa: str, height: int, width: int) -> Iterator[tuple[slice, slice, in
         yield slice(row, height, 2), slice(column, width, 2), colour
 
 
-def _apply(matrix: Floats, points: Floats) -> Floats:
-    """Map (..., 2) points by a homography."""
-    mapped = points @ matrix[:, :2].T + matrix[:, 2]
-    return np.asarray(mapped[..., :2] / mapped[..., 2:])
-
-
 def _extent(scene: Scene, layout: ChartLayout, halo: int) -> tuple[int, int, int, int]:
     """Even top and left, bottom and right of the rectangle that holds the chart, within the picture."""
-    reach = np.array(layout.side) / 2 + FRAME_WIDTH
-    last = np.array([layout.columns - 1, layout.rows - 1])
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    corners = _apply(homography(scene), square * reach + last * (square > 0))
+    frame = block_corners(layout, np.array(layout.side) + 2 * FRAME_WIDTH)
+    corners = map_points(homography(scene), frame)
     low, high = np.floor(corners.min(axis=0)) - halo - 2, np.ceil(corners.max(axis=0)) + halo + 3
     left, top = (np.maximum(low, 0).astype(int) // 2 * 2).tolist()
     right, bottom = np.minimum(high, scene.size).astype(int).tolist()

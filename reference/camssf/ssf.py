@@ -126,7 +126,7 @@ def recover(
         LampUnfit: a lamp without power on the grid.
         NotConverged: a relative duality gap above 1e-6.
     """
-    book = basis if isinstance(basis, Basis) else read_basis(basis)
+    book = basis if isinstance(basis, Basis) else read_basis(str(basis))
     evidence = _check(
         signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
         lamp_tolerance, lamp_modes, book,
@@ -135,9 +135,12 @@ def recover(
         raise InvalidArgument(f"there is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
     raw = None if frames is None else tuple(_array("frames", f, evidence.signals.shape) for f in frames)
     positive = not book.prior if nonnegative is None else nonnegative
-    weight = (L2 if book.prior else 0.0) if l2 is None else float(l2)
+    weight = (L2 if book.prior else 0.0) if l2 is None else float(_array("l2", l2, ()))
     if gamma is not None:
-        sparsity = np.broadcast_to(np.asarray(gamma, float), 3)
+        sparsity = _array("gamma", gamma)
+        if sparsity.shape not in ((), (3,)):
+            raise InvalidArgument(f"gamma has shape {sparsity.shape}.", "Give one number, or one a channel.")
+        sparsity = np.broadcast_to(sparsity, 3)
     elif book.prior:
         sparsity = np.full(3, GAMMA)
     else:

@@ -49,7 +49,7 @@ GOLDEN = 0.6180339887498949
 RELAXATION = 1.6
 PIVOT_FLOOR = 1e-12
 """Smallest pivot of a tableau of unit diagonal; atoms closer to dependent than this never serve together."""
-REFINEMENTS = 4
+REFINEMENTS = 6
 """Steps of the last correction against the residual itself."""
 RIDGE = 1e-10
 """Added to the walk's unit diagonal: dependent atoms, of which rounding makes anything, become barely independent.

@@ -13,15 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.chart import Pose
-from camssf.errors import ChartUnfit, Glare, LampUnfit, Overexposed, Underexposed, UnevenLight
+from camssf.errors import CalibrationError, ChartUnfit, Glare, LampUnfit, Overexposed, Underexposed, UnevenLight
 from camssf.grid import Floats
 from camssf.patches import PatchMeans
 from camssf.signals import Signals
 from camssf.spectra import ChartTable
 from camssf.ssf import Ssf
 
-MISFIT = 3.0
-"""Root mean square residual in units of its expected size from which the evidence contradicts itself."""
+MISFIT, IMPOSSIBLE = 3.0, 10.0
+"""Root mean square residual in units of its expected size from which the evidence contradicts itself, and from which
+nothing is left of it."""
+VEIL, FOG = 0.10, 0.25
+"""Share of white that the darkest patch may give before light lies over the chart, and before it hides it."""
 STRANGE_PATCH = 5.0
 """Residual of one patch, likewise."""
 FEW_PATCHES = 12
@@ -128,7 +131,18 @@ def judge(
                     VAGUE,
                 )
             )
+    if any(reason.threshold in (IMPOSSIBLE, FOG) for reason in reasons):
+        return Verdict("refused", tuple(reasons))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons))
+
+
+def refusal(verdict: Verdict) -> CalibrationError:
+    """The error that a refused verdict raises: its gravest reason's, with all of them on it."""
+    reason = next(r for r in verdict.reasons if r.threshold in (IMPOSSIBLE, FOG))
+    kind = LampUnfit if reason.code == LampUnfit.code else Glare
+    error = kind(reason.message, reason.advice, value=reason.value, threshold=reason.threshold)
+    error.reasons = verdict.reasons
+    return error
 
 
 def _exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Reason]:
@@ -147,14 +161,14 @@ def _exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Rea
             )
         )
     lowest = signals.values[j].min(axis=0)
-    if float(lowest.max()) > 0.10:
+    if float(lowest.max()) > VEIL:
         reasons.append(
             Reason(
                 Glare.code,
                 f"{name}: the darkest patch gives {float(lowest.max()):.0%} of white; black ink gives 3 %.",
                 "Turn the chart away from the reflection, and shade the lens.",
                 float(lowest.max()),
-                0.10,
+                FOG if float(lowest.max()) > FOG else VEIL,
             )
         )
     return reasons
@@ -192,7 +206,7 @@ def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:
                 f"{name}: the curves leave {overall:.1f} times the expected residual.",
                 "Check that --lamp is the light of this photo and --chart the chart in it.",
                 overall,
-                MISFIT,
+                IMPOSSIBLE if others > IMPOSSIBLE else MISFIT,
             )
         ]
     if off > STRANGE_PATCH:

@@ -1,0 +1,273 @@
+"""What the benchmarks share: seeded problems, the one gap that judges every solver, tables and results."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from camssf.basis import Basis, interpolate
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.sensing import Sensing, sense
+from camssf.spectra import camera_names, read_camera, read_chart, read_lamp
+
+RESULTS = Path(__file__).parent / "results"
+CURVES = Path(__file__).parents[2] / "shared" / "data" / "ssf" / "rawtoaces.csv"
+WIEN = 1.438776877e7
+"""Planck's second constant, nm K: ln L of a hot body falls by WIEN / (λ T)."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One call of a model, three channels.
+
+    Attributes:
+        inputs: of the model, as DESIGN.md's contract names them; l2, gamma and nonnegative included.
+        basis: name of the shipped basis.
+        label: what it is, in words.
+    """
+
+    inputs: dict[str, Floats]
+    basis: str
+    label: str
+
+    @property
+    def l2(self) -> float:
+        """λ₂."""
+        return float(self.inputs["l2"])
+
+    @property
+    def gamma(self) -> float:
+        """γ, one for the three channels."""
+        return float(self.inputs["gamma"])
+
+    @property
+    def nonnegative(self) -> bool:
+        """Whether x ≥ 0."""
+        return float(self.inputs["nonnegative"]) > 0.5
+
+    def sensing(self, basis: Basis) -> Sensing:
+        """The reference's rows and covariance."""
+        given = self.inputs
+        return sense(
+            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
+            given["standard_error"],
+            given["reflectance"],
+            given["lamp"],
+            basis,
+            chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"],
+            white_tolerance=float(given["white_tolerance"]),
+            lamp_tolerance=given["lamp_tolerance"],
+            lamp_modes=given["lamp_modes"],
+        )
+
+
+@cache
+def cameras() -> tuple[dict[str, Floats], str]:
+    """Measured cameras, name → (681, 3), and a sentence that says which."""
+    if CURVES.exists():
+        from camssf.learn import read_curves
+
+        return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
+    known = {name: read_camera(name).values for name in camera_names()}
+    return known, f"colour-science's {len(known)} cameras only: the measured ones are not on this machine"
+
+
+@cache
+def chart() -> Floats:
+    """(24, 681) BabelColor's table."""
+    return read_chart("classic24").values
+
+
+def reflectances(n: int, rng: np.random.Generator) -> Floats:
+    """(n, 681): the chart's patches, drawn without replacement; beyond 24, convex blends of all of them."""
+    if n <= 24:
+        return chart() if n == 24 else chart()[np.sort(rng.choice(24, n, replace=False))]
+    return np.concatenate([chart(), rng.dirichlet(np.full(24, 0.15), n - 24) @ chart()])
+
+
+@cache
+def lamp(name: str) -> Floats:
+    """(681,)."""
+    return read_lamp(name).values
+
+
+def temperature_mode(kelvin: float, off: float) -> Floats:
+    """(681,) change of ln L of a hot body that is `off` K warmer: Wien's law, by its derivative."""
+    return np.asarray(WIEN * off / kelvin**2 * (1.0 / WAVELENGTHS - 1.0 / 550.0))
+
+
+def make_problem(
+    basis: str,
+    camera: Floats,
+    lamps: Floats,
+    seen: Floats,
+    table: Floats,
+    *,
+    noise: float,
+    rng: np.random.Generator,
+    l2: float,
+    gamma: float,
+    nonnegative: bool,
+    standard_error: Floats | None = None,
+    chart_tolerance: float = 0.0,
+    white_tolerance: float = 0.0,
+    lamp_tolerance: float = 0.0,
+    lamp_modes: Floats | None = None,
+    white: Floats | None = None,
+    label: str = "",
+) -> Problem:
+    """Raw means of a chart of reflectance `seen` (n, 681), to be solved with `table`; Eq. (5) by its integrals.
+
+    The noise is relative with a foot of 5 % of white: se = noise · hypot(y, 0.05). White frames differ in the
+    channels' raw levels, dark ones lie at 64 DN.
+    """
+    k, n = len(lamps), len(seen)
+    rho = np.ones_like(WAVELENGTHS) if white is None else white
+    y = ((lamps[:, None, :] * seen) @ camera) / ((lamps * rho) @ camera)[:, None, :]
+    error = noise * np.hypot(y, 0.05)
+    y = y + error * rng.normal(size=y.shape)
+    dark = np.full(y.shape, 64.0)
+    bright = dark + np.array([5000.0, 9000.0, 6500.0]) * rng.uniform(0.8, 1.2, (k, 1, 1)) * np.ones_like(y)
+    inputs = {
+        "chart": dark + y * (bright - dark),
+        "white": bright,
+        "dark": dark,
+        "standard_error": error if standard_error is None else np.broadcast_to(standard_error, y.shape).copy(),
+        "reflectance": table,
+        "chart_tolerance": np.full(n, chart_tolerance),
+        "white_reflectance": rho,
+        "white_tolerance": np.array(white_tolerance),
+        "lamp": lamps,
+        "lamp_tolerance": np.full(k, lamp_tolerance),
+        "lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)) if lamp_modes is None else lamp_modes,
+        "l2": np.array(float(l2)),
+        "gamma": np.array(float(gamma)),
+        "nonnegative": np.array(float(nonnegative)),
+    }
+    return Problem(inputs, basis, label)
+
+
+def whiten(sensing: Sensing) -> tuple[Floats, Floats]:
+    """Σ^-½ A (3, N, r) and Σ^-½ b (3, N) by Cholesky: neither engine's inverse."""
+    from scipy.linalg import solve_triangular
+
+    rows, targets = [], []
+    for A, b, sigma in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True):
+        root = np.linalg.cholesky(sigma)
+        rows.append(solve_triangular(root, A, lower=True))
+        targets.append(solve_triangular(root, b, lower=True))
+    return np.stack(rows), np.stack(targets)
+
+
+def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
+    """(3,) the smallest γ that leaves the zero code, from whitened rows; of |Aᵀ b| where no γ > 0 leaves more."""
+    pull = np.einsum("cnr,cn->cr", A, b)
+    top = pull.max(axis=1)
+    bound = np.abs(pull).max(axis=1)
+    return np.asarray(np.where(top > 0, top, bound) if nonnegative else bound)
+
+
+def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
+    """Relative duality gap of x by the formula in `camssf.unrolled`, from whitened rows (N, r), (N,); γ > 0.
+
+    Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
+    where x ≥ 0 is asked is judged after that entry is set to zero.
+    """
+    x = np.maximum(x, 0.0) if nonnegative else x
+    r = b - A @ x
+    w = A.T @ r - l2 * x
+    quadratic = float(r @ r + l2 * x @ x)
+    objective = 0.5 * quadratic + gamma * float(np.abs(x).sum())
+    worst = float(np.max(w if nonnegative else np.abs(w), initial=0.0))
+    alpha = min(1.0, gamma / worst) if worst > 0 else 1.0
+    gap = 0.5 * (1.0 - alpha) ** 2 * quadratic + float(np.sum(np.abs(x) * (gamma - alpha * np.sign(x) * w)))
+    return max(gap, 0.0) / objective if objective > 0 else 0.0
+
+
+def curves(basis: Basis, code: Floats) -> Floats:
+    """s = μ + Ψ x of codes (3, r): (3, 681)."""
+    return np.asarray(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code))
+
+
+def distance(s: Floats, other: Floats) -> Floats:
+    """(3,) largest difference of curves (3, 681), each divided by its own value where `other` peaks."""
+    at = np.abs(other).argmax(axis=1)[:, None]
+    a, b = s / np.take_along_axis(s, at, 1), other / np.take_along_axis(other, at, 1)
+    return np.asarray(np.abs(a - b).max(axis=1))
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of the packages that are there, and the processor's architecture."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("numpy", "onnxruntime", *packages):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def one_thread(module: str) -> None:
+    """Start the command anew with every library held to one thread: the limits must stand before NumPy is loaded."""
+    pools = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA", "RAYON")
+    limits = {f"{name}_NUM_THREADS": "1" for name in pools}
+    if any(os.environ.get(name) != value for name, value in limits.items()):
+        os.execve(sys.executable, [sys.executable, "-m", module, *sys.argv[1:]], os.environ | limits)
+
+
+def console() -> Console:
+    """Tables go to stdout, wide enough where that is a file."""
+    return Console() if Console().is_terminal else Console(width=160)
+
+
+def progress() -> Progress:
+    """A bar on stderr."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
+    """Words left, numbers right."""
+    made = Table(title=title, title_justify="left")
+    lines = [[str(cell) for cell in row] for row in rows]
+    for i, name in enumerate(head):
+        number = bool(lines) and all(not line[i] or line[i][0] in "0123456789-.+<" for line in lines)
+        made.add_column(name, justify="right" if number else "left")
+    for line in lines:
+        made.add_row(*line)
+    return made
+
+
+def save(name: str, content: dict[str, Any]) -> str:
+    """Write results/NAME.json whole or not at all; returns its place relative to the repository."""
+    RESULTS.mkdir(exist_ok=True)
+    temporary = RESULTS / f".{name}.{os.getpid()}"
+    temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    os.replace(temporary, RESULTS / f"{name}.json")
+    return f"benchmarks/results/{name}.json"
+
+
+def white_scale(inputs: dict[str, Floats], s: Floats) -> Floats:
+    """(3,) Σ ρ_w L s dλ of curves (3, 681) for the first lamp."""
+    return np.asarray(s @ (inputs["white_reflectance"] * inputs["lamp"][0]) * STEP)
