@@ -33,7 +33,7 @@ ORDER = [
     "cli",
 ]
 HEAVY = ("cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer")
-BESIDE = {"engine", "learn"}
+BESIDE = {"engine", "families", "learn"}
 """Public modules beside the line of stages."""
 
 

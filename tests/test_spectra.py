@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
+from camssf.families import FAMILIES
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import (
     CameraCurves,
@@ -51,7 +52,7 @@ def test_every_name_reads() -> None:
     for name in lamp_names():
         lamp = read_lamp(name)
         assert lamp.values.shape == (681,)
-        assert lamp.modes.shape == (0, 681)
+        assert lamp.modes.shape == (0, 681) or name in FAMILIES
         assert lamp.values.min() >= 0
         assert lamp.values.mean() == pytest.approx(1)
         assert not lamp.values.flags.writeable
@@ -80,7 +81,7 @@ def test_illuminant_a_is_its_formula() -> None:
 
 def test_names_agree_with_colour_science_at_every_node() -> None:
     tables = colour_science().SDS_ILLUMINANTS
-    for name in lamp_names()[:-1]:
+    for name in set(lamp_names()) - {"equal-energy", *FAMILIES}:
         table = tables[name]
         inside = np.isin(table.wavelengths, WAVELENGTHS)
         expected = table.values[inside]

@@ -66,7 +66,7 @@ class Graph:
         step, go_in = inner.fresh("step"), inner.fresh("go")
         names = [inner.fresh("state") for _ in state]
         after = body(inner, Value(inner, step), [Value(inner, name) for name in names])
-        go = after.go or inner.op("Identity", Value(inner, go_in))
+        go = after.go or Value(inner, go_in)
         inputs = [
             helper.make_tensor_value_info(step, TensorProto.INT64, []),
             helper.make_tensor_value_info(go_in, TensorProto.BOOL, []),

@@ -13,6 +13,7 @@ names follow them. Differences of form, none of value:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 import onnx
@@ -22,7 +23,7 @@ from camssf import __version__
 from camssf.basis import NODES, Basis
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.sensing import CHART_CORRELATION, FLOOR, INDEPENDENT_SHARE, LAMP_CORRELATION, smooth_errors
-from camssf.unrolled import DEPTH, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
+from camssf.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
 from camssf_onnx.graph import Body, Graph, Value
 
 OPSET, IR = 18, 9
@@ -261,6 +262,12 @@ class _Problem:
         diagonal = (quadratic * np.eye(r)).sum(2)
         self.scale = 1.0 / g.op("Sqrt", g.op("Where", g.op("Greater", diagonal, 0.0), diagonal, 1.0))  # (3, r)
 
+    def at(self, g: Graph) -> _Problem:
+        """The same problem, seen from a body."""
+        other = copy(self)
+        other.A, other.b = self.A.here(g), self.b.here(g)
+        return other
+
     def rest(self, x: Value) -> Value:
         """b - A x, (3, N, 1)."""
         return self.b.unsqueeze(2) - self.A @ x.unsqueeze(2)
@@ -336,17 +343,21 @@ class _Problem:
         down = g.op("Greater", (to_x @ down).squeeze(2), 0.5)
         target = g.op("Where", down, -high, high)
         x = x * scale
-        best, smallest = x, None
-        for _ in range(REFINEMENTS + 1):  # against the residual itself; the best of these throws of the dice
-            error = g.op("Where", support, self.residual(x) * scale - target, 0.0)
-            size = g.op("Abs", error).max(1, keep=True)
-            if smallest is None:
-                smallest = size
-            else:
-                better = g.op("Less", size, smallest)
-                best, smallest = g.op("Where", better, x, best), g.op("Where", better, size, smallest)
+        enough = EXACT * high.max(1, keep=True)  # (3, 1)
+
+        def refine(body: Graph, step: Value, state: list[Value]) -> Body:
+            x, best, smallest = state
+            error = body.op("Where", support, self.at(body).residual(x) * scale - target, 0.0)
+            size = body.op("Abs", error).max(1, keep=True)
+            halves = body.op("LessOrEqual", size, 0.5 * smallest)
+            more = body.op("Or", halves, body.op("Greater", size, enough)).real()
+            better = body.op("Less", size, smallest)
+            best, smallest = body.op("Where", better, x, best), body.op("Where", better, size, smallest)
             x = x + scale * (K @ error.unsqueeze(2)).squeeze(2)
-        x = best
+            return Body([x, best, smallest], go=body.op("Greater", more.max(0, 1), 0.5))
+
+        start = [x, x, g.constant(np.full((3, 1), BIG))]
+        x = g.loop(refine, start, [D] * 3, g.constant(REFINEMENTS, np.int64), "refine")[1]
         crossed = g.op("Less", g.op("Where", down, -x, x), 0.0)
         crossed = g.op("And", crossed, g.op("Not", self.free))
         wrong = g.op("Or", g.op("Not", support), crossed)

@@ -23,7 +23,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.mosaic import Mosaic, read_dng
 from camssf.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.signals import Assumption, Signals, normalise
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp, with_tolerance
 from camssf.ssf import Ssf, recover
 from camssf.validate import Scores, reflectance_srgb, validate
 from camssf.verdict import Reason, Verdict, judge, refusal
@@ -238,6 +238,7 @@ def calibrate(
     chart: str | ChartTable = "classic24",
     corners: Sequence[ArrayLike | None] | None = None,
     white_reflectance: float | None = None,
+    lamp_tolerance: str | Sequence[str | None] | None = None,
     basis: str | Basis = "cameras",
     fit: Sequence[int] | None = None,
     nonnegative: bool | None = None,
@@ -256,6 +257,7 @@ def calibrate(
         chart: name or file for `read_chart`, or a table.
         corners: for each shot None or (4, 2) corners by hand.
         white_reflectance: of the white frame's card, 0 to 1, flat; None for a perfect diffuser.
+        lamp_tolerance: how well each lamp is known, `2%`, `300K` or both (`with_tolerance`); None for its default.
         basis, nonnegative, l2, gamma, engine: as in `recover`.
         fit: 1-based numbers of the patches that enter the fit; None for all, validated fold by fold.
         truth: measured curves of this camera (CSV or name), to compare with.
@@ -266,7 +268,7 @@ def calibrate(
     """
     capture = measure(
         photos, lamps, white=white, dark=dark, chart=chart, corners=corners, white_reflectance=white_reflectance,
-        progress=progress,
+        lamp_tolerance=lamp_tolerance, progress=progress,
     )  # fmt: skip
     return solve(
         capture, basis=basis, fit=fit, nonnegative=nonnegative, l2=l2, gamma=gamma, engine=engine, truth=truth,
@@ -283,6 +285,7 @@ def measure(
     chart: str | ChartTable = "classic24",
     corners: Sequence[ArrayLike | None] | None = None,
     white_reflectance: float | None = None,
+    lamp_tolerance: str | Sequence[str | None] | None = None,
     progress: Progress | None = None,
 ) -> Capture:
     """Read the photos, find the chart and measure its patches; arguments as in `calibrate`."""
@@ -306,12 +309,16 @@ def measure(
         raise InvalidArgument(
             "some shots have a white frame and some have none.", "Give a white frame for all shots, or for none."
         )
+    known = _list("lamp_tolerance", lamp_tolerance) or [None] * k
+    if len(known) != k:
+        raise InvalidArgument(f"{k} photo(s) but {len(known)} lamp tolerance(s).", "Give one a photo, or none.")
     card = _card(white_reflectance, whites[0] is not None)
     begun = _Begun(chart=chart.name if isinstance(chart, ChartTable) else str(chart))
     with _evidence(begun):
         for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", lamp) for j, lamp in enumerate(names))]:
             begun.files |= _file(role, spec)
         lights = [lamp if isinstance(lamp, Lamp) else read_lamp(lamp) for lamp in names]
+        lights = [with_tolerance(lamp, text) if text else lamp for lamp, text in zip(lights, known, strict=True)]
         begun.table = table = chart if isinstance(chart, ChartTable) else read_chart(chart)
         for j in range(k):
             at = f" {j + 1} of {k}" if k > 1 else ""
@@ -494,7 +501,7 @@ def _assumptions(capture: Capture, ssf: Ssf, k: int) -> tuple[Assumption, ...]:
             Assumption(
                 "lamp",
                 f"{where}the light was {shot.lamp.name} ({shot.lamp.source}), smooth relative tolerance "
-                f"{shot.lamp.tolerance:.1%}.",
+                f"{shot.lamp.tolerance:.1%}, {len(shot.lamp.modes)} mode(s).",
             )
         )
         if shot.photo.gain_map:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 
 from camssf._tables import is_file, looks_like_file, nearest, plain, read_curves, read_spectra, read_spectrum
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
+from camssf.families import FAMILIES, Temperature, principal_modes, temperature_mode
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
 
@@ -104,9 +106,11 @@ _CIE = (
 _LAMP_MENU = (
     "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
     "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
-    "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; flat E, equal-energy (the paper's assumption); or a "
+    "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
+    "fluorescent; flat E, equal-energy (the paper's assumption); or a "
     "file of wavelength and power (.csv .txt .spd .sp)."
 )
+_DAYLIGHT = {"D50": 5003.0, "D55": 5503.0, "D60": 6003.0, "D65": 6504.0, "D75": 7504.0}
 _CLASSIC = ("classic24", "nano24", "mini24", "passport24")
 _TABLES = {"babelcolor": "BabelColor Average", "ohta": "ColorChecker N Ohta"}
 _CHART_MENU = (
@@ -118,7 +122,7 @@ _COUNTS = {24: "classic24", 140: "sg140"}
 
 def lamp_names() -> tuple[str, ...]:
     """Names that `read_lamp` knows, besides `<T>K`, `D:<T>` and files."""
-    return (*_CIE, "equal-energy")
+    return (*_CIE, "equal-energy", *FAMILIES)
 
 
 def chart_names() -> tuple[str, ...]:
@@ -139,6 +143,8 @@ def read_lamp(spec: str) -> Lamp:
     - `D:5500`: CIE daylight of that correlated colour temperature (CIE 15), 4000 to 25,000 K, taken as it stands.
       The D illuminants were named when c₂ was 1.4380e-2: D55 is `D:5503`, D65 is `D:6504`.
     - `equal-energy`: exactly 1 with tolerance 0, the paper's own assumption.
+    - A family whose member is not known: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and
+      modes of ln L in which it may be off.
     - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most.
       Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
       grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
@@ -162,6 +168,8 @@ def read_lamp(spec: str) -> Lamp:
         )
     if plain(text) == "equalenergy":
         return Lamp(text, _frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
+    if key in FAMILIES:
+        return _family(key)
     if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
         power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", _NAMED_LAMP
     elif match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
@@ -245,6 +253,66 @@ def read_camera(spec: str) -> CameraCurves:
         f"{nearest(text, camera_names())}Cameras: {', '.join(camera_names())}; or a file of curves, "
         "wavelength_nm,red,green,blue; or cameras.csv:NAME for one of many.",
     )
+
+
+def with_tolerance(lamp: Lamp, text: str) -> Lamp:
+    """The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
+
+    A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
+    kelvin at the lamp's own temperature. Both are one standard deviation.
+
+    Raises:
+        InvalidArgument: other text, or a temperature for a lamp that has none.
+    """
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        number = re.fullmatch(r"(\d+(?:\.\d+)?) ?(%|k)", part.casefold())
+        if number is None:
+            raise InvalidArgument(f"{part!r} is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
+        size = float(number[1])
+        if number[2] == "%":
+            if size > 50:
+                raise InvalidArgument(f"A lamp known to {size:g} % is not known.", "Name a family, or measure it.")
+            lamp = replace(lamp, tolerance=size / 100.0)
+            continue
+        formula, kelvin = _temperature(lamp.name)
+        if not 0 < size < 0.25 * kelvin:
+            raise InvalidArgument(
+                f"{size:g} K is no tolerance of a lamp of {kelvin:g} K.", "Give less than a quarter of it."
+            )
+        mode = temperature_mode(formula, kelvin, size)
+        source = f"{lamp.source}, ± {size:g} K"
+        lamp = replace(lamp, modes=_frozen(np.concatenate([lamp.modes, mode])), source=source)
+    return lamp
+
+
+def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
+    """Formula and colour temperature of a lamp that has them."""
+    key = name.casefold().strip()
+    if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
+        return _planck, float(match[1])
+    if match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
+        return _daylight, float(match[1])
+    cie = _cie_name(name)
+    if cie == "A":
+        return _planck, 2856.0
+    if cie in _DAYLIGHT:
+        return _daylight, _DAYLIGHT[cie]
+    raise InvalidArgument(
+        f"The lamp {name!r} has no temperature to be off in.",
+        "Give its tolerance in percent; kelvins suit A, D50 to D75, 3000K or D:5500.",
+    )
+
+
+def _family(name: str) -> Lamp:
+    family = FAMILIES[name]
+    if isinstance(family, Temperature):
+        formula = _daylight if name == "daylight" else _planck
+        power, modes = formula(family.centre), temperature_mode(formula, family.centre, family.spread)
+        source = f"{'CIE daylight' if name == 'daylight' else 'Planck'}, {family.centre:g} ± {family.spread:g} K"
+    else:
+        power, modes = principal_modes([_illuminant(member) for member in family.members], family.components)
+        source = f"mean and {len(modes)} principal components of ln L of {len(family.members)} CIE lamps"
+    return Lamp(name, _frozen(power / power.mean()), _NAMED_LAMP, _frozen(modes), source)
 
 
 @cache

@@ -44,13 +44,14 @@ from scipy.linalg import solve_triangular
 from camssf.grid import Floats
 from camssf.sensing import Sensing
 
-DEPTH = 32
+DEPTH = 16
 GOLDEN = 0.6180339887498949
 RELAXATION = 1.6
 PIVOT_FLOOR = 1e-12
 """Smallest pivot of a tableau of unit diagonal; atoms closer to dependent than this never serve together."""
-REFINEMENTS = 6
-"""Steps of the last correction against the residual itself."""
+REFINEMENTS, EXACT = 8, 1e-10
+"""Most steps of the last correction against the residual itself; the share of γ below which it stops as soon as it no
+longer halves."""
 RIDGE = 1e-10
 """Added to the walk's unit diagonal: dependent atoms, of which rounding makes anything, become barely independent.
 The refinement and the proof know nothing of it."""
@@ -224,12 +225,15 @@ class _Problem:
         K = inverse[:r, r : 2 * r]  # of the support's M, since there x moves against w
         x = x * self.scale
         best, smallest = x, np.inf
-        for _ in range(REFINEMENTS + 1):
+        for _ in range(REFINEMENTS):
             error = self.residual(x) * self.scale - np.where(down, -walk.high, walk.high)
             error = np.where(support, error, 0.0)
             size = float(np.abs(error).max())
+            settled = size <= EXACT * float(walk.high.max()) and size > 0.5 * smallest
             if size < smallest:  # at the limit of the digits each step is a throw of the dice: keep the best
                 best, smallest = x, size
+            if settled:
+                break
             x = x + self.scale * (K @ error)
         x = best
         crossed = (np.where(down, -x, x) < 0) & (not walk.free)
