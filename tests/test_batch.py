@@ -13,6 +13,7 @@ import pytest
 
 from camssf.batch import MARK, Job, Outcome, read_manifest, run_batch
 from camssf.errors import InvalidArgument
+from camssf.report import NAMES
 
 HEADER = "name,photo,lamp,white,dark,chart"
 
@@ -27,7 +28,14 @@ def stub(job: Job, folder: Path) -> Outcome:
     if text == "refused":
         return Outcome(job.name, job.folder, "refused", "overexposed", "Too bright.")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "result.json").write_text("{}")
+    if text == "refused with evidence":
+        (folder / "result.json").write_text('{"verdict": {"status": "refused"}}')
+        (folder / "ssf.csv").unlink(missing_ok=True)
+        return Outcome(job.name, job.folder, "refused", "overexposed", "Too bright.")
+    for name in NAMES:
+        (folder / name).write_text('{"verdict": {"status": "accepted"}}')
+    if text == "dies late":
+        os.kill(os.getpid(), signal.SIGKILL)
     with open(folder / "visits", "a") as file:
         file.write(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')} {text}\n")
     return Outcome(job.name, job.folder, "accepted", "", "")
@@ -95,6 +103,48 @@ def test_it_resumes(tmp_path: Path) -> None:
     (out / "one" / "result.json").unlink()
     (out / "two" / MARK).write_text("not JSON")
     assert again(basis="gaussian") == [False, False, False]
+
+
+@pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
+def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
+    """Good, then something else in the same folder, then good again: the first result is not there any more."""
+    good = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
+    out = tmp_path / "out"
+    assert [o.status for o in run_batch(good, out, jobs=1, work=stub)] == ["accepted"]
+    other = tmp_path / "other.csv"
+    other.write_text(good.read_text().replace("one,a", "one,b"))
+    (tmp_path / "b").write_text(meanwhile)
+    (between,) = run_batch(other, out, jobs=1, work=stub)
+    assert not between.ok
+    assert not (out / "one" / MARK).exists()
+    (again,) = run_batch(good, out, jobs=1, work=stub)
+    assert (again.status, again.resumed) == ("accepted", False)
+    assert json.loads((out / "one" / "result.json").read_text())["verdict"]["status"] == "accepted"
+    assert [o.resumed for o in run_batch(good, out, jobs=1, work=stub)] == [True]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("change", ["gone", "changed"])
+def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path, name: str, change: str) -> None:
+    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
+    out = tmp_path / "out"
+    run_batch(manifest, out, jobs=1, work=stub)
+    whole = (out / "one" / name).read_bytes()
+    if change == "gone":
+        (out / "one" / name).unlink()
+    else:
+        (out / "one" / name).write_text('{"verdict": {"status": "doubtful"}}')  # as long as before
+    assert [o.resumed for o in run_batch(manifest, out, jobs=1, work=stub)] == [False]
+    assert (out / "one" / name).read_bytes() == whole
+
+
+def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
+    out = tmp_path / "out"
+    run_batch(manifest, out, jobs=1, work=stub)
+    mark = out / "one" / MARK
+    mark.write_text(mark.read_text("utf-8").replace('"status": "accepted"', '"status": "doubtful"'), "utf-8")
+    assert [o.resumed for o in run_batch(manifest, out, jobs=1, work=stub)] == [False]
 
 
 def test_it_uses_the_processes(tmp_path: Path) -> None:

@@ -80,9 +80,21 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     assert pair.ssf.std is not None
     assert single.ssf.std is not None
     assert pair.ssf.std.mean() < single.ssf.std.mean()
+    assert pair.uncertainty is not None
+    assert len(pair.uncertainty["alone"]) == 2
+    assert pair.uncertainty["half_width"] < min(pair.uncertainty["alone"])
     assert len(pair.document()["shots"]) == 2
     with pytest.raises(InvalidArgument, match="one shot"):
         calibrate([s.chart for s in shots], [s.lamp for s in shots], basis="gaussian")
+
+
+def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
+    found = solve(capture).uncertainty
+    assert found is not None
+    shares = {term["source"]: np.array(term["share"]) for term in found["budget"]}
+    assert sum(shares.values()) == pytest.approx(np.ones(3))
+    assert (shares["lamp modes"] == 0).all()
+    assert all((share >= 0).all() for share in shares.values())
 
 
 def test_engines_agree(capture: Capture) -> None:
@@ -92,7 +104,8 @@ def test_engines_agree(capture: Capture) -> None:
         assert other["hashes"]["model"] is None
         for colour in ("red", "green", "blue"):
             assert one["ssf"][colour] == pytest.approx(other["ssf"][colour], abs=1e-9)
-        for name in ("engine", "hashes", "ssf", "ssf_std", "gap", "scores", "shots", "verdict"):
+        assert one["uncertainty"] == other["uncertainty"] or basis == "cameras"
+        for name in ("engine", "hashes", "ssf", "ssf_std", "uncertainty", "gap", "scores", "shots", "verdict"):
             one.pop(name), other.pop(name)
         assert one == other
 

@@ -269,6 +269,82 @@ def test_a_refused_result_stays_refused_down_the_pipe(
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json"]
 
 
+def test_a_refusal_goes_through_solve(
+    shots: Path, tmp_path: Path, feed: Callable[[str], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """patches | solve | validate | report of a photo without a chart: the evidence arrives, the status with it."""
+    assert cli.main(["patches", str(shots / "white.dng"), "--lamp", "D55"]) == 4
+    data = capsys.readouterr().out
+    refused = json.loads(data)
+    assert refused["verdict"]["status"] == "refused"
+    truth = ["--truth", str(shots / "truth.csv")]
+    for command in (["solve", "-"], ["validate", "-", *truth]):
+        feed(data)
+        assert cli.main(command) == 4
+        data, err = capsys.readouterr()
+        assert json.loads(data) == refused
+        assert err.count("chart_not_found") == 1
+    feed(data)
+    assert cli.main(["report", "-", "-o", str(tmp_path / "out")]) == 4
+    assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8")) == refused
+    assert cli.main(["solve", str(tmp_path / "out" / "result.json")]) == 4
+    assert json.loads(capsys.readouterr().out) == refused
+
+
+def test_solve_takes_no_other_result(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["solve", str(result / "result.json")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "holds camssf-result/1, not camssf-patches/1" in err
+
+
+FULL = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("command", ["calibrate", "patches", "validate", "lamps", "--version", "--help", "refused"])
+def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], result: Path, shots: Path) -> None:
+    """In a process of its own: Python writes once more at its end."""
+    arguments = {
+        "calibrate": ["calibrate", *triple],
+        "patches": ["patches", *triple],
+        "refused": ["calibrate", str(shots / "white.dng"), "--lamp", "D55"],
+        "validate": ["validate", str(result / "result.json")],
+    }.get(command, [command])
+    with FULL.open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "camssf.cli", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+        )
+    assert "No space left on device" in done.stderr
+    for word in ("bug", "fault", "Traceback", "Exception"):
+        assert word not in done.stderr
+    if command == "refused":  # the refusal is the greater news
+        assert done.returncode == errors.ChartNotFound.exit_status
+        assert "chart_not_found: " in done.stderr
+    else:
+        assert done.returncode == InvalidArgument.exit_status
+        assert "invalid_argument: " in done.stderr
+
+
+def test_a_closed_stdout_is_said() -> None:
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m camssf.cli lamps >&-"], stderr=subprocess.PIPE, text=True, timeout=60
+    )
+    assert done.returncode == InvalidArgument.exit_status
+    assert "Standard output is closed" in done.stderr
+
+
+def test_corners_that_are_no_numbers(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["patches", *triple, "--corners", "nan,2 30,4 50,60 7,80"]) == 2
+    err = capsys.readouterr().err
+    assert "not finite" in err
+    assert "shape" not in err
+
+
 @pytest.mark.parametrize("content", [None, b"", b"not a photo", b"II*\x00\x08\x00\x00\x00"])
 def test_a_file_that_is_no_photo(content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "photo.dng"
@@ -299,6 +375,15 @@ def test_without_a_lamp_it_explains(command: str, triple: list[str], capsys: pyt
         (["calibrate", "x.dng", "--lamp", "D55", "--corners", "1,2 3,4 5,6 7,eight"], "not four points"),
         (["calibrate", "x.dng", "--lamp", "D55", "--fit", "7-"], "not a list of patches"),
         (["calibrate", "x.dng", "--lamp", "D55", "--fit", "seven"], "not a list of patches"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "1-9999999999"], "not a list of patches"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "9" * 5000], "not a list of patches"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "1-8,9-7"], "not a list of patches"),
+        (["calibrate", "", "--lamp", "D55"], "PHOTO is empty"),
+        (["calibrate", "x.dng", "--lamp", "D55", "--white", ""], "--white is empty"),
+        (["patches", "x.dng", "--lamp", "D55", "--dark", " "], "--dark is empty"),
+        (["simulate", "--lamp", "D55", "--size", "9" * 5000 + "x9", "-o", "x"], "not a size"),
+        (["simulate", "--lamp", "D55", "--size", "30000x30000", "-o", "x"], "megapixels"),
+        (["simulate", "--lamp", "D55", "--white-level", "99999", "-o", "x"], "white_level is out of range"),
         (["calibrate", "x.dng", "--lamp", "D55", "--white-reflectance", "95%"], "not a number"),
         (["calibrate", "x.dng", "--lamp", "D55", "--lamp", "A"], "1 photo"),
         (["calibrate", "x.dng", "--lamp", "no-such-lamp"], "no-such-lamp"),
@@ -341,6 +426,9 @@ def test_a_wrong_call_is_2(
         ("validate", '{"format": "camssf-result/1"}', "lacks"),
         ("report", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
         ("report", "NaN", "no camssf document"),
+        ("solve", "[" * 100_000, "is not JSON"),
+        ("solve", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
+        ("solve", '{"format": "camssf-result/1", "verdict": ["refused"]}', "holds camssf-result/1"),
     ],
 )
 def test_bad_json_is_2(
@@ -407,11 +495,30 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
     swap(monkeypatch, "calibrate", listen)
     line = "calibrate a b --lamp D55 --lamp 2856K --white none --white w --dark d1 --dark NONE --fit 1,7-9,8 --signed"
     corners = ["--corners", "none", "--corners", "1,2 3,4 5,6.5 -7,8"]
-    assert cli.main([*line.split(), *corners, "--gamma", "0.1", "--l2", "1", "--white-reflectance", "0.95"]) == 2
+    assert (
+        cli.main(
+            [
+                *line.split(),
+                *corners,
+                "--gamma",
+                "0.1",
+                "--l2",
+                "1",
+                "--white-reflectance",
+                "0.95",
+                "--lamp-tolerance",
+                "2%",
+                "--lamp-tolerance",
+                "100K",
+            ]
+        )
+        == 2
+    )
     heard.pop("progress")
     assert heard == {
         "photos": ["a", "b"],
         "lamps": ["D55", "2856K"],
+        "lamp_tolerance": ["2%", "100K"],
         "white": [None, "w"],
         "dark": ["d1", None],
         "corners": [None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]]],

@@ -1,16 +1,21 @@
 """README and docs are true: commands parse, links lead somewhere, tables agree with the code."""
 
 import ast
+import json
 import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
+from problems import theory, toy_camera
 
 import camssf
-from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app
+from camssf import recover
+from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app, main
 from camssf.errors import CalibrationError
+from camssf.spectra import read_chart, read_lamp
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -137,6 +142,48 @@ def test_cli_md_names_every_command_and_option_of_calibrate() -> None:
                 assert option == "--out" or f"`{option}`" in text, option
 
 
+def test_the_penalties_are_told_as_they_are() -> None:
+    """γ and λ₂ of fits that were given none, under little and much noise, beside what help and page say."""
+    table, light = read_chart("classic24").values, read_lamp("D55").values
+    y = theory(table, light, toy_camera())
+    found = {
+        (basis, error): recover(y, table, light, standard_error=np.full(y.shape, error), basis=basis)
+        for basis in ("cameras", "gaussian")
+        for error in (1e-3, 1e-2)
+    }
+    fixed = {float(found["cameras", error].gamma[c]) for error in (1e-3, 1e-2) for c in range(3)}
+    assert (found["gaussian", 1e-2].gamma > found["gaussian", 1e-3].gamma).all()
+    (gamma,) = fixed
+    weights = {basis: f"{found[basis, 1e-3].l2:g}" for basis in ("cameras", "gaussian")}
+    options = {option: p.help for p in CLI.commands["calibrate"].params for option in p.opts}  # type: ignore[attr-defined]
+    page = (ROOT / "docs" / "cli.md").read_text("utf-8")
+    rows = dict(re.findall(r"^\| `(--\w+)` \|(.*)\|$", page, re.MULTILINE))
+    for text in (options["--gamma"], rows["--gamma"]):
+        assert re.search(rf"{gamma:g} on `cameras`, chosen from the measured noise.* on `gaussian`", str(text))
+    for text in (options["--l2"], rows["--l2"]):
+        assert f"{weights['cameras']} on `cameras`, {weights['gaussian']} on `gaussian`" in str(text)
+
+
+def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "docs" / "accuracy.md").read_text("utf-8")
+    (block,) = [block for block in blocks(text, "sh") if "--lamp equal-energy" in block]
+    shoot, *fits = [arguments for line in block.splitlines() for arguments in calls(line)]
+    rows = re.findall(r"\| `(\w+)` \| ([\w-]+), (?:wrong|right) \| ([\d. ]+) \| ([\d. ]+) \|", text)
+    assert len(rows) == 4
+    monkeypatch.chdir(tmp_path)
+    assert main(shoot) == 0
+    for basis, lamp, rmsre, rmse in rows:
+        (fit,) = [arguments for arguments in fits if lamp in arguments]
+        assert main([basis if word == "cameras" else word for word in fit]) == 0
+        scores = json.loads(Path(fit[-1], "result.json").read_text("utf-8"))["scores"]
+        # as printed; two per cent leave room for another OpenCV or NumPy
+        assert [float(v) for v in rmsre.split()] == pytest.approx(scores["rmsre_percent"], rel=0.02, abs=0.006)
+        assert [float(v) for v in rmse.split()] == pytest.approx(scores["rmse"], rel=0.02, abs=6e-5)
+    capsys.readouterr()
+
+
 def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
     text = (ROOT / "docs" / "cli.md").read_text("utf-8").partition("## Exit status")[2]
     rows = {
@@ -164,9 +211,34 @@ def test_the_pages_need_no_other_server() -> None:
     assert "plugins: [search]" in text
 
 
+TORCH_ALONE = {"install", "-q", "torch", "onnxscript"}
+
+
+def pip_calls(script: str) -> list[list[str]]:
+    """What follows `pip` on each of a script's lines that call it; comments are none."""
+    lines = (line.partition(" #")[0] for line in script.splitlines() if not line.startswith("#"))
+    return [found[1].split() for line in lines if (found := re.search(r"\bpip3?\s+(.*)", line))]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "pip install .",
+        "python -m pip install -e '.[dev]'",
+        "pip3 install camssf torch",
+        "pip install -r x",
+        ".venv/bin/pip -q install -e .",
+    ],
+)
+def test_another_install_in_ci_would_be_seen(call: str) -> None:
+    (words,) = pip_calls(f"# pip install nothing\nrun {call}  # torch")
+    assert not set(words) <= TORCH_ALONE
+
+
 def test_ci_runs_the_readme_s_commands() -> None:
     text = (ROOT / ".ci" / "run").read_text("utf-8")
-    assert "pip install" not in text  # they come from the README, so that the two cannot drift
+    # camssf and its dev extra come from the README's lines, so that the two cannot drift; torch is the twin's alone
+    assert {word for words in pip_calls(text) for word in words} <= TORCH_ALONE
     assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
 

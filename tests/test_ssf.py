@@ -9,6 +9,7 @@ from camssf import recover
 from camssf.basis import gaussian_basis
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.ssf import explain
 from tests.problems import chart_and_lamp, measured_cameras, theory, toy_camera
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
@@ -143,3 +144,20 @@ def test_bad_arguments_are_named(change: dict[str, object], error: type[Exceptio
     with pytest.raises(error) as refusal:
         recover(**(arguments | change))  # type: ignore[arg-type]
     assert refusal.value.advice  # type: ignore[attr-defined]
+
+
+def test_the_budget_s_parts_are_the_posterior() -> None:
+    """The sources' variances add up to the band that `recover` returns: made with each source's share by hand."""
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())
+    certain = {"standard_error": np.full(y.shape, 1e-9), "chart_tolerance": 0.0, "white_tolerance": 0.0}
+    noisy = certain | {"standard_error": np.full(y.shape, 0.01)}
+    quiet, loud = explain(y, reflectance, lamp, **certain), explain(y, reflectance, lamp, **noisy)
+    assert sum(loud.values()) == pytest.approx(np.ones(3))
+    assert (loud["noise"] > quiet["noise"]).all()
+    for source in ("chart", "white", "lamp", "lamp modes"):
+        assert (loud[source] == 0).all()
+    veiled = explain(y, reflectance, lamp, **(certain | {"chart_tolerance": 0.03}))
+    assert (veiled["chart"] > 0.1).all()
+    with pytest.raises(InvalidArgument, match="no prior"):
+        explain(y, reflectance, lamp, basis="gaussian")

@@ -171,6 +171,7 @@ def page(document: Json, previews: Sequence[bytes | None]) -> str:
         _banner(document),
         _headline(document),
         _section("Spectral sensitivity", _curve_section(document)) if curves else "",
+        _section("Where the band comes from", _budget_section(document)),
         _section("Measured against synthetic patches", _tile_section(document)),
         _section("Residuals", _residual_section(document)),
         _section("Where each patch lies on the photo", _photo_section(document, previews)),
@@ -430,6 +431,29 @@ def _hex(srgb: Sequence[float]) -> str:
     return "#" + "".join(f"{round(255 * v):02x}" for v in srgb)
 
 
+def _budget_section(document: Json) -> str:
+    """The uncertainty budget, and what each shot would have said alone."""
+    found = document.get("uncertainty")
+    if not found:
+        return ""
+    rows = [
+        [_t(term["source"]), _t(term["size"]), *(f"{100 * share:.0f} %" for share in term["share"])]
+        for term in found["budget"]
+    ]
+    table = _table(
+        "Share of each source in the variance", ["Source", "Size", "Red", "Green", "Blue"], rows, "channels"
+    )
+    if not found["alone"]:
+        return table
+    names = [_t(shot["lamp"]["name"]) for shot in document["shots"]]
+    alone = ", ".join(f"{name} ± {width:.3f}" for name, width in zip(names, found["alone"], strict=False))
+    bought = 1.0 - found["half_width"] / min(found["alone"]) if min(found["alone"]) > 0 else 0.0
+    return (
+        f"<p>All shots together: ± {found['half_width']:.3f} of the peak on average. Each alone: {alone}. "
+        f"The other lamps narrow the best single shot's band by {100 * bought:.0f} %.</p>\n{table}"
+    )
+
+
 def _tile_section(document: Json) -> str:
     bodies = [_tiles(shot) for shot in document["shots"]]
     if not any(bodies):
@@ -576,7 +600,7 @@ def _photo(index: int, shot: Json, preview: bytes | None) -> str:
     corners = _upright(pose["corners"], width, height, orientation)
     picture = _picture(photo, preview, shown)
     outlines = []
-    for patch, quad in zip(shot["patches"], quads, strict=True):
+    for patch, quad in zip(shot["patches"], quads, strict=bool(shot["patches"])):  # none when refused before
         name, ring = _t(patch["name"]), _ring(quad)
         fill = f' style="fill:{_hex(patch["reflectance_srgb"])}"' if preview is None else ""
         outlines.append(f'<polygon points="{ring}"{fill}><title>{name}</title></polygon>')
@@ -593,7 +617,7 @@ def _photo(index: int, shot: Json, preview: bytes | None) -> str:
 <svg viewBox="0 0 {shown[0]} {shown[1]}" role="img" aria-label="{name} with the outline of the chart">
 <g id="photo-{index}">{picture}</g><g class="outlines"><polygon points="{_ring(corners)}"/></g></svg>
 <svg viewBox="{box}" role="img" aria-label="{name}, close-up of the chart with {len(quads)} outlined patches">
-<use href="#photo-{index}"/>{drawn}{_labels(shot["patches"], quads)}</svg>
+<use href="#photo-{index}"/>{drawn}{_labels(shot["patches"], quads) if shot["patches"] else ""}</svg>
 <figcaption>{name}: the chart in the photo, and its patches close up. The central part of each outline is
 measured.{missing}</figcaption>
 </figure>

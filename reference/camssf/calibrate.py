@@ -24,8 +24,8 @@ from camssf.mosaic import Mosaic, read_dng
 from camssf.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.signals import Assumption, Signals, normalise
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp, with_tolerance
-from camssf.ssf import Ssf, recover
-from camssf.validate import Scores, reflectance_srgb, validate
+from camssf.ssf import Ssf, explain, recover
+from camssf.validate import FAINTEST, Scores, reflectance_srgb, rmse, validate
 from camssf.verdict import Reason, Verdict, judge, refusal
 
 FOLDS = 4
@@ -174,6 +174,8 @@ class Calibration:
         scores, verdict: how good it is.
         truth: measured curves to compare with, or None.
         assumptions: all that was taken for granted.
+        uncertainty: the band's half-width, its budget, and the half-width with each shot alone, as the document has
+            them; None on a basis without a prior.
     """
 
     capture: Capture
@@ -184,6 +186,7 @@ class Calibration:
     verdict: Verdict
     truth: CameraCurves | None
     assumptions: tuple[Assumption, ...]
+    uncertainty: Json | None
 
     @property
     def previews(self) -> tuple[bytes | None, ...]:
@@ -204,6 +207,7 @@ class Calibration:
             "gap": self.ssf.gap.tolist(),
             "gamma": self.ssf.gamma.tolist(),
             "l2": self.ssf.l2,
+            "uncertainty": self.uncertainty,
             "scores": {
                 "rmsre_percent": self.scores.rmsre_percent.tolist(),
                 "rmse": None if self.scores.rmse is None else self.scores.rmse.tolist(),
@@ -212,10 +216,7 @@ class Calibration:
             },
         }
         if self.truth is not None:
-            document["truth"] = {
-                "name": self.truth.name,
-                "ssf": _curves(self.truth.values / self.truth.values.max(axis=0)),
-            }
+            compare(document, self.truth)
         if self.ssf.engine == "onnx":
             document["hashes"]["model"] = load_model(self.ssf.basis).sha256
         for j, entry in enumerate(document["shots"]):
@@ -227,6 +228,13 @@ class Calibration:
                 patch["synthetic_srgb"] = self.scores.synthetic_srgb[j, i].tolist()
                 patch["used"] = bool(self.signals.used[j, i])
         return document
+
+
+def compare(document: Json, truth: CameraCurves) -> None:
+    """Set a result document's truth and its RMSE against it."""
+    curves = np.stack([document["ssf"][colour] for colour in ("red", "green", "blue")], axis=1)
+    document["scores"]["rmse"] = rmse(curves, truth.values).tolist()
+    document["truth"] = {"name": truth.name, "ssf": _curves(truth.values / truth.values.max(axis=0))}
 
 
 def calibrate(
@@ -399,11 +407,16 @@ def solve(
             mask,
             how,
         )
+        uncertainty = None
+        if ssf.std is not None:
+            single = np.eye(k, dtype=bool)[:, :, None] if k > 1 else np.zeros((0, 1, 1), dtype=bool)
+            alone = [solution(signals.used & shot, gamma) for shot in single]
+            uncertainty = _uncertainty(capture, signals, ssf, basis, alone)
         verdict = judge(signals, table, [s.means for s in capture.shots], [s.pose for s in capture.shots], ssf)
         if verdict.status == "refused":
             raise refusal(verdict)
     assumptions = signals.assumptions + _assumptions(capture, ssf, k)
-    return Calibration(capture, signals, ssf, unseen, scores, verdict, known, assumptions)
+    return Calibration(capture, signals, ssf, unseen, scores, verdict, known, assumptions, uncertainty)
 
 
 def _recover(
@@ -417,31 +430,69 @@ def _recover(
     engine: str,
 ) -> Ssf:
     """`recover` on the used patches; the answer predicts all of them."""
-    table = capture.chart
     taken = used.any(axis=0)
-    error = np.where(used[:, :, None], signals.standard_error, HIDDEN)[:, taken]
-    paper = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
-    rho, white_tolerance = white_reference(capture)
-    lamps = np.stack([shot.lamp.values for shot in capture.shots])
+    arguments = _arguments(capture, signals, used, basis)
     ssf = recover(
-        signals.values[:, taken],
-        table.values[taken],
-        lamps,
-        standard_error=error,
-        chart_tolerance=0.0 if paper else table.tolerance[taken],  # the paper knows of no error in the chart
-        white_reflectance=rho,
-        white_tolerance=white_tolerance,
-        lamp_tolerance=[shot.lamp.tolerance for shot in capture.shots],
-        lamp_modes=_modes(capture),
-        basis=basis,
+        **arguments,
         l2=l2,
         gamma=gamma,
         nonnegative=nonnegative,
         frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
         engine=engine,
     )
-    predicted = ((lamps[:, None] * table.values) @ ssf.values) / ((lamps * rho) @ ssf.values)[:, None]
+    lamps, rho = arguments["lamp"], arguments["white_reflectance"]
+    predicted = ((lamps[:, None] * capture.chart.values) @ ssf.values) / ((lamps * rho) @ ssf.values)[:, None]
     return replace(ssf, predicted=predicted)
+
+
+def _arguments(capture: Capture, signals: Signals, used: NDArray[np.bool_], basis: str | Basis) -> dict[str, Any]:
+    """What `recover` and `explain` take of a capture."""
+    table = capture.chart
+    taken = used.any(axis=0)
+    paper = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
+    rho, white_tolerance = white_reference(capture)
+    return {
+        "signals": signals.values[:, taken],
+        "reflectance": table.values[taken],
+        "lamp": np.stack([shot.lamp.values for shot in capture.shots]),
+        "standard_error": np.where(used[:, :, None], signals.standard_error, HIDDEN)[:, taken],
+        "chart_tolerance": 0.0 if paper else table.tolerance[taken],  # the paper knows of no error in the chart
+        "white_reflectance": rho,
+        "white_tolerance": white_tolerance,
+        "lamp_tolerance": [shot.lamp.tolerance for shot in capture.shots],
+        "lamp_modes": _modes(capture),
+        "basis": basis,
+    }
+
+
+def _uncertainty(capture: Capture, signals: Signals, ssf: Ssf, basis: str | Basis, alone: Sequence[Ssf]) -> Json:
+    """Where the band comes from, GUM style, and how wide it would be with each shot alone."""
+    shares = explain(**_arguments(capture, signals, signals.used, basis))
+    noise = float(np.median((signals.standard_error / np.maximum(signals.values, FAINTEST))[signals.used]))
+    _, white = white_reference(capture)
+    lamps = [shot.lamp for shot in capture.shots]
+    sizes = {
+        "noise": f"standard errors of the signals, median {noise:.2%}",
+        "chart": f"{np.median(capture.chart.tolerance):.1%} a patch, smooth over 100 nm, the same under every lamp",
+        "white": f"{white:.1%}, smooth over 100 nm",
+        "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + ", smooth over 60 nm",
+        "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
+        "unseen": "what the prior leaves open and no patch has seen",
+    }
+    return {
+        "half_width": _half_width(ssf),
+        "alone": [_half_width(answer) for answer in alone],
+        "budget": [
+            {"source": source, "size": sizes[source], "share": share.tolist()} for source, share in shares.items()
+        ],
+    }
+
+
+def _half_width(ssf: Ssf) -> float:
+    """Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak."""
+    std = ssf.peak()[1]
+    visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
+    return 0.0 if std is None else float(1.96 * std[visible].mean())
 
 
 def white_reference(capture: Capture) -> tuple[Floats, float]:

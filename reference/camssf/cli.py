@@ -15,12 +15,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-import numpy as np
 import typer
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import WAVELENGTHS
 
 BATCH_FAILED = 1
 INTERRUPTED = 130
@@ -95,6 +93,14 @@ WhiteReflectance: TypeAlias = Annotated[
         metavar="SHARE",
         show_default=False,
         help="Reflectance of the white frame's target, 0 to 1; 1 unless given.",
+    ),
+]
+LampTolerances: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="2%|300K",
+        show_default=False,
+        help="How well the lamp is known, one standard deviation: 2%, 300K, or 300K,2%. In the photos' order.",
     ),
 ]
 BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
@@ -234,6 +240,7 @@ def calibrate(
     chart: Chart = "classic24",
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
+    lamp_tolerance: LampTolerances = None,
     basis: BasisName = "cameras",
     fit: Fit = None,
     signed: Signed = False,
@@ -257,6 +264,7 @@ def calibrate(
                 chart=chart,
                 corners=_corners(corners),
                 white_reflectance=_share(white_reflectance),
+                lamp_tolerance=lamp_tolerance,
                 basis=basis,
                 fit=_numbers(fit),
                 nonnegative=False if signed else None,
@@ -375,6 +383,7 @@ def patches(
     chart: Chart = "classic24",
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
+    lamp_tolerance: LampTolerances = None,
 ) -> None:
     """Measure the patches: JSON for `solve`."""
     from camssf.calibrate import measure
@@ -388,6 +397,7 @@ def patches(
             chart=chart,
             corners=_corners(corners),
             white_reflectance=_share(white_reflectance),
+            lamp_tolerance=lamp_tolerance,
             progress=progress,
         )
     _emit(capture.document())
@@ -442,7 +452,10 @@ def validate(
     """
     result = _result(document)
     if "ssf" in result and truth is not None:
-        _compare(result, truth)
+        from camssf.calibrate import compare
+        from camssf.spectra import read_camera
+
+        compare(result, read_camera(truth))
     _pass_on(result)
 
 
@@ -608,19 +621,6 @@ def _sound(document: dict[str, Any]) -> dict[str, Any]:
         path = Path(aside, "standard input")
         path.write_text(json.dumps(document), "utf-8")
         return read_document(path)
-
-
-def _compare(result: dict[str, Any], truth: str) -> None:
-    """Fill in scores.rmse and the truth, as `Calibration.document` does when it knows the truth."""
-    from camssf.spectra import read_camera
-    from camssf.validate import rmse
-
-    known = read_camera(truth)
-    colours = ("red", "green", "blue")
-    found = np.array([result["ssf"][colour] for colour in colours]).T
-    result["scores"]["rmse"] = rmse(found, known.values).tolist()
-    peak = dict(zip(colours, (known.values / known.values.max(axis=0)).T.tolist(), strict=True))
-    result["truth"] = {"name": known.name, "ssf": {"wavelength_nm": WAVELENGTHS.tolist()} | peak}
 
 
 def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:

@@ -5,7 +5,7 @@ Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ LAMP_CORRELATION = 60.0
 """Length over which a lamp's error is smooth, nm."""
 INDEPENDENT_SHARE = 0.25
 """Part of the chart's tolerance that is independent from patch to patch and shot to shot."""
+SOURCES = ("noise", "chart", "white", "lamp", "lamp modes")
 FLOOR = 1e-4
 """No row is believed better than this share of its white signal."""
 
@@ -30,11 +31,13 @@ class Sensing:
         matrix: (3, k n, r) A.
         target: (3, k n) b.
         covariance: (3, k n, k n) Σ.
+        terms: what Σ is the sum of, by source, (3, k n, k n) each.
     """
 
     matrix: Floats
     target: Floats
     covariance: Floats
+    terms: dict[str, Floats] = field(default_factory=dict)
 
 
 def smooth_errors(length: float) -> Floats:
@@ -92,7 +95,9 @@ def sense(
     if not basis.mean.any():
         return _paper_rows(signals, standard_error, reflectance, lamp, basis, chart_tolerance, white_reflectance)
     chart_errors, lamp_errors = smooth_errors(CHART_CORRELATION), smooth_errors(LAMP_CORRELATION)
-    matrix, target, covariance = [], [], []
+    matrix, target = [], []
+    terms: dict[str, list[Floats]] = {source: [] for source in SOURCES}
+    same_patch, same_shot = np.tile(np.eye(n), (k, k)), np.kron(np.eye(k), np.ones((n, n)))
     for c in range(3):
         y, se = signals[:, :, c], standard_error[:, :, c]
         mean = basis.mean[c]
@@ -104,25 +109,25 @@ def sense(
         a = seen - y[:, :, None] * seen_white[:, None, :]
         a_expected = seen - expected[:, :, None] * seen_white[:, None, :]
 
-        variance = np.maximum(se**2 + (INDEPENDENT_SHARE * chart_tolerance * y) ** 2, FLOOR**2)
-        sigma = np.diag(variance.ravel())
+        noise = np.maximum(se**2, FLOOR**2)
+        independent = np.maximum(se**2 + (INDEPENDENT_SHARE * chart_tolerance * y) ** 2, FLOOR**2) - noise
         # A smooth error times s₀ is a curve like any other: known on the nodes, straight between them.
         chart_curves = interpolate(chart_errors * mean[::10, None])  # (m, p)
         lamp_curves = interpolate(lamp_errors * mean[::10, None])
         chart = chart_tolerance[:, None] * (seen @ chart_curves)  # (k, n, p)
-        same_patch = np.tile(np.eye(n), (k, k))
-        sigma += same_patch * _outer(chart.reshape(k * n, -1))
         paper = white_tolerance * expected[:, :, None] * (seen_white @ chart_curves)[:, None, :]
-        sigma += _outer(paper.reshape(k * n, -1))
         smooth = lamp_tolerance[:, None, None] * (a_expected @ lamp_curves)  # (k, n, p')
         modes = np.einsum("knm,kqm->knq", a_expected * mean, lamp_modes)
-        same_shot = np.kron(np.eye(k), np.ones((n, n)))
-        sigma += same_shot * _outer(np.concatenate([smooth, modes], axis=2).reshape(k * n, -1))
 
         matrix.append(a.reshape(k * n, -1) @ basis.dictionary[c])
         target.append(-a.reshape(k * n, -1) @ mean)
-        covariance.append(sigma)
-    return Sensing(np.stack(matrix), np.stack(target), np.stack(covariance))
+        terms["noise"].append(np.diag(noise.ravel()))
+        terms["chart"].append(np.diag(independent.ravel()) + same_patch * _outer(chart))
+        terms["white"].append(_outer(paper))
+        terms["lamp"].append(same_shot * _outer(smooth))
+        terms["lamp modes"].append(same_shot * _outer(modes))
+    parts = {source: np.stack(term) for source, term in terms.items()}
+    return Sensing(np.stack(matrix), np.stack(target), np.asarray(sum(parts.values())), parts)
 
 
 def _paper_rows(
@@ -139,8 +144,10 @@ def _paper_rows(
     y = np.moveaxis(signals[0], -1, 0)  # (3, n)
     variance = np.moveaxis(standard_error[0], -1, 0) ** 2 + (tolerance * y) ** 2
     sigma = np.maximum(variance, FLOOR**2)[:, :, None] * np.eye(y.shape[1])
-    return Sensing((reflectance * power) @ basis.dictionary, y.copy(), sigma)
+    return Sensing((reflectance * power) @ basis.dictionary, y.copy(), sigma, {"noise": sigma})
 
 
 def _outer(factors: Floats) -> Floats:
-    return np.asarray(factors @ factors.T)
+    """Covariance (k n, k n) of errors that are factors (k, n, p) times standard normal numbers."""
+    flat = factors.reshape(factors.shape[0] * factors.shape[1], -1)
+    return np.asarray(flat @ flat.T)

@@ -177,6 +177,50 @@ def _sense(evidence: _Evidence, book: Basis) -> Sensing:
     )
 
 
+def explain(
+    signals: ArrayLike,
+    reflectance: ArrayLike,
+    lamp: ArrayLike,
+    *,
+    standard_error: ArrayLike | None = None,
+    chart_tolerance: ArrayLike = 0.03,
+    white_reflectance: ArrayLike | None = None,
+    white_tolerance: float = 0.01,
+    lamp_tolerance: ArrayLike = 0.0,
+    lamp_modes: ArrayLike | None = None,
+    basis: str | Basis = "cameras",
+) -> dict[str, Floats]:
+    """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
+
+    The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
+    G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Shares are of
+    the sum of the variances over the grid. Arguments as in `recover`.
+
+    Raises:
+        InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
+    """
+    book = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    if not book.prior:
+        raise InvalidArgument(f"the {book.name} basis has no prior, so no variance.", "Take --basis cameras.")
+    sensing = _sense(
+        _check(
+            signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
+            lamp_tolerance, lamp_modes, book,
+        ),
+        book,
+    )  # fmt: skip
+    shares: dict[str, list[float]] = {source: [] for source in (*sensing.terms, "unseen")}
+    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
+        weighted = np.linalg.solve(sigma, A)
+        gain = np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
+        across = book.dictionary[c] @ gain
+        sizes = {source: float(np.sum((across @ term[c]) * across)) for source, term in sensing.terms.items()}
+        sizes["unseen"] = float(np.sum((book.dictionary[c] - across @ A) ** 2))
+        for source, size in sizes.items():
+            shares[source].append(size / sum(sizes.values()))
+    return {source: np.array(share) for source, share in shares.items()}
+
+
 def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, raw: _Frames | None) -> Ssf:
     """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
     _believe(code.gap)
