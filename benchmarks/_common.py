@@ -20,7 +20,7 @@ from rich.table import Table
 
 from camssf.basis import Basis, interpolate
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import Sensing, sense
+from camssf.sensing import Sensing, anchor, sense
 from camssf.spectra import camera_names, read_camera, read_chart, read_lamp
 
 RESULTS = Path(__file__).parent / "results"
@@ -57,6 +57,10 @@ class Problem:
     def nonnegative(self) -> bool:
         """Whether x ≥ 0."""
         return float(self.inputs["nonnegative"]) > 0.5
+
+    def anchored(self, basis: Basis) -> Basis:
+        """The basis in which the problem's codes are curves."""
+        return anchor(basis, self.inputs["white_reflectance"] * self.inputs["lamp"][0])
 
     def sensing(self, basis: Basis) -> Sensing:
         """The reference's rows and covariance."""

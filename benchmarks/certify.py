@@ -268,7 +268,7 @@ def model_rows(problem: Problem, reference: Sensing) -> Sensing:
 
 def judge(problem: Problem, ask_oracle: bool) -> dict[str, Floats]:
     """Both engines' answers to one problem, measured: name → (3,)."""
-    basis = read_basis(problem.basis)
+    basis = problem.anchored(read_basis(problem.basis))
     sensing = problem.sensing(basis)
     A, b = whiten(sensing)
     l2, gamma, nonnegative = problem.l2, problem.gamma, problem.nonnegative

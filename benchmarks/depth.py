@@ -96,7 +96,7 @@ def ista(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool, depth
 
 def measure(problem: Problem, depths: tuple[int, ...]) -> tuple[Floats, Floats, float, bool]:
     """Distances (depths, 3) of the layers and of ISTA, the exact code's gap, and whether cvxpy had to give it."""
-    basis = read_basis(problem.basis)
+    basis = problem.anchored(read_basis(problem.basis))
     sensing = problem.sensing(basis)
     A, b = whiten(sensing)
     l2, gamma, nonnegative = problem.l2, problem.gamma, problem.nonnegative

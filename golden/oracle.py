@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from camssf.basis import Basis
 from camssf.grid import STEP, Floats
-from camssf.sensing import Sensing
+from camssf.sensing import Sensing, anchor
 from golden.compare import optimality
 from golden.reading import Json
 
@@ -48,7 +48,8 @@ def consult(
         unique.append(_unique(A, b, sigma, x, l2, float(weight), nonnegative))
     curves = None
     if basis is not None and white is not None and all(unique):
-        s = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, np.array(codes))).T
+        own = anchor(basis, white)
+        s = (own.mean + np.einsum("cmr,cr->cm", own.dictionary, np.array(codes))).T
         s = s / (white @ s * STEP)
         curves = s[::10] / s.max(axis=0)
     return {

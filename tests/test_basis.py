@@ -11,7 +11,7 @@ from camssf import recover
 from camssf.basis import NODES, gaussian_basis, interpolate, read_basis
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.learn import Enlargement, enlarge, learn, main, read_curves
+from camssf.learn import Enlargement, enlarge, learn, main, maker_of, read_curves
 from tests.problems import CURVES, chart_and_lamp, theory, toy_camera
 
 
@@ -53,14 +53,36 @@ def toys(count: int = 12) -> np.ndarray:
     return curves / curves.max(axis=1, keepdims=True)
 
 
-def test_codes_of_the_training_set_are_standard_normal() -> None:
-    crowd = enlarge(toys(), Enlargement(), 10, np.random.default_rng(0))
-    mean, dictionary = learn(toys(), components=8, copies=10, seed=0)
+def test_the_dictionary_is_the_spread_of_the_training_set() -> None:
+    """Ψ Ψᵀ = 2 x the cameras' covariance + the enlargement's own, by loops; makers weigh the root of their number."""
+    makers, copies = ["a"] * 9 + ["b"] * 2 + ["c"], 10
+    crowd = enlarge(toys(), Enlargement(), copies, np.random.default_rng(0)).reshape(copies, 12, 69, 3)
+    mean, dictionary = learn(toys(), makers=makers, components=69, copies=copies, seed=0)
+    weight = np.array([1 / 3] * 9 + [2**-0.5] * 2 + [1.0]) / (3 + 2**0.5 + 1)
     for c in range(3):
-        shapes = crowd[:, :, c] / crowd[:, :, c].sum(axis=1, keepdims=True) * mean[c].sum()  # of equal area
-        codes = np.linalg.lstsq(dictionary[c], (shapes - mean[c]).T, rcond=None)[0]
-        assert codes.mean(axis=1) == pytest.approx(np.zeros(8), abs=1e-8)
-        assert codes.var(axis=1, ddof=1) == pytest.approx(np.ones(8), rel=1e-8)
+        shapes = crowd[..., c] / crowd[..., c].sum(axis=2, keepdims=True)
+        centre = sum(w * shapes[:, i].mean(axis=0) for i, w in enumerate(weight))
+        assert mean[c] == pytest.approx(centre / centre.max(), abs=1e-12)
+        expected = np.zeros((69, 69))
+        for i, w in enumerate(weight):
+            own = shapes[:, i].mean(axis=0)
+            expected += 2 * w * np.outer(own - centre, own - centre)
+            for copy in range(copies):
+                expected += w / copies * np.outer(shapes[copy, i] - own, shapes[copy, i] - own)
+        assert dictionary[c] @ dictionary[c].T == pytest.approx(expected / centre.max() ** 2, abs=1e-12)
+    alike = learn(toys(), copies=2)
+    assert all(
+        (x == y).all() for x, y in zip(alike, learn(toys(), makers=list("abcdefghijkl"), copies=2), strict=True)
+    )
+
+
+def test_makers_are_the_first_words_of_names() -> None:
+    assert [maker_of(name) for name in ("Canon EOS R", "canon  10D", "Nikon", " x ")] == [
+        "canon",
+        "canon",
+        "nikon",
+        "x",
+    ]
 
 
 def test_enlargement_keeps_the_cameras_and_is_seeded() -> None:

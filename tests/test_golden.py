@@ -13,6 +13,7 @@ import pytest
 from camssf.basis import interpolate, read_basis
 from camssf.engine import SHIPPED, load_model
 from camssf.grid import WAVELENGTHS
+from camssf.sensing import anchor
 from golden import compare, generate, reading
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
 from golden.running import findings, judge, problem, run
@@ -214,9 +215,9 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
     """Against loops over DESIGN.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
     case = CASES[f"sensing/cameras-{name}"]
     g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
-    basis, nodes = read_basis("cameras"), WAVELENGTHS[::10]
+    basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]
     straight = interpolate(np.eye(69))  # (681, 69)
-    kernel = {scale: np.exp(-0.5 * ((nodes[:, None] - nodes) / scale) ** 2) for scale in (60.0, 100.0)}
+    kernel = {scale: np.exp(-0.5 * ((nodes[:, None] - nodes) / scale) ** 2) for scale in (25.0, 60.0, 100.0)}
     k, n, _ = g["signals"].shape
     for c in range(3):
         mu = basis.mean[c]
@@ -234,17 +235,20 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
                 parts.append(
                     (
                         i, j,
-                        g["chart_tolerance"][i] * (fold @ straight) * mu[::10],
+                        g["chart_tolerance"][i] * 0.6 * (fold @ straight) * mu[::10],
+                        g["chart_tolerance"][i] / 3 * (L * 0.5 / W[j] @ straight) * mu[::10],
+                        g["chart_tolerance"][i] * 70 * (np.gradient(R, 0.5) * L * 0.5 / W[j] @ straight) * mu[::10],
                         g["white_tolerance"] * expected * (fold_white @ straight) * mu[::10],
                         g["lamp_tolerance"][j] * ((fold - expected * fold_white) @ straight) * mu[::10],
                         modes,
                     )
                 )  # fmt: skip
-                noise = g["standard_error"][j, i, c] ** 2 + (g["chart_tolerance"][i] * y / 4) ** 2
+                noise = g["standard_error"][j, i, c] ** 2 + (g["chart_tolerance"][i] * y / 20) ** 2
                 sigma[row, row] = max(noise, 1e-8)
-        for p, (i, j, chart, white, lamp, modes) in enumerate(parts):
-            for q, (i2, j2, chart2, white2, lamp2, modes2) in enumerate(parts):
+        for p, (i, j, chart, floor, edge, white, lamp, modes) in enumerate(parts):
+            for q, (i2, j2, chart2, floor2, edge2, white2, lamp2, modes2) in enumerate(parts):
                 sigma[p, q] += (i == i2) * chart @ kernel[100.0] @ chart2 + white @ kernel[100.0] @ white2
+                sigma[p, q] += (i == i2) * (floor @ kernel[25.0] @ floor2 + edge @ kernel[25.0] @ edge2)
                 sigma[p, q] += (j == j2) * (lamp @ kernel[60.0] @ lamp2 + modes @ modes2)
         assert compare.norm(case["outputs"]["matrix"][c], A) < 1e-11
         # sensing.py smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid

@@ -7,7 +7,7 @@ import pytest
 
 from camssf.basis import NODES, interpolate, read_basis
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import CHART_CORRELATION, Sensing, sense, smooth_errors
+from camssf.sensing import CHART_CORRELATION, Sensing, anchor, sense, smooth_errors
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 
@@ -29,8 +29,9 @@ def test_rows_vanish_at_the_truth_whatever_its_scale() -> None:
     """(R - y ρ) L s = 0: a curve μ + Ψ x that made the signals satisfies its rows."""
     basis = read_basis("cameras")
     code = np.random.default_rng(0).normal(size=(3, basis.dictionary.shape[2]))
-    camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
     reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    basis = anchor(basis, day)
+    camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
     _, bulb = chart_and_lamp("A")
     lamps = np.stack([day, 50 * bulb])
     y = np.stack([theory(reflectance, lamp, 3.0 * camera) for lamp in lamps])
@@ -72,13 +73,15 @@ def test_covariance_is_that_of_drawn_errors(term: str) -> None:
         "modes": {"lamp_modes": size * mode},
     }[term]
     rng = np.random.default_rng(5)
-    wide, narrow = interpolate(smooth_errors(100.0)), interpolate(smooth_errors(60.0))
+    wide, narrow, short = (interpolate(smooth_errors(length)) for length in (100.0, 60.0, 25.0))
+    slope = np.gradient(reflectance, STEP, axis=1)
     clean = np.stack([theory(reflectance, lamp, camera) for lamp in lamps])
     draws = []
     for _ in range(3000):
         chart, white, light = reflectance, np.ones(681), lamps
         if term == "chart":
-            chart = reflectance * (1 + size * (wide @ rng.normal(size=(wide.shape[1], n))).T)
+            u = [(curves @ rng.normal(size=(curves.shape[1], n))).T for curves in (wide, short, short)]
+            chart = reflectance + size * (0.6 * reflectance * u[0] + u[1] / 3 + 70.0 * slope * u[2])
         elif term == "white":
             white = 1 + size * wide @ rng.normal(size=wide.shape[1])
         elif term == "lamp":
@@ -91,8 +94,8 @@ def test_covariance_is_that_of_drawn_errors(term: str) -> None:
     drawn = np.einsum("dnc,dmc->cnm", draws, draws) / len(draws)
     floor = rows(clean, reflectance, lamps).covariance
     declared = rows(clean, reflectance, lamps, **arguments).covariance - floor
-    if term == "chart":  # its independent part is a quarter of the size, a sixteenth of the variance
-        extra = (0.25 * size * clean.reshape(2 * n, 3).T) ** 2
+    if term == "chart":  # its independent part is a twentieth of the size
+        extra = (0.05 * size * clean.reshape(2 * n, 3).T) ** 2
         declared -= np.maximum(extra, 1e-6)[:, :, None] * np.eye(2 * n) - 1e-6 * np.eye(2 * n)
     scale = np.abs(declared).max()
     assert drawn / scale == pytest.approx(declared / scale, abs=0.09)
@@ -106,6 +109,33 @@ def test_a_scale_of_the_lamp_is_no_evidence_lost() -> None:
     plain = rows(y, reflectance, lamp[None]).covariance
     flat = rows(y, reflectance, lamp[None], lamp_modes=np.full((1, 1, 681), 0.5)).covariance
     assert flat == pytest.approx(plain, abs=1e-15)
+
+
+def test_an_anchored_atom_leaves_white_alone() -> None:
+    """And moves a curve as its scaling to the same white does, to first order."""
+    basis = read_basis("cameras")
+    _, lamp = chart_and_lamp("LED-B3")
+    found = anchor(basis, lamp)
+    code = 1e-5 * np.random.default_rng(1).normal(size=(3, basis.dictionary.shape[2]))
+    for c in range(3):
+        assert lamp @ found.dictionary[c] == pytest.approx(np.zeros(24), abs=1e-11 * (lamp @ basis.mean[c]))
+        curve = basis.mean[c] + basis.dictionary[c] @ code[c]
+        scaled = curve * (lamp @ basis.mean[c]) / (lamp @ curve)
+        moved = found.mean[c] + found.dictionary[c] @ code[c]
+        assert moved == pytest.approx(scaled, abs=1e-9)
+    again = anchor(found, lamp)
+    assert again.dictionary == pytest.approx(found.dictionary, abs=1e-14)
+    paper = read_basis("gaussian")
+    assert anchor(paper, lamp) is paper
+
+
+def test_noise_under_an_uncertain_white_is_no_evidence() -> None:
+    """Many noisy rows of one grey patch know nothing but the scale: they must not move the curve."""
+    _, lamp = chart_and_lamp("LED-B3")
+    grey = np.full((200, 681), 0.5)
+    y = 0.5 + 0.01 * np.random.default_rng(2).normal(size=(1, 200, 3))
+    found = rows(y, grey, lamp[None], standard_error=np.full(y.shape, 0.01))
+    assert np.abs(found.matrix).max() < 1e-12
 
 
 def test_lamp_and_white_scales_leave_rows_alone() -> None:

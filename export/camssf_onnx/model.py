@@ -22,7 +22,17 @@ from onnx import TensorProto, helper
 from camssf import __version__
 from camssf.basis import NODES, Basis
 from camssf.grid import STEP, WAVELENGTHS
-from camssf.sensing import CHART_CORRELATION, FLOOR, INDEPENDENT_SHARE, LAMP_CORRELATION, smooth_errors
+from camssf.sensing import (
+    ABSOLUTE,
+    CHART_CORRELATION,
+    EDGE,
+    FLOOR,
+    INDEPENDENT_SHARE,
+    LAMP_CORRELATION,
+    RELATIVE,
+    TABLE_CORRELATION,
+    smooth_errors,
+)
 from camssf.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
 from camssf_onnx.graph import Body, Graph, Value
 
@@ -175,6 +185,9 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
     N = k * n
     flat = g.op("Concat", g.ints(3), N, g.ints(-1), axis=0)
     W = mean @ V.transpose(1, 0)  # (3, k)
+    first = V.slice(0, 1, 0)
+    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
+    atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
     seen = U / W.unsqueeze(2, 3)  # (3, k, n, v)
     seen_white = (V / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
     column = mean.unsqueeze(1, 3)  # (3, 1, v, 1)
@@ -192,7 +205,13 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
 
     chart_curves = g.constant(smooth_errors(CHART_CORRELATION), name="chart_errors") * mean.unsqueeze(2)  # (3, v, p)
     lamp_curves = g.constant(smooth_errors(LAMP_CORRELATION), name="lamp_errors") * mean.unsqueeze(2)
-    chart = (tolerance.unsqueeze(1) * (seen @ chart_curves.unsqueeze(1))).like(flat)
+    table_curves = g.constant(smooth_errors(TABLE_CORRELATION), name="table_errors") * mean.unsqueeze(2)
+    bends = rows.power.unsqueeze(1) * _slope(g, given["reflectance"])  # (k, n, m)
+    light = (_fold(g, rows.power) / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+    edges = EDGE * ((_fold(g, bends) / W.unsqueeze(2, 3)) @ table_curves.unsqueeze(1))  # (3, k, n, p'')
+    floor = ABSOLUTE * (light @ table_curves.unsqueeze(1)) + 0.0 * edges
+    parts = g.op("Concat", RELATIVE * (seen @ chart_curves.unsqueeze(1)), floor, edges, axis=3)
+    chart = (tolerance.unsqueeze(1) * parts).like(flat)
     sigma = sigma + _same(g, g.op("Mod", order, n)) * _outer(chart)
     paper = (given["white_tolerance"] * expected * (seen_white @ chart_curves.unsqueeze(1))).like(flat)
     sigma = sigma + _outer(paper)
@@ -209,10 +228,14 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
         s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
         scale = (s @ V.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
         s = s / scale.unsqueeze(1)
-        reach = atoms @ spread
         v = NODES.size
-        here = (reach * atoms).sum(2)  # (3, v)
-        next_ = (reach.slice(0, v - 1, 1) * atoms.slice(1, v, 1)).sum(2)
+        shape = s / s.max(1, keep=True)
+        top = g.op("ArgMax", s, axis=1, keepdims=1)
+        peak = g.op("Equal", top, g.constant(np.arange(v), np.int64)).real()  # (3, v)
+        moves = atoms - shape.unsqueeze(2) * (peak.unsqueeze(1) @ atoms)
+        reach = moves @ spread
+        here = (reach * moves).sum(2)  # (3, v)
+        next_ = (reach.slice(0, v - 1, 1) * moves.slice(1, v, 1)).sum(2)
         left = 1.0 - np.arange(10) / 10.0
         right = 1.0 - left
         between = (
@@ -221,7 +244,7 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
             + here.slice(1, v, 1).unsqueeze(2) * right**2
         ).reshape(3, M - 1)
         variance_ = g.op("Concat", between, here.slice(v - 1, v, 1), axis=1)
-        std = g.op("Sqrt", variance_) / scale.unsqueeze(1)
+        std = g.op("Sqrt", g.op("Max", variance_, 0.0)) / scale.unsqueeze(1)
         across = s.transpose(1, 0)  # (v, 3)
         predicted = (U @ across) / (V @ across).unsqueeze(1)
         return _unfold(g, s).transpose(1, 0), std.transpose(1, 0), predicted
@@ -491,6 +514,13 @@ def _fold(g: Graph, f: Value) -> Value:
     zero = f.slice(0, 1, -1) * 0.0
     left = g.op("Concat", parts.slice(0, 1, -1).squeeze(-1), f.slice(M - 1, M, -1), axis=-1)
     return left + g.op("Concat", zero, parts.slice(1, 2, -1).squeeze(-1), axis=-1)
+
+
+def _slope(g: Graph, f: Value) -> Value:
+    """d f / dλ on the grid, (n, 681): central differences, one-sided at the ends."""
+    steps = (f.slice(1, M, 1) - f.slice(0, M - 1, 1)) / STEP
+    inner = 0.5 * (steps.slice(0, M - 2, 1) + steps.slice(1, M - 1, 1))
+    return g.op("Concat", steps.slice(0, 1, 1), inner, steps.slice(M - 2, M - 1, 1), axis=1)
 
 
 def _unfold(g: Graph, s: Value) -> Value:

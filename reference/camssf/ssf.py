@@ -13,7 +13,7 @@ from camssf.basis import Basis, read_basis
 from camssf.engine import OUTPUTS, SHIPPED, Model, load_model
 from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import Sensing, sense
+from camssf.sensing import Sensing, anchor, sense
 from camssf.unrolled import Code, solve
 
 L2, GAMMA = 1.0, 0.05
@@ -31,7 +31,8 @@ class Ssf:
 
     Attributes:
         values: (681, 3) scaled so that Σ ρ_w L s dλ = 1 for the first lamp; `peak()` gives peak = 1.
-        std: (681, 3) posterior standard deviation on the same scale; None where the basis has no prior.
+        std: (681, 3) posterior standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself;
+            None where the basis has no prior.
         code: (r, 3) coefficients x.
         predicted: (k, n, 3) the signals that these curves give, 1.
         gap: (3,) relative duality gap of each channel's problem.
@@ -202,13 +203,12 @@ def explain(
     book = basis if isinstance(basis, Basis) else read_basis(str(basis))
     if not book.prior:
         raise InvalidArgument(f"the {book.name} basis has no prior, so no variance.", "Take --basis cameras.")
-    sensing = _sense(
-        _check(
-            signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
-            lamp_tolerance, lamp_modes, book,
-        ),
-        book,
+    evidence = _check(
+        signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
+        lamp_tolerance, lamp_modes, book,
     )  # fmt: skip
+    sensing = _sense(evidence, book)
+    book = anchor(book, evidence.white_reflectance * evidence.lamp[0])
     shares: dict[str, list[float]] = {source: [] for source in (*sensing.terms, "unseen")}
     for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
         weighted = np.linalg.solve(sigma, A)
@@ -222,15 +222,23 @@ def explain(
 
 
 def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, raw: _Frames | None) -> Ssf:
-    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
+    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp.
+
+    With ŝ = s / s_p, p where s peaks, an error d s moves ŝ by (d s - ŝ d s_p) / s_p: the band is that of Ψ - ŝ Ψ_p.
+    """
     _believe(code.gap)
+    book = anchor(book, evidence.white_reflectance * evidence.lamp[0])
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, code.values)  # (3, m)
     scale = curves @ (evidence.white_reflectance * evidence.lamp[0]) * STEP
     _respond(scale)
     std = None
     if book.prior:
         spread = np.linalg.inv(code.precision + np.eye(code.values.shape[1]))
-        variance = np.einsum("cmr,crs,cms->cm", book.dictionary, spread, book.dictionary)
+        top = curves.argmax(axis=1)
+        at_peak = np.take_along_axis(book.dictionary, top[:, None, None], axis=1)  # (3, 1, r)
+        shape = curves / np.take_along_axis(curves, top[:, None], axis=1)
+        moves = book.dictionary - shape[:, :, None] * at_peak
+        variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0)
         std = (np.sqrt(variance) / scale[:, None]).T
     values = (curves / scale[:, None]).T
     seen = evidence.lamp[:, None, :] * evidence.reflectance
