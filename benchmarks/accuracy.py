@@ -1,4 +1,4 @@
-"""How wrong is an answer, and does its band say so? `python -m benchmarks.accuracy [--draws 2]`
+"""How wrong is an answer, and does its band say so? `python -m benchmarks.accuracy [--draws 4]`
 
 Each measured camera is solved with a basis learned without its maker (the shipped one only serves the Monte Carlo
 run). RMSE on peak-normalised curves, 400 to 700 nm, mean of R, G, B, cameras and draws; noise σ = hypot(0.5 % of y,
@@ -285,7 +285,7 @@ def plot(rows: dict[str, dict[str, dict[str, Any]]]) -> str:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 5.5), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(15, 6), layout="constrained")
     names = list(rows)
     for i, method in enumerate(METHODS):
         at = np.arange(len(names)) + 0.2 * (i - 1.5)
@@ -293,14 +293,15 @@ def plot(rows: dict[str, dict[str, dict[str, Any]]]) -> str:
     left.set_yticks(np.arange(len(names)), names)
     left.invert_yaxis()
     left.set_xlabel("RMSE, peak-normalised, 400 to 700 nm")
-    left.legend()
-    for name in names:
-        right.plot([low + 10 for low in BINS], rows[name][PRODUCT]["coverage_bins"], label=name)
+    left.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2)
+    shades = matplotlib.colormaps["tab20"]
+    for i, name in enumerate(names):
+        right.plot([low + 10 for low in BINS], rows[name][PRODUCT]["coverage_bins"], label=name, color=shades(i))
     right.axhline(0.95, color="black", linewidth=0.8)
     right.axhline(0.88, color="black", linewidth=0.8, linestyle="--")
     right.set_xlabel("wavelength, nm")
     right.set_ylabel("coverage of the 95 % bands")
-    right.legend(fontsize=7)
+    right.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
     RESULTS.mkdir(exist_ok=True)
     figure.savefig(RESULTS / "accuracy.png", dpi=110)
     plt.close(figure)
@@ -310,9 +311,9 @@ def plot(rows: dict[str, dict[str, dict[str, Any]]]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     parser.add_argument(
-        "--draws", type=int, default=2, help="of the noise and the lamps, for each camera and setting"
+        "--draws", type=int, default=4, help="of the noise and the lamps, for each camera and setting"
     )
-    parser.add_argument("--trials", type=int, default=400, help="of the Monte Carlo run, for each setting")
+    parser.add_argument("--trials", type=int, default=1000, help="of the Monte Carlo run, for each setting")
     options = parser.parse_args(arguments)
     if not CURVES.exists():
         print("The measured cameras are not on this machine; nothing was measured.", file=sys.stderr)
