@@ -11,7 +11,7 @@ from camssf.chart import LAYOUTS, Pose
 from camssf.grid import Floats
 from camssf.patches import FrameMeans, PatchMeans
 from camssf.signals import Signals, normalise
-from camssf.spectra import ChartTable, read_chart
+from camssf.spectra import ChartTable, read_chart, read_lamp
 from camssf.ssf import Ssf, recover
 from camssf.verdict import Verdict, judge, refusal
 from tests.problems import chart_and_lamp, measured_cameras, theory
@@ -62,7 +62,7 @@ def decide(
     )
     predicted = theory(table.values, light, answer.values, 1.0 if white else table.values[18])[None]
     answer = replace(answer, predicted=predicted)
-    return judge(signals, table, [shot], [where or pose()], answer), signals, answer
+    return judge(signals, table, [shot], [where or pose()], [read_lamp(lamp)], answer), signals, answer
 
 
 def clean(white: bool = True) -> Floats:
@@ -124,7 +124,7 @@ def test_dark_white() -> None:
     assert verdict.status == "accepted"
     dim = replace(signals, white=signals.dark + 0.05 * (signals.white - signals.dark))
     shot = PatchMeans(frame(y), frame(np.ones((24, 3))), frame(np.zeros((24, 3))), np.full(3, 512.0), 16383.0)
-    assert codes(judge(dim, TABLE, [shot], [pose()], answer)) == {"underexposed"}
+    assert codes(judge(dim, TABLE, [shot], [pose()], [read_lamp("D55")], answer)) == {"underexposed"}
 
 
 def test_poor_pose_and_wide_bands() -> None:
@@ -134,7 +134,7 @@ def test_poor_pose_and_wide_bands() -> None:
     assert answer.std is not None
     vague = replace(answer, std=answer.std * 5)
     shot = PatchMeans(frame(y), frame(np.ones((24, 3))), frame(np.zeros((24, 3))), np.full(3, 512.0), 16383.0)
-    assert codes(judge(signals, TABLE, [shot], [pose()], vague)) == {"underexposed"}
+    assert codes(judge(signals, TABLE, [shot], [pose()], [read_lamp("D55")], vague)) == {"underexposed"}
 
 
 def test_few_patches() -> None:
@@ -142,4 +142,11 @@ def test_few_patches() -> None:
     _, signals, answer = decide(y)
     few = replace(signals, used=signals.used & (np.arange(24) < 9))
     shot = PatchMeans(frame(y), frame(np.ones((24, 3))), frame(np.zeros((24, 3))), np.full(3, 512.0), 16383.0)
-    assert codes(judge(few, TABLE, [shot], [pose()], answer)) == {"underexposed"}
+    assert codes(judge(few, TABLE, [shot], [pose()], [read_lamp("D55")], answer)) == {"underexposed"}
+
+
+def test_a_lamp_known_by_kind_alone() -> None:
+    _, signals, answer = decide(clean())
+    shot = PatchMeans(frame(clean()), frame(np.ones((24, 3))), frame(np.zeros((24, 3))), np.full(3, 512.0), 16383.0)
+    for name, expected in (("white-led", {"lamp_unfit"}), ("fluorescent", {"lamp_unfit"}), ("daylight", set())):
+        assert codes(judge(signals, TABLE, [shot], [pose()], [read_lamp(name)], answer)) == expected

@@ -396,12 +396,13 @@ def solve(
         ssf = solution(signals.used, gamma)
         tell("validating", 0.95)
         unseen, how = _unseen(signals, ssf, asked, solution, capture)
+        lamps = [shot.lamp for shot in capture.shots]
         mask: NDArray[np.bool_] = np.all(np.isfinite(unseen), axis=2)
         scores = validate(
             signals,
             np.where(mask[:, :, None], unseen, ssf.predicted),
             table,
-            [shot.lamp for shot in capture.shots],
+            lamps,
             ssf.values,
             known,
             mask,
@@ -412,7 +413,8 @@ def solve(
             single = np.eye(k, dtype=bool)[:, :, None] if k > 1 else np.zeros((0, 1, 1), dtype=bool)
             alone = [solution(signals.used & shot, gamma) for shot in single]
             uncertainty = _uncertainty(capture, signals, ssf, basis, alone)
-        verdict = judge(signals, table, [s.means for s in capture.shots], [s.pose for s in capture.shots], ssf)
+        means, poses = [shot.means for shot in capture.shots], [shot.pose for shot in capture.shots]
+        verdict = judge(signals, table, means, poses, lamps, ssf)
         if verdict.status == "refused":
             raise refusal(verdict)
     assumptions = signals.assumptions + _assumptions(capture, ssf, k)

@@ -19,7 +19,7 @@ import numpy as np
 
 from camssf._tables import is_file, looks_like_file, nearest, plain, read_curves, read_spectra, read_spectrum
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
-from camssf.families import FAMILIES, Temperature, principal_modes, temperature_mode
+from camssf.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
 
@@ -150,7 +150,8 @@ def read_lamp(spec: str) -> Lamp:
       grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
       to 0.5 % of the peak, becomes 0.
 
-    The tolerance is 2 % for a name or formula (a real lamp is never its table) and 1 % for a file.
+    The tolerance is 2 % for a name or formula (a real lamp is never its table), 1 % for a file, and for a family of
+    tables what its modes leave of a lamp left out.
 
     Raises:
         InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is no such table.
@@ -312,7 +313,8 @@ def _family(name: str) -> Lamp:
     else:
         power, modes = principal_modes([_illuminant(member) for member in family.members], family.components)
         source = f"mean and {len(modes)} principal components of ln L of {len(family.members)} CIE lamps"
-    return Lamp(name, _frozen(power / power.mean()), _NAMED_LAMP, _frozen(modes), source)
+    tolerance = family.left if isinstance(family, Kind) else _NAMED_LAMP
+    return Lamp(name, _frozen(power / power.mean()), tolerance, _frozen(modes), source)
 
 
 @cache

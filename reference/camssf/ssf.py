@@ -195,7 +195,7 @@ def explain(
 
     The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
     G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Shares are of
-    the sum of the variances over the grid. Arguments as in `recover`.
+    the sum over the grid of the variances of the curve of peak 1. Arguments as in `recover`.
 
     Raises:
         InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
@@ -213,19 +213,18 @@ def explain(
     for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
         weighted = np.linalg.solve(sigma, A)
         gain = np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
-        across = book.dictionary[c] @ gain
+        curve = book.mean[c] + book.dictionary[c] @ gain @ sensing.target[c]
+        moves = _moves(book, np.broadcast_to(curve, book.mean.shape))[c]
+        across = moves @ gain
         sizes = {source: float(np.sum((across @ term[c]) * across)) for source, term in sensing.terms.items()}
-        sizes["unseen"] = float(np.sum((book.dictionary[c] - across @ A) ** 2))
+        sizes["unseen"] = float(np.sum((moves - across @ A) ** 2))
         for source, size in sizes.items():
             shares[source].append(size / sum(sizes.values()))
     return {source: np.array(share) for source, share in shares.items()}
 
 
 def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, raw: _Frames | None) -> Ssf:
-    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp.
-
-    With ŝ = s / s_p, p where s peaks, an error d s moves ŝ by (d s - ŝ d s_p) / s_p: the band is that of Ψ - ŝ Ψ_p.
-    """
+    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
     _believe(code.gap)
     book = anchor(book, evidence.white_reflectance * evidence.lamp[0])
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, code.values)  # (3, m)
@@ -234,10 +233,7 @@ def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floa
     std = None
     if book.prior:
         spread = np.linalg.inv(code.precision + np.eye(code.values.shape[1]))
-        top = curves.argmax(axis=1)
-        at_peak = np.take_along_axis(book.dictionary, top[:, None, None], axis=1)  # (3, 1, r)
-        shape = curves / np.take_along_axis(curves, top[:, None], axis=1)
-        moves = book.dictionary - shape[:, :, None] * at_peak
+        moves = _moves(book, curves)
         variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0)
         std = (np.sqrt(variance) / scale[:, None]).T
     values = (curves / scale[:, None]).T
@@ -249,6 +245,17 @@ def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floa
         means = (raw[1] - raw[2])[0].mean(axis=0)
         gain = means / means[1]
     return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, "reference")
+
+
+def _moves(book: Basis, curves: Floats) -> Floats:
+    """How the code moves the curve of peak 1, times the peak, (3, m, r).
+
+    With ŝ = s / s_p, p where s peaks, an error d s moves ŝ by (d s - ŝ d s_p) / s_p: Ψ - ŝ Ψ_p.
+    """
+    top = curves.argmax(axis=1)
+    at_peak = np.take_along_axis(book.dictionary, top[:, None, None], axis=1)  # (3, 1, r)
+    shape = curves / np.take_along_axis(curves, top[:, None], axis=1)
+    return np.asarray(book.dictionary - shape[:, :, None] * at_peak)
 
 
 def _run(

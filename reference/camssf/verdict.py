@@ -17,7 +17,7 @@ from camssf.errors import CalibrationError, ChartUnfit, Glare, LampUnfit, Overex
 from camssf.grid import Floats
 from camssf.patches import PatchMeans
 from camssf.signals import Signals
-from camssf.spectra import ChartTable
+from camssf.spectra import ChartTable, Lamp
 from camssf.ssf import Ssf
 
 MISFIT, IMPOSSIBLE = 3.0, 10.0
@@ -35,6 +35,9 @@ UNEVEN = 0.05
 """Change of the light across the chart, as residuals that follow the patches' places tell it."""
 POOR_POSE = 0.90
 """Agreement of the patches with the chart's own colours below which the corners deserve a look."""
+LOOSE = 2
+"""Most directions in which a lamp may be off; a kind of LED or fluorescent lamp has more, too large to be linear in:
+with them 95 % bands were seen to hold 76 to 95 % (`python -m benchmarks.lamps`)."""
 VAGUE = 0.10
 """Widest mean 95 % half-width, in parts of the peak, that still tells cameras apart."""
 
@@ -59,7 +62,12 @@ class Verdict:
 
 
 def judge(
-    signals: Signals, table: ChartTable, shots: Sequence[PatchMeans], poses: Sequence[Pose], ssf: Ssf
+    signals: Signals,
+    table: ChartTable,
+    shots: Sequence[PatchMeans],
+    poses: Sequence[Pose],
+    lamps: Sequence[Lamp],
+    ssf: Ssf,
 ) -> Verdict:
     """Weigh the evidence behind an answer.
 
@@ -69,7 +77,7 @@ def judge(
     Args:
         signals: (k, n, 3).
         table: the chart's.
-        shots, poses: k of each.
+        shots, poses, lamps: k of each.
         ssf: the answer, with its predictions (k, n, 3).
     """
     expected = np.hypot(signals.standard_error, table.tolerance[:, None] * signals.values)
@@ -119,6 +127,18 @@ def judge(
             if elsewhere
             else _residuals(name, misfit[j][used], [p for p, u in zip(table.patches, used, strict=True) if u])
         )
+    for j, lamp in enumerate(lamps):
+        if len(lamp.modes) > LOOSE:
+            reasons.append(
+                Reason(
+                    LampUnfit.code,
+                    f"shot {j + 1}: {lamp.name} is known by its kind alone, in {len(lamp.modes)} directions: "
+                    "the bands hold the truth less often than they say.",
+                    "Measure the lamp, or photograph the chart in daylight or under a bulb.",
+                    len(lamp.modes),
+                    LOOSE,
+                )
+            )
     if ssf.std is not None:
         width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
         if width > VAGUE:
