@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from camssf.unrolled import _Problem, whiten
+from camssf.unrolled import DEPTH, _Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")
@@ -23,7 +23,7 @@ def arguments(nonnegative: bool) -> tuple[list[object], np.ndarray]:
         _Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
         for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
     ]
-    expected = np.stack([p.unroll(32) for p in problems])
+    expected = np.stack([p.unroll(DEPTH) for p in problems])
     rho = torch.tensor(problems[0].rho(), dtype=torch.float64)
     both, push = UnrolledNet.weights(
         torch.tensor(np.stack([p.M for p in problems])), torch.tensor(np.stack([p.g for p in problems])), rho

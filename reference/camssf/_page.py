@@ -440,9 +440,7 @@ def _budget_section(document: Json) -> str:
         [_t(term["source"]), _t(term["size"]), *(f"{100 * share:.0f} %" for share in term["share"])]
         for term in found["budget"]
     ]
-    table = _table(
-        "Share of each source in the variance", ["Source", "Size", "Red", "Green", "Blue"], rows, "channels"
-    )
+    table = _table("Share of each source in the variance", ["Source", "Size", "Red", "Green", "Blue"], rows, "budget")
     if not found["alone"]:
         return table
     names = [_t(shot["lamp"]["name"]) for shot in document["shots"]]
@@ -643,17 +641,19 @@ def _unplaced(shot: Json, preview: bytes | None, shown: tuple[int, int]) -> str:
         return ""
     width, height = int(photo["width"]), int(photo["height"])
     size = max(width, height) / 45
-    step = 10 ** math.floor(math.log10(max(width, height) / 4))
-    texts = [(x, size, f"{x}") for x in range(step, width, step)]
+    step = next(
+        s for s in (50, 100, 200, 500, 1000, 2000, 5000, 10_000) if max(width, height) / s <= 9 or s == 10_000
+    )
+    texts = [(x, 0.9 * size, f"{x}") for x in range(step, width, step)]
     texts += [(2, y, f"{y}") for y in range(step, height, step)]
     lines = "".join(f'<path d="M{x} 0V{height}"/>' for x in range(step, width, step))
     lines += "".join(f'<path d="M0 {y}H{width}"/>' for y in range(step, height, step))
-    numbers = "".join(f'<text class="on-dark" x="{x}" y="{y}">{text}</text>' for x, y, text in texts)
-    return f"""<figure class="photo">
+    numbers = "".join(f'<text fill="#d22" x="{x}" y="{y}">{text}</text>' for x, y, text in texts)
+    return f"""<figure class="photo alone">
 <svg viewBox="0 0 {width} {height}" role="img" aria-label="{name} with its pixels numbered">
 {_picture(photo, preview, (width, height), upright=False)}
-<g stroke="#fff" stroke-opacity=".35" stroke-width="{size / 20:.1f}">{lines}</g>
-<g class="labels" font-size="{size:.1f}">{numbers}</g></svg>
+<g stroke="#d22" stroke-opacity=".4" stroke-width="{size / 20:.1f}">{lines}</g>
+<g font-size="{0.8 * size:.1f}">{numbers}</g></svg>
 <figcaption>{name}: no chart was measured in it. The numbers are pixels of the active area, from its top left, as the
 sensor saw it: what corners given by hand are counted in.</figcaption>
 </figure>
