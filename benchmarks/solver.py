@@ -10,7 +10,8 @@ are for the three channels and include
   beforehand is. Its calls go through its own Python face; tolerances as `_peers` says.
 
 Relative duality gaps are recomputed for all by one function (`_common.relative_gap`) on the same whitened rows.
-Then the bars, and cost against patches (beyond 24 by convex blends of the chart's), shots and atoms (Gaussian models
+Then the bars: ONNX against compiled cvxpy, each from patch means to the code (the peer's solve plus its rows and
+whitening in NumPy), and beside it the harder comparison, with these given for free. And cost against patches (beyond 24 by convex blends of the chart's), shots and atoms (Gaussian models
 built for it), as tables and as a plot. Camera: colour-science's Nikon 5100, noise 0.5 %. Exit status 1 where a bar
 is missed.
 """
@@ -287,13 +288,17 @@ def main(arguments: list[str] | None = None) -> int:
             out.print(missing)
     bars, held = [], True
     for label, rows in contests.items():
-        ours = rows[0]
+        ours, given = rows[0], next(row for row in rows if row["contender"] == ROWS)
         for peer in (row for row in rows if row["contender"] in COMPILED):
-            ratio = 1.0 / peer["times_onnx"]
+            ratio, alone = ours["ms"] / (peer["ms"] + given["ms"]), 1.0 / peer["times_onnx"]
             good = ratio <= SPEED_BAR and ours["gap"] <= peer["gap"]
             held &= good
             word = "held, goal too" if good and ratio <= SPEED_GOAL else "held" if good else "MISSED"
-            bars.append((f"ONNX / {peer['contender']}: {label}", f"{ratio:.2f}", "0.50 (goal 0.33)", word))
+            bars.append(
+                (f"ONNX / {peer['contender']}, with its rows: {label}", f"{ratio:.2f}", "0.50 (goal 0.33)", word)
+            )
+            word = "below 0.50" if alone <= SPEED_BAR else "above 0.50"
+            bars.append(("    rows and whitening given to the peer for free", f"{alone:.2f}", "", word))
     content: dict[str, Any] = {"rounds": options.rounds, "contests": contests}
     if not options.contest_only:
         content["models"] = {}

@@ -142,7 +142,6 @@ class _Rows:
         self.y = self.signals.transpose(2, 0, 1)
         self.error = given["standard_error"].transpose(2, 0, 1)
         self.power = given["lamp"] * STEP  # (k, m)
-        self.seen = self.power.unsqueeze(1) * given["reflectance"]  # (k, n, m)
         self.seen_white = self.power * given["white_reflectance"]  # (k, m)
 
     def gain(self) -> Value:
@@ -156,7 +155,8 @@ def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, ob
     """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
     scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
-    seen = rows.seen.slice(0, 1, 0).squeeze(0)  # (n, m)
+    everything = rows.power.unsqueeze(1) * rows.given["reflectance"]  # (k, n, m)
+    seen = everything.slice(0, 1, 0).squeeze(0)  # (n, m)
     A = ((seen / scale) @ atoms).unsqueeze(0) * np.ones((3, 1, 1))
     b = rows.y.slice(0, 1, 1).squeeze(1)
     error = rows.error.slice(0, 1, 1).squeeze(1)
@@ -168,7 +168,7 @@ def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, ob
         del spread  # no prior, no band
         s = atoms @ x.transpose(1, 0)  # (m, 3)
         s = s / (rows.seen_white.slice(0, 1, 0) @ s)
-        predicted = (rows.seen @ s) / (rows.seen_white @ s).unsqueeze(1)
+        predicted = (everything @ s) / (rows.seen_white @ s).unsqueeze(1)
         return s, s * np.nan, predicted
 
     return A, b, sigma, curves
@@ -177,24 +177,30 @@ def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, ob
 def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, object]:
     """Rows free of exposure and their full covariance, on the 5-nm nodes (sensing.py, `sense`)."""
     given = rows.given
-    mean = g.constant(basis.mean[:, ::10], name="mean")  # (3, v)
+    nodes = basis.mean[:, ::10]
+    mean, column = g.constant(nodes, name="mean"), g.constant(nodes[:, :, None])  # (3, v), (3, v, 1)
     atoms = g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
-    U, V = _fold(g, rows.seen), _fold(g, rows.seen_white)  # (k, n, v), (k, v)
+    given_twice = g.op("Concat", given["reflectance"], _slope(g, given["reflectance"]), axis=0)  # (2 n, m)
+    folded = _fold(g, rows.power.unsqueeze(1) * given_twice)  # (k, 2 n, v)
+    parts = folded.like(g.op("Concat", g.op("Shape", rows.power).slice(0, 1, 0), g.ints(2, -1, NODES.size), axis=0))
+    U, bends = parts.slice(0, 1, 1).squeeze(1), parts.slice(1, 2, 1).squeeze(1)  # (k, n, v) each
+    whites = _fold(g, g.op("Concat", rows.seen_white, rows.power, axis=0))  # (2 k, v)
+    pair = whites.like(g.ints(2, -1, NODES.size))
+    V, plain = pair.slice(0, 1, 0).squeeze(0), pair.slice(1, 2, 0).squeeze(0)  # (k, v) each
     shape = g.op("Shape", rows.y)
     k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
     N = k * n
     flat = g.op("Concat", g.ints(3), N, g.ints(-1), axis=0)
     W = mean @ V.transpose(1, 0)  # (3, k)
     first = V.slice(0, 1, 0)
-    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
-    atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
+    share = (first @ atoms) / (first @ column)  # (3, 1, r)
+    atoms = atoms - column * share  # anchored to the first white
     seen = U / W.unsqueeze(2, 3)  # (3, k, n, v)
     seen_white = (V / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
-    column = mean.unsqueeze(1, 3)  # (3, 1, v, 1)
-    expected = seen @ column  # (3, k, n, 1) ŷ
+    expected = seen @ g.constant(nodes[:, None, :, None])  # (3, k, n, 1) ŷ
     y = rows.y.unsqueeze(3)
     a = (seen - y * seen_white).like(flat)  # (3, N, v)
-    A, b = a @ atoms, -(a @ mean.unsqueeze(2)).squeeze(2)
+    A, b = a @ atoms, -(a @ column).squeeze(2)
 
     tolerance = given["chart_tolerance"]
     independent = INDEPENDENT_SHARE * tolerance * rows.y
@@ -203,21 +209,21 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
     order = g.op("Range", g.constant(0, np.int64), N1, g.constant(1, np.int64))
     sigma = variance.like(g.op("Concat", g.ints(3), N, g.ints(1), axis=0)) * _identity(g, N1)
 
-    chart_curves = g.constant(smooth_errors(CHART_CORRELATION), name="chart_errors") * mean.unsqueeze(2)  # (3, v, p)
-    lamp_curves = g.constant(smooth_errors(LAMP_CORRELATION), name="lamp_errors") * mean.unsqueeze(2)
-    table_curves = g.constant(smooth_errors(TABLE_CORRELATION), name="table_errors") * mean.unsqueeze(2)
-    bends = rows.power.unsqueeze(1) * _slope(g, given["reflectance"])  # (k, n, m)
-    light = (_fold(g, rows.power) / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
-    edges = EDGE * ((_fold(g, bends) / W.unsqueeze(2, 3)) @ table_curves.unsqueeze(1))  # (3, k, n, p'')
-    floor = ABSOLUTE * (light @ table_curves.unsqueeze(1)) + 0.0 * edges
-    parts = g.op("Concat", RELATIVE * (seen @ chart_curves.unsqueeze(1)), floor, edges, axis=3)
+    chart_curves, lamp_curves, table_curves = (  # (3, 1, v, p)
+        g.constant((smooth_errors(length) * nodes[:, :, None])[:, None])
+        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+    )
+    light = (plain / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+    edges = EDGE * ((bends / W.unsqueeze(2, 3)) @ table_curves)  # (3, k, n, p'')
+    floor = ABSOLUTE * (light @ table_curves) + 0.0 * edges
+    parts = g.op("Concat", RELATIVE * (seen @ chart_curves), floor, edges, axis=3)
     chart = (tolerance.unsqueeze(1) * parts).like(flat)
     sigma = sigma + _same(g, g.op("Mod", order, n)) * _outer(chart)
-    paper = (given["white_tolerance"] * expected * (seen_white @ chart_curves.unsqueeze(1))).like(flat)
+    paper = (given["white_tolerance"] * expected * (seen_white @ chart_curves)).like(flat)
     sigma = sigma + _outer(paper)
     a_expected = seen - expected * seen_white
-    smooth = given["lamp_tolerance"].unsqueeze(1, 2) * (a_expected @ lamp_curves.unsqueeze(1))  # (3, k, n, p')
-    bent = (given["lamp_modes"] * rows.power.unsqueeze(1)).unsqueeze(0) * _unfold(g, mean).unsqueeze(1, 2)
+    smooth = given["lamp_tolerance"].unsqueeze(1, 2) * (a_expected @ lamp_curves)  # (3, k, n, p')
+    bent = (given["lamp_modes"] * rows.power.unsqueeze(1)).unsqueeze(0) * basis.mean[:, None, None]
     seen_modes = given["reflectance"] @ bent.transpose(0, 1, 3, 2) / W.unsqueeze(2, 3)  # (3, k, n, q)
     white_modes = given["white_reflectance"] @ bent.transpose(0, 1, 3, 2)  # (3, k, q)
     modes = seen_modes - expected * (white_modes / W.unsqueeze(2)).unsqueeze(2)
@@ -265,11 +271,14 @@ def _layers(g: Graph, W: Value, pull: Value, rho: Value, gamma: Value, low: Valu
 
     def layer(body: Graph, step: Value, state: list[Value]) -> Body:
         (v,) = state
-        pair = body.op("Concat", v, clip(body, v), axis=1)
-        return Body([body.op("Add", push, body.op("MatMul", both, pair))])
+        for _ in range(stride):
+            pair = body.op("Concat", v, clip(body, v), axis=1)
+            v = body.op("Add", push, body.op("MatMul", both, pair))
+        return Body([v])
 
+    stride = _stride(depth)
     start = g.constant(np.zeros((3, r, 1)))
-    (v,) = g.loop(layer, [start], [D], g.constant(depth, np.int64), "layers")
+    (v,) = g.loop(layer, [start], [D], g.constant(depth // stride, np.int64), "layers")
     return (v - clip(g, v)).squeeze(2)
 
 
@@ -307,18 +316,23 @@ class _Problem:
         low = g.op("Where", self.positive, -BIG, -high)
         wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), self.free).real().unsqueeze(2)  # (3, r, 1)
 
+        stride, eye = _stride(r), g.constant(np.eye(r))
+
         def enter(body: Graph, step: Value, state: list[Value]) -> Body:
             (X,) = state
-            at = step.unsqueeze(0)
-            column = X.take(at, 2)
-            pivot = column.take(at, 1)
-            deep = body.op("Greater", pivot, PIVOT_FLOOR)
-            share = body.op("Where", deep, wanted.here(body).take(at, 1) / pivot, 0.0)
-            u = column - g.constant(np.eye(r)).here(body).take(at, 1)
-            return Body([X - (share * u) * u.transpose(0, 2, 1)], [body.op("Greater", share, 0.0).real()])
+            entered = []
+            for at in _turns(body, step, r, stride):
+                column = X.take(at, 2)
+                pivot = column.take(at, 1)
+                deep = body.op("Greater", pivot, PIVOT_FLOOR)
+                share = body.op("Where", deep, wanted.here(body).take(at, 1) / pivot, 0.0)
+                u = column - eye.here(body).take(at, 1)
+                X = X - (share * u) * u.transpose(0, 2, 1)
+                entered.append(body.op("Greater", share, 0.0).real())
+            return Body([X], [body.op("Concat", *entered, axis=1)])
 
-        X, entered = g.loop(enter, [unit], [D], g.constant(r, np.int64), "enter")
-        inside = entered.squeeze(2, 3).transpose(1, 0)  # (3, r)
+        X, entered = g.loop(enter, [unit], [D], g.constant(r // stride, np.int64), "enter")
+        inside = entered.transpose(1, 0, 2, 3).reshape(3, r)
         support = g.op("Greater", inside, 0.5)
         # A sweep leaves 2 - 1 / p on its diagonal; the tableau has -M⁻¹ on the support, its signs by column.
         table = X * (2.0 * inside - 1.0).unsqueeze(1) - 2.0 * inside.unsqueeze(2) * np.eye(r)
@@ -491,17 +505,29 @@ def _inverse(g: Graph, matrix: Value, size: int) -> Value:
     eye = np.eye(size)
     scale = 1.0 / g.op("Sqrt", (matrix * eye).sum(2))  # (c, r)
     unit = matrix * scale.unsqueeze(1) * scale.unsqueeze(2)
-    identity = g.constant(eye)
+    identity, stride = g.constant(eye), _stride(size)
 
     def sweep(body: Graph, step: Value, state: list[Value]) -> Body:
         (X,) = state
-        at = step.unsqueeze(0)
-        column = X.take(at, 2)
-        u = column - identity.here(body).take(at, 1)
-        return Body([X - (u / column.take(at, 1)) * u.transpose(0, 2, 1)])
+        for at in _turns(body, step, size, stride):
+            column = X.take(at, 2)
+            u = column - identity.here(body).take(at, 1)
+            X = X - (u / column.take(at, 1)) * u.transpose(0, 2, 1)
+        return Body([X])
 
-    (X,) = g.loop(sweep, [unit], [D], g.constant(size, np.int64), "weigh")
+    (X,) = g.loop(sweep, [unit], [D], g.constant(size // stride, np.int64), "weigh")
     return (2.0 * eye - X) * scale.unsqueeze(1) * scale.unsqueeze(2)  # a sweep leaves 2 - 1 / p on its diagonal
+
+
+def _stride(count: int) -> int:
+    """Steps that share one turn of a Loop, whose own cost is that of a few nodes."""
+    return next(stride for stride in (4, 3, 2, 1) if count % stride == 0)
+
+
+def _turns(body: Graph, step: Value, count: int, stride: int) -> list[Value]:
+    """The indices (1,) that a turn of a Loop over `count` takes."""
+    order = np.arange(count).reshape(-1, stride)
+    return [body.op("Gather", body.constant(order[:, i : i + 1], np.int64), step, axis=0) for i in range(stride)]
 
 
 def _fold(g: Graph, f: Value) -> Value:
