@@ -11,9 +11,9 @@ are for the three channels and include
 
 Relative duality gaps are recomputed for all by one function (`_common.relative_gap`) on the same whitened rows.
 Then the bars: ONNX against compiled cvxpy, each from patch means to the code (the peer's solve plus its rows and
-whitening in NumPy), and beside it the harder comparison, with these given for free. And cost against patches (beyond 24 by convex blends of the chart's), shots and atoms (Gaussian models
-built for it), as tables and as a plot. Camera: colour-science's Nikon 5100, noise 0.5 %. Exit status 1 where a bar
-is missed.
+whitening in NumPy), and beside it the harder comparison, with these given for free. And cost against patches (beyond
+24 by convex blends of the chart's), shots and atoms (Gaussian models built for it), as tables and as a plot. Camera:
+colour-science's Nikon 5100, noise 0.5 %. Exit status 1 where a bar is missed.
 """
 
 from __future__ import annotations

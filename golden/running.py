@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camssf.basis import Basis, gaussian_basis, read_basis
-from camssf.calibrate import Capture, Photo, Shot
 from camssf.calibrate import solve as calibrate_capture
+from camssf.capture import Capture, Photo, Shot
 from camssf.chart import Pose
 from camssf.engine import load_model
 from camssf.errors import CalibrationError

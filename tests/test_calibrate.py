@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.calibrate import Capture, calibrate, measure, solve
+from camssf.calibrate import calibrate, solve
+from camssf.capture import Capture, measure
 from camssf.errors import (
     CalibrationError,
     ChartNotFound,

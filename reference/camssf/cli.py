@@ -386,7 +386,7 @@ def patches(
     lamp_tolerance: LampTolerances = None,
 ) -> None:
     """Measure the patches: JSON for `solve`."""
-    from camssf.calibrate import measure
+    from camssf.capture import measure
 
     with _progress() as progress, _evidence(None):
         capture = measure(
@@ -418,8 +418,8 @@ def solve(
 
     A refusal of the command before the pipe is passed on as it is.
     """
-    from camssf.calibrate import Capture
     from camssf.calibrate import solve as run
+    from camssf.capture import Capture
 
     given = _read(document, PATCHES, refusal=True)
     if given["format"] == RESULT:
@@ -625,7 +625,7 @@ def _sound(document: dict[str, Any]) -> dict[str, Any]:
 
 def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
     """Pictures of the shots, each from the very file that the result was made from."""
-    from camssf.calibrate import preview
+    from camssf.capture import preview
     from camssf.mosaic import read_dng
 
     shots, previews = result["shots"], []
