@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
-from benchmarks._common import CURVES, RESULTS, chart, console, lamp, progress, save, table, versions
+from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
 from camssf.basis import Basis, interpolate, read_basis
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.learn import learn, maker_of, read_curves
@@ -395,4 +395,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    one_thread("benchmarks.accuracy")
     sys.exit(main())

@@ -102,7 +102,9 @@ def draw(seed: int, index: int) -> tuple[Problem, str]:
         **extra,
     )
     top = gamma_max(*whiten(problem.sensing(read_basis(basis))), nonnegative)
-    gamma = np.exp(rng.uniform(np.log(1e-5 * top.max()), np.log(1e-1 * top.min())))
+    # Inside every channel's range; in the rare case that these do not overlap, between them.
+    low, high = sorted((1e-5 * top.max(), 1e-1 * top.min()))
+    gamma = np.exp(rng.uniform(np.log(low), np.log(high)))
     return Problem(problem.inputs | {"gamma": np.array(gamma)}, basis, problem.label), sigma
 
 
