@@ -52,7 +52,7 @@ PIVOT_FLOOR = 1e-12
 REFINEMENTS, EXACT = 8, 1e-10
 """Most steps of the last correction against the residual itself; the share of γ below which it stops as soon as it no
 longer halves."""
-RIDGE = 1e-10
+RIDGE = 1e-11
 """Added to the walk's unit diagonal: dependent atoms, of which rounding makes anything, become barely independent.
 The refinement and the proof know nothing of it."""
 
