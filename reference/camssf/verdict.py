@@ -53,6 +53,10 @@ class Reason:
     threshold: float | None = None
 
 
+class Fatal(Reason):
+    """A reason that leaves no answer: the verdict is refused."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """status is "accepted", "doubtful" or "refused"; reasons are empty only when accepted."""
@@ -121,12 +125,9 @@ def judge(
                     POOR_POSE,
                 )
             )
-        elsewhere = unevenness > UNEVEN  # then residuals accuse neither lamp nor chart
-        reasons += (
-            []
-            if elsewhere
-            else _residuals(name, misfit[j][used], [p for p, u in zip(table.patches, used, strict=True) if u])
-        )
+        if unevenness <= UNEVEN:  # else residuals accuse neither lamp nor chart
+            patches = [patch for patch, taken in zip(table.patches, used, strict=True) if taken]
+            reasons += _residuals(name, misfit[j][used], patches)
     for j, lamp in enumerate(lamps):
         if len(lamp.modes) > LOOSE:
             reasons.append(
@@ -151,14 +152,14 @@ def judge(
                     VAGUE,
                 )
             )
-    if any(reason.threshold in (IMPOSSIBLE, FOG) for reason in reasons):
+    if any(isinstance(reason, Fatal) for reason in reasons):
         return Verdict("refused", tuple(reasons))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons))
 
 
 def refusal(verdict: Verdict) -> CalibrationError:
     """The error that a refused verdict raises: its gravest reason's, with all of them on it."""
-    reason = next(r for r in verdict.reasons if r.threshold in (IMPOSSIBLE, FOG))
+    reason = next(r for r in verdict.reasons if isinstance(r, Fatal))
     kind = LampUnfit if reason.code == LampUnfit.code else Glare
     error = kind(reason.message, reason.advice, value=reason.value, threshold=reason.threshold)
     error.reasons = verdict.reasons
@@ -180,15 +181,16 @@ def _exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Rea
                 DARK_WHITE,
             )
         )
-    lowest = signals.values[j].min(axis=0)
-    if float(lowest.max()) > VEIL:
+    veil = float(signals.values[j].min(axis=0).max())
+    if veil > VEIL:
+        kind, bound = (Fatal, FOG) if veil > FOG else (Reason, VEIL)
         reasons.append(
-            Reason(
+            kind(
                 Glare.code,
-                f"{name}: the darkest patch gives {float(lowest.max()):.0%} of white; black ink gives 3 %.",
+                f"{name}: the darkest patch gives {veil:.0%} of white; black ink gives 3 %.",
                 "Turn the chart away from the reflection, and shade the lens.",
-                float(lowest.max()),
-                FOG if float(lowest.max()) > FOG else VEIL,
+                veil,
+                bound,
             )
         )
     return reasons
@@ -220,13 +222,14 @@ def _residuals(name: str, misfit: Floats, patches: list[str]) -> list[Reason]:
     overall = float(np.sqrt(np.mean(misfit**2)))
     others = float(np.sqrt(np.mean(np.delete(misfit, strangest, axis=0) ** 2)))
     if others > MISFIT:
+        kind, bound = (Fatal, IMPOSSIBLE) if others > IMPOSSIBLE else (Reason, MISFIT)
         return [
-            Reason(
+            kind(
                 LampUnfit.code,
                 f"{name}: the curves leave {overall:.1f} times the expected residual.",
                 "Check that --lamp is the light of this photo and --chart the chart in it.",
                 overall,
-                IMPOSSIBLE if others > IMPOSSIBLE else MISFIT,
+                bound,
             )
         ]
     if off > STRANGE_PATCH:
