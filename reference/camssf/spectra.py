@@ -1,5 +1,6 @@
-"""Spectra by name or by file: lamps, chart tables, measured cameras. colour-science supplies them.
+"""Spectra by name or by file: lamps, chart tables, measured cameras.
 
+Lamps and charts known by name come from data/spectra.json, taken from colour-science; cameras from that library.
 Lamps are interpolated linearly: their tables have lines, and a smoother curve would overshoot beside each.
 Reflectances and cameras are smooth: Sprague's interpolation, which CIE 167:2005 recommends for even steps (a cubic
 spline where a file's steps are uneven).
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from camssf._bundled import bundled, daylight, illuminant, planck, reflectances, sprague
 from camssf._tables import is_file, looks_like_file, nearest, plain, read_curves, read_spectra, read_spectrum
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
 from camssf.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
@@ -82,27 +84,19 @@ class CameraCurves:
     source: str
 
 
-# A real lamp is never the table of its name: batches, age, voltage, dimmers, the walls of the room.
-_NAMED_LAMP = 0.02
-# A spectrometer in the chart's own light leaves its calibration and its noise.
-_MEASURED_LAMP = 0.01
-# Measured tables of one and the same product differ by 1 to 3 % RMS; so does somebody's chart.
-_PUBLIC_CHART = 0.03
-# A spectrophotometer on the chart itself leaves its own accuracy and the fading since.
-_MEASURED_CHART = 0.01
-# Dark-corrected spectrometers dip below zero by noise: this share of the peak is forgiven.
-_NOISE_BELOW_ZERO = 0.005
+NAMED_LAMP = 0.02
+"""A real lamp is never the table of its name: batches, age, voltage, dimmers, the walls of the room."""
+MEASURED_LAMP = 0.01
+"""A spectrometer in the chart's own light leaves its calibration and its noise."""
+PUBLIC_CHART = 0.03
+"""Measured tables of one and the same product differ by 1 to 3 % RMS; so does somebody's chart."""
+MEASURED_CHART = 0.01
+"""A spectrophotometer on the chart itself leaves its own accuracy and the fading since."""
+NOISE_BELOW_ZERO = 0.005
+"""Dark-corrected spectrometers dip below zero by noise: this share of the peak is forgiven."""
 # A table must cover these, and leave no larger gap, nm.
 _FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
 
-_CIE = (
-    *("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65"),
-    *(f"FL{i}" for i in range(1, 13)),
-    *(f"FL3.{i}" for i in range(1, 16)),
-    *(f"HP{i}" for i in range(1, 6)),
-    *(f"LED-B{i}" for i in range(1, 6)),
-    *("LED-BH1", "LED-RGB1", "LED-V1", "LED-V2"),
-)
 _LAMP_MENU = (
     "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
     "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
@@ -110,9 +104,6 @@ _LAMP_MENU = (
     "fluorescent; flat E, equal-energy (the paper's assumption); or a "
     "file of wavelength and power (.csv .txt .spd .sp)."
 )
-_DAYLIGHT = {"D50": 5003.0, "D55": 5503.0, "D60": 6003.0, "D65": 6504.0, "D75": 7504.0}
-_CLASSIC = ("classic24", "nano24", "mini24", "passport24")
-_TABLES = {"babelcolor": "BabelColor Average", "ohta": "ColorChecker N Ohta"}
 _CHART_MENU = (
     "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of measured reflectances "
     "(.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt."
@@ -122,12 +113,14 @@ _COUNTS = {24: "classic24", 140: "sg140"}
 
 def lamp_names() -> tuple[str, ...]:
     """Names that `read_lamp` knows, besides `<T>K`, `D:<T>` and files."""
-    return (*_CIE, "equal-energy", *FAMILIES)
+    return (*bundled()["lamps"], "equal-energy", *FAMILIES)
 
 
 def chart_names() -> tuple[str, ...]:
     """Names that `read_chart` knows, besides files."""
-    return (*_CLASSIC, *(f"{chart}:ohta" for chart in _CLASSIC))
+    charts = bundled()["charts"]
+    _first, *others = charts["tables"]
+    return (*charts["names"], *(f"{chart}:{table}" for table in others for chart in charts["names"]))
 
 
 def camera_names() -> tuple[str, ...]:
@@ -172,14 +165,14 @@ def read_lamp(spec: str) -> Lamp:
     if key in FAMILIES:
         return _family(key)
     if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
-        power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", _NAMED_LAMP
+        power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", NAMED_LAMP
     elif match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
-        power, source, tolerance = _daylight(float(match[1])), f"CIE daylight, {match[1]} K", _NAMED_LAMP
+        power, source, tolerance = _daylight(float(match[1])), f"CIE daylight, {match[1]} K", NAMED_LAMP
     elif name := _cie_name(text):
-        power, source, tolerance = _illuminant(name), f"CIE illuminant {name} (colour-science)", _NAMED_LAMP
+        power, source, tolerance = illuminant(name), f"CIE illuminant {name} (colour-science)", NAMED_LAMP
     elif looks_like_file(text):
         power, source = _measured_lamp(Path(text))
-        tolerance = _MEASURED_LAMP
+        tolerance = MEASURED_LAMP
     else:
         daylight = re.fullmatch(r"d(\d{2})", key)
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, lamp_names())
@@ -208,18 +201,19 @@ def read_chart(spec: str) -> ChartTable:
     text = _text(spec)
     head, _, tail = text.partition(":")
     chart = head.casefold()
-    if chart in _CLASSIC and tail.casefold() in ("", *_TABLES):
-        table = _TABLES[tail.casefold() or "babelcolor"]
-        patches, values = _public_table(table)
-        tolerance = _frozen(np.full(len(patches), _PUBLIC_CHART))
-        white = patches.index("white 9.5 (.05 D)")
-        return ChartTable(text, table, chart, patches, values, tolerance, white, f"{table} (colour-science)")
+    known: list[str] = bundled()["charts"]["names"]
+    tables: dict[str, str] = bundled()["charts"]["tables"]
+    if chart in known and tail.casefold() in ("", *tables):
+        table = tables[tail.casefold() or next(iter(tables))]
+        entry, values = bundled()["tables"][table], _frozen(reflectances(table))
+        patches, tolerance = tuple(entry["patches"]), _frozen(np.full(len(values), PUBLIC_CHART))
+        return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
     if chart == "sg140" and not tail:
         raise InvalidArgument(
             "camssf has no table of the ColorChecker Digital SG: colour-science, its source of tables, has none.",
             "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
         )
-    if chart in (*_CLASSIC, "sg140") and tail:
+    if chart in (*known, "sg140") and tail:
         return _measured_chart(text, Path(tail), chart)
     if looks_like_file(text):
         return _measured_chart(text, Path(text), None)
@@ -294,10 +288,8 @@ def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
     if match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
         return _daylight, float(match[1])
     cie = _cie_name(name)
-    if cie == "A":
-        return _planck, 2856.0
-    if cie in _DAYLIGHT:
-        return _daylight, _DAYLIGHT[cie]
+    if cie in bundled()["kelvin"]:
+        return (_planck if cie == "A" else _daylight), bundled()["kelvin"][cie]
     raise InvalidArgument(
         f"The lamp {name!r} has no temperature to be off in.",
         "Give its tolerance in percent; kelvins suit A, D50 to D75, 3000K or D:5500.",
@@ -311,9 +303,9 @@ def _family(name: str) -> Lamp:
         power, modes = formula(family.centre), temperature_mode(formula, family.centre, family.spread)
         source = f"{'CIE daylight' if name == 'daylight' else 'Planck'}, {family.centre:g} ± {family.spread:g} K"
     else:
-        power, modes = principal_modes([_illuminant(member) for member in family.members], family.components)
+        power, modes = principal_modes([illuminant(member) for member in family.members], family.components)
         source = f"mean and {len(modes)} principal components of ln L of {len(family.members)} CIE lamps"
-    tolerance = family.left if isinstance(family, Kind) else _NAMED_LAMP
+    tolerance = family.left if isinstance(family, Kind) else NAMED_LAMP
     return Lamp(name, _frozen(power / power.mean()), tolerance, _frozen(modes), source)
 
 
@@ -329,8 +321,7 @@ def colour_science() -> Any:
 def _planck(kelvin: float) -> Floats:
     if not 1000.0 <= kelvin <= 20_000.0:
         raise InvalidArgument(f"No lamp burns at {kelvin:g} K.", "Give 1000K to 20000K.", value=kelvin)
-    power: Floats = np.ravel(colour_science().colorimetry.planck_law(WAVELENGTHS * 1e-9, kelvin))
-    return power
+    return planck(kelvin)
 
 
 def _daylight(kelvin: float) -> Floats:
@@ -340,25 +331,12 @@ def _daylight(kelvin: float) -> Floats:
             f"Give D:4000 to D:25000; for a bulb {kelvin:g}K, without D.",
             value=kelvin,
         )
-    colour = colour_science()
-    table = colour.sd_CIE_illuminant_D_series(colour.temperature.CCT_to_xy_CIE_D(kelvin))
-    return _linear(table)
+    return daylight(kelvin)
 
 
 def _cie_name(text: str) -> str | None:
     key = re.sub(r"^f(?=\d)", "fl", plain(text).removeprefix("cie"))
-    return {plain(name): name for name in _CIE}.get(key)
-
-
-def _linear(table: Any) -> Floats:
-    power: Floats = np.interp(WAVELENGTHS, table.wavelengths, table.values)
-    return power
-
-
-@cache
-def _illuminant(name: str) -> Floats:
-    table = colour_science().SDS_ILLUMINANTS[name]
-    return _frozen(_linear(table))
+    return {plain(name): name for name in bundled()["lamps"]}.get(key)
 
 
 def _measured_lamp(path: Path) -> tuple[Floats, str]:
@@ -371,12 +349,12 @@ def _measured_lamp(path: Path) -> tuple[Floats, str]:
     if peak <= 0:
         raise LampUnfit(f"The lamp in {path} has no power.", advice)
     power = power / peak
-    if power.min() < -_NOISE_BELOW_ZERO:
+    if power.min() < -NOISE_BELOW_ZERO:
         raise LampUnfit(
             f"The lamp in {path} has negative power.",
             "Correct the spectrometer's dark signal, or set noise below zero to 0.",
             value=float(power.min()),
-            threshold=-_NOISE_BELOW_ZERO,
+            threshold=-NOISE_BELOW_ZERO,
         )
     fine = np.diff(wavelengths).min() < 0.99 * STEP
     power = np.maximum(power, 0.0)
@@ -394,13 +372,6 @@ def _step_means(wavelengths: Floats, power: Floats) -> Floats:
     area = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (heights[1:] + heights[:-1]) / 2)])
     means: Floats = np.diff(area[np.searchsorted(knots, edges)]) / STEP
     return np.maximum(means, 0.0)  # a difference of sums may round below zero
-
-
-@cache
-def _public_table(table: str) -> tuple[tuple[str, ...], Floats]:
-    spectra = colour_science().SDS_COLOURCHECKERS[table]
-    values = np.array([_smooth(sd.wavelengths, sd.values) for sd in spectra.values()])
-    return tuple(str(name) for name in spectra), _frozen(values)
 
 
 def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
@@ -434,7 +405,7 @@ def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
         layout=layout or _COUNTS[count],
         patches=tuple(names[i] for i in order),
         values=values,
-        tolerance=_frozen(np.full(count, _MEASURED_CHART)),
+        tolerance=_frozen(np.full(count, MEASURED_CHART)),
         white=_white(values, path),
         source=f"file {path.name}{_held(wavelengths)}",
     )
@@ -457,7 +428,7 @@ def _reading_order(names: tuple[str, ...]) -> list[int]:
 
 def _check_order(values: Floats, path: Path) -> None:
     """Refuse the 24 known colours upside down or column by column: every later number would be wrong."""
-    known = _public_table("BabelColor Average")[1]
+    known = reflectances("BabelColor Average")
     cells = np.arange(24).reshape(4, 6)  # position in the file of each patch of the chart, if in reading order
     by_columns = np.arange(24).reshape(6, 4).T
     orders = {"upside down": cells[::-1, ::-1], "by columns": by_columns, "by columns from below": by_columns[::-1]}
@@ -518,13 +489,12 @@ def _on_grid(wavelengths: Floats, curves: Floats) -> Floats:
 
 def _smooth(wavelengths: Floats, values: Floats) -> Floats:
     """Sprague (CIE 167:2005) for even steps, else a cubic spline, to the grid; held constant outside. (681,)."""
-    inside = np.clip(WAVELENGTHS, wavelengths[0], wavelengths[-1])
-    even = np.linspace(wavelengths[0], wavelengths[-1], len(wavelengths))
-    if np.allclose(wavelengths, even, rtol=0, atol=1e-3):
-        interpolator = colour_science().SpragueInterpolator(even, values)
-    else:
-        interpolator = colour_science().CubicSplineInterpolator(wavelengths, values)
-    return np.asarray(interpolator(inside), dtype=np.float64)
+    first, last = float(wavelengths[0]), float(wavelengths[-1])
+    step = (last - first) / (len(wavelengths) - 1)
+    if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=1e-3):
+        return sprague(first, step, values)
+    interpolator = colour_science().CubicSplineInterpolator(wavelengths, values)
+    return np.asarray(interpolator(np.clip(WAVELENGTHS, first, last)), dtype=np.float64)
 
 
 def _check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:

@@ -1,0 +1,199 @@
+package org.camssf
+
+/**
+ * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON.
+ *
+ * ```
+ * CalibrationException
+ * ├── InvalidArgument        invalid_argument    the call itself is wrong
+ * ├── RawError                                   the file or frame
+ * │   ├── UnreadableRaw      unreadable_raw
+ * │   ├── UnsupportedRaw     unsupported_raw
+ * │   └── NotSensorRaw       not_sensor_raw
+ * ├── ChartError                                 the chart in the photo
+ * │   ├── ChartNotFound      chart_not_found
+ * │   └── ChartUnfit         chart_unfit
+ * ├── CaptureError                               how the photo was taken
+ * │   ├── Overexposed        overexposed
+ * │   ├── Underexposed       underexposed
+ * │   ├── UnevenLight        uneven_light
+ * │   ├── FramesDiffer       frames_differ
+ * │   ├── Blurred            blurred
+ * │   └── Glare              glare
+ * ├── LampUnfit              lamp_unfit          the light
+ * └── NotConverged           not_converged       the solver's own proof failed
+ * ```
+ *
+ * @property code the word of the vocabulary, the same in every language.
+ * @property message what is wrong, with the file or patch it is about.
+ * @property advice what to do next.
+ * @property value the number that decided, where there is one.
+ * @property threshold the bound it broke, where there is one.
+ */
+public sealed class CalibrationException(
+    public val code: String,
+    override val message: String,
+    public val advice: String,
+    public val value: Double?,
+    public val threshold: Double?,
+    cause: Throwable?,
+) : RuntimeException(message, cause) {
+    /** Code, message and advice. */
+    override fun toString(): String = "$code: $message $advice"
+}
+
+/** An argument has a wrong shape, value or name. */
+public class InvalidArgument @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("invalid_argument", message, advice, value, threshold, cause)
+
+/** The file cannot serve as a photo of the sensor. */
+public sealed class RawError(
+    code: String,
+    message: String,
+    advice: String,
+    value: Double?,
+    threshold: Double?,
+    cause: Throwable?,
+) : CalibrationException(code, message, advice, value, threshold, cause)
+
+/** Missing, truncated, damaged, or not an image file. */
+public class UnreadableRaw @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : RawError("unreadable_raw", message, advice, value, threshold, cause)
+
+/** A sound file in a form that camssf does not read. */
+public class UnsupportedRaw @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : RawError("unsupported_raw", message, advice, value, threshold, cause)
+
+/** The samples are not the sensor's: demosaiced, merged or tone-mapped. */
+public class NotSensorRaw @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : RawError("not_sensor_raw", message, advice, value, threshold, cause)
+
+/** The chart in the photo, or its table, does not serve. */
+public sealed class ChartError(
+    code: String,
+    message: String,
+    advice: String,
+    value: Double?,
+    threshold: Double?,
+    cause: Throwable?,
+) : CalibrationException(code, message, advice, value, threshold, cause)
+
+/** No chart of the asked kind lies in the photo, or it is mirrored. */
+public class ChartNotFound @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : ChartError("chart_not_found", message, advice, value, threshold, cause)
+
+/** The chart does not agree with its table, or too few patches are left. */
+public class ChartUnfit @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : ChartError("chart_unfit", message, advice, value, threshold, cause)
+
+/** The photo was taken in a way that carries no answer. */
+public sealed class CaptureError(
+    code: String,
+    message: String,
+    advice: String,
+    value: Double?,
+    threshold: Double?,
+    cause: Throwable?,
+) : CalibrationException(code, message, advice, value, threshold, cause)
+
+/** Too many samples at the sensor's ceiling. */
+public class Overexposed @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("overexposed", message, advice, value, threshold, cause)
+
+/** Signals too close to the black level. */
+public class Underexposed @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("underexposed", message, advice, value, threshold, cause)
+
+/** The light falls off across the chart and no white frame corrects it. */
+public class UnevenLight @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("uneven_light", message, advice, value, threshold, cause)
+
+/** Chart, white and dark frame were not taken alike. */
+public class FramesDiffer @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("frames_differ", message, advice, value, threshold, cause)
+
+/** Neighbouring patches run into each other. */
+public class Blurred @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("blurred", message, advice, value, threshold, cause)
+
+/** Light that no patch reflects lies over the chart. */
+public class Glare @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("glare", message, advice, value, threshold, cause)
+
+/** The lamp's spectrum has no power on the grid, or contradicts the photo. */
+public class LampUnfit @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("lamp_unfit", message, advice, value, threshold, cause)
+
+/** The duality gap of the answer is not small: there is no curve to trust. */
+public class NotConverged @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("not_converged", message, advice, value, threshold, cause)

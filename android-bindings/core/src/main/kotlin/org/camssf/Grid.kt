@@ -1,0 +1,13 @@
+package org.camssf
+
+/** The wavelengths on which everything is computed: 380 to 720 nm every 0.5 nm. */
+public object Grid {
+    /** Number of wavelengths. */
+    public const val SIZE: Int = 681
+
+    /** Distance between neighbours, nm. */
+    public const val STEP: Double = 0.5
+
+    /** Wavelengths (681), nm; a new array at each call. */
+    public val WAVELENGTHS: DoubleArray get() = DoubleArray(SIZE) { 380.0 + STEP * it }
+}

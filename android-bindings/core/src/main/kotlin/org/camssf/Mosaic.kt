@@ -1,0 +1,169 @@
+package org.camssf
+
+/**
+ * A rectangle of samples; `right` and `bottom` are exclusive.
+ *
+ * @property left first column.
+ * @property top first row.
+ * @property right one behind the last column.
+ * @property bottom one behind the last row.
+ */
+public data class Region(
+    public val left: Int,
+    public val top: Int,
+    public val right: Int,
+    public val bottom: Int,
+) {
+    /** Columns. */
+    public val width: Int get() = right - left
+
+    /** Rows. */
+    public val height: Int get() = bottom - top
+
+    /** Whether the sample lies inside. */
+    public fun contains(x: Int, y: Int): Boolean = x in left until right && y in top until bottom
+}
+
+/**
+ * One RAW photo, neither demosaiced nor white-balanced. Immutable by convention: do not write into its arrays.
+ *
+ * @property name of the file, for messages and results; no path.
+ * @property width columns of the active area; pose and pixel positions refer to the active area.
+ * @property height rows of the active area.
+ * @property region the part of the active area whose samples are here: all of it unless a part was asked for.
+ * @property samples (region.height, region.width) unsigned 16-bit DN, row-major, after the file's LinearizationTable,
+ *   before black subtraction; see [get].
+ * @property cfa colours of the 2 × 2 cell at the active area's corner: RGGB, GRBG, GBRG or BGGR.
+ * @property black (2, 2) row-major black level of each position of that cell, DN.
+ * @property white the white level (saturation), DN.
+ * @property make of the camera, "" where unknown.
+ * @property model of the camera, "" where unknown.
+ * @property exposure seconds, null where unknown.
+ * @property iso sensitivity, null where unknown.
+ * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
+ * @property gainMaps lens-shading maps of the file, not applied to the samples.
+ * @property badPixels lists of bad samples, not repaired.
+ * @property unknownOpcodes numbers of the file's other operations that it does not call optional; none is applied.
+ * @property colorMatrix1 (3, 3) row-major XYZ to camera, or null.
+ * @property colorMatrix2 (3, 3) row-major XYZ to camera, or null.
+ * @property asShotNeutral (3) the camera's white, or null.
+ * @property asShotWhiteXY (2) the same as chromaticity x, y, or null.
+ * @property noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null.
+ * @property maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area).
+ * @property sha256 of the file, lower-case hex; "" where there was no file.
+ */
+public class Mosaic(
+    public val name: String,
+    public val width: Int,
+    public val height: Int,
+    public val region: Region,
+    public val samples: ShortArray,
+    public val cfa: String,
+    public val black: DoubleArray,
+    public val white: Double,
+    public val make: String = "",
+    public val model: String = "",
+    public val exposure: Double? = null,
+    public val iso: Double? = null,
+    public val orientation: Int = 1,
+    public val gainMaps: List<GainMap> = emptyList(),
+    public val badPixels: List<BadPixels> = emptyList(),
+    public val unknownOpcodes: List<Int> = emptyList(),
+    public val colorMatrix1: DoubleArray? = null,
+    public val colorMatrix2: DoubleArray? = null,
+    public val asShotNeutral: DoubleArray? = null,
+    public val asShotWhiteXY: DoubleArray? = null,
+    public val noiseProfile: DoubleArray? = null,
+    public val maskedAreas: List<Region> = emptyList(),
+    public val sha256: String = "",
+) {
+    init {
+        val whole = region.left >= 0 && region.top >= 0 && region.right <= width && region.bottom <= height
+        if (!whole || region.width < 1 || region.height < 1) {
+            throw InvalidArgument("$region is no part of $width × $height samples.", "Ask for a part of the photo.")
+        }
+        if (samples.size.toLong() != region.width.toLong() * region.height) {
+            throw InvalidArgument("$name: ${samples.size} samples for $region.", "Give one sample for each place.")
+        }
+        if (cfa !in CFA_ORDERS || black.size != 4) {
+            throw InvalidArgument(
+                "$name: colour filters $cfa and ${black.size} black levels.",
+                "Give one of the orders ${CFA_ORDERS.joinToString()} and four black levels.",
+            )
+        }
+    }
+
+    /**
+     * The sample at column x and row y of the active area, 0 to 65535.
+     *
+     * @throws InvalidArgument outside [region].
+     */
+    public operator fun get(x: Int, y: Int): Int {
+        if (!region.contains(x, y)) {
+            throw InvalidArgument("$name: the sample ($x, $y) lies outside $region.", "Read that part of the photo too.")
+        }
+        return samples[(y - region.top) * region.width + x - region.left].toInt() and 0xffff
+    }
+
+    /** The colour filter over column x and row y of the active area: 'R', 'G' or 'B'. */
+    public fun color(x: Int, y: Int): Char = cfa[(y and 1) * 2 + (x and 1)]
+
+    public companion object {
+        /** The Bayer orders that camssf reads. */
+        @JvmField
+        public val CFA_ORDERS: List<String> = listOf("RGGB", "GRBG", "GBRG", "BGGR")
+    }
+}
+
+/**
+ * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.
+ *
+ * It applies to the samples (y, x) with `y = top, top + rowPitch, ... < bottom` and
+ * `x = left, left + columnPitch, ... < right`, after black subtraction, the gain interpolated between the points.
+ *
+ * @property list the opcode list that holds it: 2 refers to the active area, 1 to the stored picture.
+ * @property area the samples it applies to.
+ * @property plane first plane.
+ * @property planes number of planes.
+ * @property rowPitch step between rows.
+ * @property columnPitch step between columns.
+ * @property pointsV rows of the grid.
+ * @property pointsH columns of the grid.
+ * @property spacingV distance of the grid's rows, in parts of the picture's height.
+ * @property spacingH distance of the grid's columns, in parts of the picture's width.
+ * @property originV place of the first row, in parts of the picture's height.
+ * @property originH place of the first column, in parts of the picture's width.
+ * @property mapPlanes gains a point.
+ * @property gains (pointsV, pointsH, mapPlanes) row-major.
+ */
+public class GainMap(
+    public val list: Int,
+    public val area: Region,
+    public val plane: Int,
+    public val planes: Int,
+    public val rowPitch: Int,
+    public val columnPitch: Int,
+    public val pointsV: Int,
+    public val pointsH: Int,
+    public val spacingV: Double,
+    public val spacingH: Double,
+    public val originV: Double,
+    public val originH: Double,
+    public val mapPlanes: Int,
+    public val gains: FloatArray,
+)
+
+/**
+ * Samples that the file calls bad (DNG opcodes 4 and 5).
+ *
+ * @property list the opcode list that holds it: 2 refers to the active area, 1 to the stored picture.
+ * @property constant opcode 4: every sample of just this value is bad; null for a list of places.
+ * @property points opcode 5: (n, 2) row and column of single samples, else empty.
+ * @property areas opcode 5: rectangles.
+ */
+public class BadPixels(
+    public val list: Int,
+    public val constant: Int?,
+    public val points: IntArray,
+    public val areas: List<Region>,
+)

@@ -1,0 +1,198 @@
+"""data/spectra.json: judged by colour-science's own tables, formulae and interpolators."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import tabulate
+from camssf._bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
+from camssf.chart import LAYOUTS
+from camssf.families import FAMILIES, Kind, logarithm
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
+
+Json = dict[str, Any]
+
+
+def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert tabulate.main(["--check"]) == 0, capsys.readouterr().out
+    assert capsys.readouterr().out == "0 of 12 parts drifted\n"
+
+
+def test_it_is_strict_json_of_plain_numbers() -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    text = tabulate.PLACE.read_text("utf-8")
+    assert len(text) < 100_000  # a phone reads it at every start
+    found = json.loads(text, parse_constant=refuse)
+    assert found == bundled()
+    assert tabulate.as_text(found) == text
+
+
+def test_every_number_is_colour_science_s() -> None:
+    science, file = colour_science(), bundled()
+    daylight = science.colorimetry.datasets.illuminants.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES
+    parts = [(file["daylight"] | {"values": file["daylight"][name]}, daylight[name]) for name in ("S0", "S1", "S2")]
+    lamps = [(table, science.SDS_ILLUMINANTS[name]) for name, table in file["lamps"].items()]
+    for table, known in parts + lamps:
+        nodes = table["start"] + table["step"] * np.arange(len(table["values"]))
+        assert nodes.tolist() == known.wavelengths.tolist()
+        assert table["values"] == known.values.tolist()
+    for name, chart in file["tables"].items():
+        known = science.SDS_COLOURCHECKERS[name]
+        assert chart["patches"] == list(known)
+        assert chart["values"] == [sd.values.tolist() for sd in known.values()]
+        assert known[chart["patches"][chart["white"]]][550] == max(sd[550] for sd in known.values())
+
+
+def test_hashes_are_of_the_numbers() -> None:
+    file = bundled()
+    for table in (*file["lamps"].values(), *file["tables"].values()):
+        assert table["sha256"] == tabulate.digest(table["values"])
+    parts = file["daylight"]
+    assert parts["sha256"] == tabulate.digest([parts["S0"], parts["S1"], parts["S2"]])
+    # 1.0 is the bytes 00 00 00 00 00 00 f0 3f
+    assert tabulate.digest([1.0]) == "6c3c396ed6b5c36dcae172271f462051b1266b851e92df3deea8ac65478fd712"
+
+
+def test_names_and_layouts_are_the_package_s() -> None:
+    file = bundled()
+    assert lamp_names() == (*file["lamps"], "equal-energy", *FAMILIES)
+    assert set(file["families"]) == set(FAMILIES)
+    assert len(chart_names()) == len(file["charts"]["names"]) * len(file["charts"]["tables"])
+    assert {name: tuple(each["side"]) for name, each in file["layouts"].items()} == {
+        name: each.side for name, each in LAYOUTS.items()
+    }
+    assert file["tolerances"]["named_lamp"] == read_lamp("A").tolerance
+    assert file["tolerances"]["public_chart"] == read_chart("classic24").tolerance[0]
+
+
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if isinstance(family, Kind)])
+def test_weights_give_the_family_s_mean_and_modes(name: str) -> None:
+    """As a phone does it: sums of ln L of the members, no singular value decomposition."""
+    family, lamp = bundled()["families"][name], read_lamp(name)
+    logs = np.stack([logarithm(illuminant(member)) for member in family["members"]])
+    power = np.exp(logs.mean(axis=0))
+    np.testing.assert_allclose(power / power.mean(), lamp.values, rtol=1e-13)
+    modes = np.array(family["weights"]) @ logs
+    np.testing.assert_allclose(modes.T @ modes, lamp.modes.T @ lamp.modes, rtol=0, atol=1e-13)  # signs are free
+    assert family["tolerance"] == lamp.tolerance
+    low = min(illuminant(member).min() / illuminant(member).max() for member in family["members"])
+    assert family["dimmest"] == 1e-3
+    assert low >= 0
+
+
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if not isinstance(family, Kind)])
+def test_a_temperature_family_is_a_central_difference(name: str) -> None:
+    family, lamp = bundled()["families"][name], read_lamp(name)
+    formula = {"planck": planck, "daylight": daylight}[family["formula"]]
+    low, high = (logarithm(formula(family["centre"] + side * family["spread"])) for side in (-1, 1))
+    np.testing.assert_allclose(lamp.modes, [(high - low) / 2], rtol=0, atol=1e-14)
+    assert family["tolerance"] == lamp.tolerance
+
+
+@pytest.mark.parametrize("kelvin", [1000.0, 2700.0, 2856.0, 6500.5, 20000.0])
+def test_planck_is_colour_science_s(kelvin: float) -> None:
+    known = np.ravel(colour_science().colorimetry.planck_law(WAVELENGTHS * 1e-9, kelvin))
+    found = planck(kelvin)
+    np.testing.assert_allclose(found / found.mean(), known / known.mean(), rtol=5e-15)
+
+
+@pytest.mark.parametrize("kelvin", [4000.0, 5003.0, 5503.0, 6504.0, 7000.0, 7000.5, 7504.0, 25000.0])
+def test_daylight_is_colour_science_s(kelvin: float) -> None:
+    science = colour_science()
+    table = science.sd_CIE_illuminant_D_series(science.temperature.CCT_to_xy_CIE_D(kelvin))
+    np.testing.assert_allclose(daylight(kelvin), np.interp(WAVELENGTHS, table.wavelengths, table.values), rtol=1e-14)
+
+
+def test_sprague_is_colour_science_s() -> None:
+    generator = np.random.default_rng(6)
+    for start, step, count in (
+        (380.0, 10.0, 36),
+        (300.0, 5.0, 107),
+        (400.0, 20.0, 16),
+        (395.0, 17.5, 18),
+        (360.0, 61, 6),
+    ):
+        values = generator.random(count)
+        known = colour_science().SpragueInterpolator(start + step * np.arange(count), values)
+        inside = np.clip(WAVELENGTHS, start, start + step * (count - 1))
+        np.testing.assert_allclose(sprague(start, step, values), known(inside), rtol=0, atol=1e-13)
+
+
+def test_sprague_keeps_polynomials() -> None:
+    """Exact for the fourth degree between inner nodes; its two invented points at each end keep straight lines."""
+    at = 300.0 + 20.0 * np.arange(26)
+
+    def polynomial(x: Floats) -> Floats:
+        u = (x - 550.0) / 170.0
+        return np.asarray(0.3 + u - 0.5 * u**2 + 0.7 * u**3 - 0.4 * u**4)
+
+    np.testing.assert_allclose(sprague(300.0, 20.0, polynomial(at)), polynomial(WAVELENGTHS), atol=1e-13)
+    np.testing.assert_allclose(sprague(380.0, 20.0, 0.5 * np.arange(18)), (WAVELENGTHS - 380) / 40, atol=1e-13)
+
+
+def test_nodes_are_kept_to_the_bit() -> None:
+    for name, table in bundled()["tables"].items():
+        step = round(table["step"] / 0.5)
+        first = round((table["start"] - 380.0) / 0.5)
+        inside = [i for i in range(len(table["values"][0])) if 0 <= first + i * step < 681]
+        for row, stored in zip(reflectances(name), table["values"], strict=True):
+            assert row[[first + i * step for i in inside]].tolist() == [stored[i] for i in inside]
+    assert illuminant("FL2")[::10].tolist() == bundled()["lamps"]["FL2"]["values"][:69]
+    ramp = linear({"start": 400.0, "step": 5.0, "values": [1.0, 3.0]})
+    assert ramp[[0, 40, 45, 50, 680]].tolist() == [1.0, 1.0, 2.0, 3.0, 3.0]
+
+
+FALSE: dict[str, Callable[[Json], object]] = {
+    "lamps": lambda f: f["lamps"]["A"]["values"].__setitem__(3, 1.6),
+    "tables": lambda f: f["tables"]["BabelColor Average"].update(white=17),
+    "kelvin": lambda f: f["kelvin"].update(D55=5500.0),
+    "tolerances": lambda f: f["tolerances"].update(named_lamp=0.01),
+    "layouts": lambda f: f["layouts"].pop("sg140"),
+    "family": lambda f: f["families"]["white-led"]["weights"][0].__setitem__(0, 0.5),
+    "families": lambda f: f["families"].pop("bulb"),
+    "bulb": lambda f: f["families"]["bulb"].update(centre=2800.0),
+    "extra": lambda f: f.update(extra=1),
+}
+
+
+@pytest.mark.parametrize("part", FALSE)
+def test_drift_is_found(part: str) -> None:
+    made = copy.deepcopy(bundled())
+    stored = copy.deepcopy(made)
+    assert tabulate.drift(stored, made) == []
+    stored["families"]["fluorescent"]["weights"][0][0] += 1e-15  # another BLAS
+    assert tabulate.drift(stored, made) == []
+    FALSE[part](stored)
+    (fault,) = tabulate.drift(stored, made)
+    assert part in fault
+
+
+def test_lamps_and_charts_by_name_need_no_colour_science() -> None:
+    code = (
+        "import sys; from camssf.spectra import chart_names, lamp_names, read_chart, read_lamp\n"
+        "for name in lamp_names(): read_lamp(name)\n"
+        "for name in chart_names(): read_chart(name)\n"
+        "read_lamp('2856K'); read_lamp('D:5500')\n"
+        "print(sorted({name.partition('.')[0] for name in sys.modules} & {'colour', 'scipy', 'matplotlib'}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "[]\n"
+
+
+def test_planck_by_hand() -> None:
+    """At 500 nm and 700 nm, 2856 K."""
+    ratio = (5 / 7) ** 5 * math.expm1(1.4388e-2 / (500e-9 * 2856)) / math.expm1(1.4388e-2 / (700e-9 * 2856))
+    found = planck(2856.0)
+    assert found[640] / found[240] == pytest.approx(ratio, rel=1e-13)
