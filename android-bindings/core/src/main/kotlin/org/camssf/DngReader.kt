@@ -46,7 +46,9 @@ public object DngReader {
             return mosaic(Tiff(source), region)
         } catch (error: OutOfMemoryError) {
             throw UnsupportedRaw(
-                "${source.name} needs more memory than there is.", "Ask for the part around the chart only.", cause = error,
+                "${source.name} needs more memory than there is.",
+                "Ask for the part around the chart.",
+                cause = error,
             )
         }
     }
@@ -63,7 +65,8 @@ public object DngReader {
         val orientation = tiff.one(first, Tag.ORIENTATION, 1)
         val opcodes = Opcodes(tiff, raw)
         val part = part(tiff, region, area)
-        val wanted = Region(area.left + part.left, area.top + part.top, area.left + part.right, area.top + part.bottom)
+        val wanted =
+            Region(area.left + part.left, area.top + part.top, area.left + part.right, area.top + part.bottom)
         val samples = decode(tiff, frame, wanted, linearization(tiff, raw), before11(tiff))
         return Mosaic(
             name = tiff.name,
@@ -95,7 +98,8 @@ public object DngReader {
     private fun part(tiff: Tiff, region: Region?, area: Region): Region {
         if (region == null) return Region(0, 0, area.width, area.height)
         val part = Region(
-            maxOf(region.left, 0), maxOf(region.top, 0), minOf(region.right, area.width), minOf(region.bottom, area.height),
+            maxOf(region.left, 0), maxOf(region.top, 0),
+            minOf(region.right, area.width), minOf(region.bottom, area.height),
         )
         if (part.width < 1 || part.height < 1) {
             throw InvalidArgument(

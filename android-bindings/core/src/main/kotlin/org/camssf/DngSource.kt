@@ -49,15 +49,26 @@ public interface DngSource : Closeable {
             if (file.isDirectory) throw UnreadableRaw("${file.name} is a folder.", "Name a DNG file.")
             if (!file.exists()) throw UnreadableRaw("There is no file ${file.name}.", "Check the path.")
             try {
-                return ChannelSource(FileInputStream(file).channel, file.name)
+                return of(FileInputStream(file).channel, file.name)
             } catch (error: IOException) {
                 throw UnreadableRaw("${file.name} cannot be opened.", "Check its permissions.", cause = error)
             }
         }
 
-        /** An open channel, which closing the source closes; its position is neither used nor changed. */
+        /**
+         * An open channel, which closing the source closes; its position is neither used nor changed.
+         *
+         * @throws UnreadableRaw where it has no size, as a pipe has none.
+         */
         @JvmStatic
-        public fun of(channel: FileChannel, name: String): DngSource = ChannelSource(channel, name)
+        public fun of(channel: FileChannel, name: String): DngSource {
+            val size = try {
+                channel.size()
+            } catch (error: IOException) {
+                throw UnreadableRaw("$name cannot be read in any order.", "Open it as a stream.", cause = error)
+            }
+            return ChannelSource(channel, size, name)
+        }
 
         /**
          * A stream, read to its end here and left open.
@@ -76,7 +87,7 @@ public interface DngSource : Closeable {
                     val count = stream.read(chunk)
                     if (count < 0) break
                     if (found.size() + count > limit) {
-                        throw UnsupportedRaw("$name is longer than $limit bytes.", "Open it as a file, not as a stream.")
+                        throw UnsupportedRaw("$name is longer than $limit bytes.", "Open it as a file, not a stream.")
                     }
                     found.write(chunk, 0, count)
                 }
@@ -104,16 +115,25 @@ private class BytesSource(private val bytes: ByteArray, length: Int, override va
     override fun close() = Unit
 }
 
-private class ChannelSource(private val channel: FileChannel, override val name: String) : DngSource {
-    override val size: Long = channel.size()
-
+private class ChannelSource(
+    private val channel: FileChannel,
+    override val size: Long,
+    override val name: String,
+) : DngSource {
     override fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
         if (at < 0) throw EOFException("byte $at")
-        val buffer = ByteBuffer.wrap(into, offset, length)
-        while (buffer.hasRemaining()) {
-            if (channel.read(buffer, at + length - buffer.remaining()) < 0) throw EOFException("byte ${at + length} of $size")
+        var done = 0
+        while (done < length) {
+            // in steps: the runtime copies through a buffer as large as what is asked for
+            val count = channel.read(ByteBuffer.wrap(into, offset + done, minOf(length - done, STEP)), at + done)
+            if (count < 0) throw EOFException("byte ${at + done} of $size")
+            done += count
         }
     }
 
     override fun close() = channel.close()
+
+    private companion object {
+        const val STEP = 1 shl 18
+    }
 }

@@ -100,7 +100,7 @@ public class Mosaic(
      */
     public operator fun get(x: Int, y: Int): Int {
         if (!region.contains(x, y)) {
-            throw InvalidArgument("$name: the sample ($x, $y) lies outside $region.", "Read that part of the photo too.")
+            throw InvalidArgument("$name: the sample ($x, $y) lies outside $region.", "Read that part too.")
         }
         return samples[(y - region.top) * region.width + x - region.left].toInt() and 0xffff
     }

@@ -13,6 +13,7 @@ private const val CFA = 32803L
 private const val LINEAR_RAW = 34892L
 private const val MAX_SIDE = 65535L
 private const val MAX_SAMPLES = 1L shl 29
+private const val MAX_PIECES = 1L shl 16
 
 /** Deflate cannot shrink more than this. */
 private const val MAX_DEFLATE = 1032L
@@ -30,7 +31,7 @@ private val CODECS = mapOf(
  * The stored picture and the strips or tiles that hold it, row by row from the top left.
  *
  * @property area the active area, in samples of the stored picture.
- * @property predictor TIFF's tag 317, 1 unless deflate says otherwise.
+ * @property differences deflate holds differences of neighbours (TIFF's predictor 2).
  * @property pieceWidth samples of a piece's row; edge tiles are padded to it.
  * @property pieceHeight rows of a piece; the last strip may have fewer.
  * @property across pieces side by side.
@@ -40,7 +41,7 @@ internal class Frame(
     val height: Int,
     val bits: Int,
     val compression: Int,
-    val predictor: Int,
+    val differences: Boolean,
     val area: Region,
     val tiled: Boolean,
     val pieceWidth: Int,
@@ -108,7 +109,11 @@ internal fun frame(tiff: Tiff, raw: Directory): Frame {
         val codec = CODECS[compression] ?: "number $compression"
         throw UnsupportedRaw("${tiff.name} is compressed with $codec.", "Use lossless JPEG or none. $CONVERT")
     }
-    if (bits[0] !in 8..16) throw UnsupportedRaw("${tiff.name} holds samples of ${bits[0]} bits, not 8 to 16.", CONVERT)
+    if (bits[0] !in
+        8..16
+    ) {
+        throw UnsupportedRaw("${tiff.name} holds samples of ${bits[0]} bits, not 8 to 16.", CONVERT)
+    }
     val area = area(tiff, raw, width, height)
     if (compression != 7L && bits[0] % 8 != 0L && tiff.one(raw, Tag.FILL_ORDER, 1) != 1L) {
         throw UnsupportedRaw("${tiff.name} packs its samples with the lowest bit first.", CONVERT)
@@ -138,13 +143,14 @@ private fun pieces(
     }
     val across = (width + pieceWidth - 1) / pieceWidth
     val pieces = across * ((height + pieceHeight - 1) / pieceHeight)
+    if (pieces > MAX_PIECES) throw tiff.damaged("its samples in $pieces pieces")
     val offsetTag = if (tiled) Tag.TILE_OFFSETS else Tag.STRIP_OFFSETS
     val countTag = if (tiled) Tag.TILE_COUNTS else Tag.STRIP_COUNTS
     if (tiff.count(raw, offsetTag) != pieces || tiff.count(raw, countTag) != pieces) {
         throw tiff.damaged("${tiff.count(raw, offsetTag)} pieces of data instead of $pieces")
     }
     val frame = Frame(
-        width.toInt(), height.toInt(), bits, compression, predictor(tiff, raw, bits, compression), area, tiled,
+        width.toInt(), height.toInt(), bits, compression, differences(tiff, raw, bits, compression), area, tiled,
         pieceWidth.toInt(), pieceHeight.toInt(), across.toInt(),
         tiff.whole(raw, offsetTag, pieces), tiff.whole(raw, countTag, pieces),
     )
@@ -152,14 +158,15 @@ private fun pieces(
     return frame
 }
 
-private fun predictor(tiff: Tiff, raw: Directory, bits: Int, compression: Int): Int {
-    if (compression != DEFLATE) return 1
+/** Deflate's predictor 2: each sample is stored as the difference from its left neighbour. */
+private fun differences(tiff: Tiff, raw: Directory, bits: Int, compression: Int): Boolean {
+    if (compression != DEFLATE) return false
     val predictor = tiff.one(raw, Tag.PREDICTOR, 1)
-    if (predictor == 1L) return 1
-    if (predictor !in STEPS || bits % 8 != 0) {
+    if (predictor == 1L) return false
+    if (predictor != 2L || bits % 8 != 0) {
         throw UnsupportedRaw("${tiff.name} uses deflate with predictor $predictor on samples of $bits bits.", CONVERT)
     }
-    return predictor.toInt()
+    return true
 }
 
 /** Every piece lies in the file and is large enough to hold its samples; together they are no longer than the file. */
@@ -174,7 +181,10 @@ private fun checkExtent(tiff: Tiff, frame: Frame) {
         val plain = frame.rows(number).toLong() * frame.rowBytes
         val least = when (frame.compression) {
             UNCOMPRESSED -> plain
-            LOSSLESS_JPEG -> frame.rows(number).toLong() * frame.pieceWidth / 8 // a bit a sample at least
+
+            LOSSLESS_JPEG -> frame.rows(number).toLong() * frame.pieceWidth / 8
+
+            // a bit a sample at least
             else -> plain / MAX_DEFLATE
         }
         if (count < least || count > Int.MAX_VALUE - 64) throw tiff.damaged("piece $number of its data is too short")

@@ -39,7 +39,8 @@ internal fun black(tiff: Tiff, raw: Directory, area: Region): DoubleArray {
     val black = DoubleArray(4) { cell ->
         val i = cell / 2
         val j = cell % 2
-        patternMean(pattern, rows.toInt(), columns.toInt(), i, j) + ((down?.every2(i) ?: 0.0) + (across?.every2(j) ?: 0.0))
+        patternMean(pattern, rows.toInt(), columns.toInt(), i, j) +
+            ((down?.every2(i) ?: 0.0) + (across?.every2(j) ?: 0.0))
     }
     if (black.any { !(abs(it) <= 65535.0) }) throw tiff.damaged("its black level is no number")
     return black
@@ -48,7 +49,12 @@ internal fun black(tiff: Tiff, raw: Directory, area: Region): DoubleArray {
 /** The mean of a repeating pattern at rows of parity i and columns of parity j; an odd period meets both parities. */
 private fun patternMean(pattern: DoubleArray, rows: Int, columns: Int, i: Int, j: Int): Double {
     var sum = 0.0
-    for (y in i until 2 * rows step 2) for (x in j until 2 * columns step 2) sum += pattern[y % rows * columns + x % columns]
+    for (y in i until 2 * rows step 2) {
+        for (x in j until 2 * columns step 2) {
+            sum +=
+                pattern[y % rows * columns + x % columns]
+        }
+    }
     return sum / (rows * columns)
 }
 

@@ -37,7 +37,8 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
     private var restart = 0
     private var selector = 0
     private var shift = 0
-    private val tables = arrayOfNulls<Huffman>(4)
+    private val defined = arrayOfNulls<ByteArray>(4)
+    private val tables = arrayOfNulls<Huffman>(4) // kept, as the next image mostly has the same
     private var used: Array<IntArray> = emptyArray()
     private var long: Array<Huffman> = emptyArray()
 
@@ -64,6 +65,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         this.length = length
         restart = 0
         precision = 0
+        defined.fill(null)
         val scan = header()
         if (lines.toLong() * columns * components != samples) {
             throw tiff.damaged("a JPEG of $columns × $lines × $components in a piece of $samples samples")
@@ -111,12 +113,16 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
             if (size < 2 || place + size > length) throw tiff.damaged("a JPEG whose header ends early")
             when (marker) {
                 0xc3 -> frame(place + 2, size - 2)
+
                 0xc4 -> huffman(place + 2, place + size)
+
                 0xdd -> if (size == 4) restart = short(place + 2) else throw tiff.damaged("a JPEG's restart interval")
+
                 0xda -> {
                     scan(place + 2, size - 2)
                     return place + size
                 }
+
                 0xc0, 0xc1, 0xc2, 0xc5, 0xc6, 0xc7, in 0xc9..0xcb, in 0xcd..0xcf -> throw UnsupportedRaw(
                     "${tiff.name} is compressed with lossy JPEG (process ${marker - 0xc0}).",
                     "Use lossless JPEG or none. $CONVERT",
@@ -152,10 +158,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
             val which = byte(place)
             val codes = (1..16).sumOf { byte(place + it) }
             if (which > 3 || codes > 17 || until - place < 17 + codes) throw tiff.damaged("a JPEG's Huffman table")
-            val stored = bytes.copyOfRange(place + 1, place + 17 + codes)
-            if (tables[which]?.stored?.contentEquals(stored) != true) {
-                tables[which] = Huffman.of(stored, extraBits) ?: throw tiff.damaged("a JPEG's Huffman table")
-            }
+            defined[which] = bytes.copyOfRange(place + 1, place + 17 + codes)
             place += 17 + codes
         }
     }
@@ -170,15 +173,28 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         }
         val found = List(components) {
             if (byte(at + 1 + 2 * it) != ids[it]) throw tiff.damaged("a JPEG's scan header")
-            tables.getOrNull(byte(at + 2 + 2 * it) shr 4) ?: throw tiff.damaged("a JPEG without its Huffman table")
+            table(byte(at + 2 + 2 * it) shr 4)
         }
         long = found.toTypedArray()
         used = Array(components) { found[it].entries }
         selector = byte(at + 1 + 2 * inScan)
         shift = byte(at + 3 + 2 * inScan) and 15
-        if (selector !in 1..7 || shift >= precision) throw tiff.damaged("a JPEG with predictor $selector, shift $shift")
+        if (selector !in 1..7 ||
+            shift >= precision
+        ) {
+            throw tiff.damaged("a JPEG with predictor $selector, shift $shift")
+        }
         if (restart % columns != 0) throw tiff.damaged("a JPEG that restarts within a line")
         restart = if (restart == 0) lines else restart / columns
+    }
+
+    private fun table(which: Int): Huffman {
+        val stored = defined.getOrNull(which) ?: throw tiff.damaged("a JPEG without its Huffman table")
+        val known = tables[which]
+        if (known != null && known.stored.contentEquals(stored)) return known
+        val made = Huffman.of(stored, extraBits) ?: throw tiff.damaged("a JPEG's Huffman table")
+        tables[which] = made
+        return made
     }
 
     // Coded data --------------------------------------------------------------------------------------------------
@@ -268,15 +284,21 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         for (c in 0 until n) line[c] = (line[c] + (if (first) start else above[c])) and 0xffff
         when (if (first) 1 else selector) {
             1 -> for (i in n until line.size) line[i] = (line[i] + line[i - n]) and 0xffff
+
             2 -> for (i in n until line.size) line[i] = (line[i] + above[i]) and 0xffff
+
             3 -> for (i in n until line.size) line[i] = (line[i] + above[i - n]) and 0xffff
+
             4 -> for (i in n until line.size) line[i] = (line[i] + line[i - n] + above[i] - above[i - n]) and 0xffff
+
             5 -> for (i in n until line.size) {
                 line[i] = (line[i] + line[i - n] + ((above[i] - above[i - n]) shr 1)) and 0xffff
             }
+
             6 -> for (i in n until line.size) {
                 line[i] = (line[i] + above[i] + ((line[i - n] - above[i - n]) shr 1)) and 0xffff
             }
+
             else -> for (i in n until line.size) line[i] = (line[i] + ((line[i - n] + above[i]) shr 1)) and 0xffff
         }
         var all = 0
@@ -301,7 +323,11 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
  * @property stored its bytes in the file: how many codes of 1 to 16 bits, then their categories.
  * @property entries by the next [BITS] bits; 0 also for codes that are longer.
  */
-internal class Huffman private constructor(val stored: ByteArray, val entries: IntArray, private val extraBits: Boolean) {
+internal class Huffman private constructor(
+    val stored: ByteArray,
+    val entries: IntArray,
+    private val extraBits: Boolean,
+) {
     /** The entry of a code longer than [BITS], from the next 16 bits. */
     fun long(bits: Int): Int {
         var code = 0
@@ -343,8 +369,11 @@ internal class Huffman private constructor(val stored: ByteArray, val entries: I
         val bits = (entry shr 5) and 31
         for (rest in 0 until (1 shl free)) {
             entries[(code shl free) + rest] =
-                if (bits == 0 || bits > free) entry
-                else (length + bits) or (extend(rest ushr (free - bits), bits) shl 16)
+                if (bits == 0 || bits > free) {
+                    entry
+                } else {
+                    (length + bits) or (extend(rest ushr (free - bits), bits) shl 16)
+                }
         }
     }
 

@@ -6,9 +6,6 @@ import java.nio.ByteOrder
 import java.util.zip.DataFormatException
 import java.util.zip.Inflater
 
-/** Columns between a sample and the one that deflate's predictor takes it from, by the value of tag 317. */
-internal val STEPS: Map<Long, Int> = mapOf(2L to 1, 34892L to 2, 34893L to 4)
-
 private const val CHUNK = 1 shl 18
 
 /**
@@ -98,7 +95,6 @@ private class Piece(
     }
 
     fun inflate(scratch: Scratch) {
-        val step = STEPS[frame.predictor.toLong()]
         val row = ShortArray(frame.pieceWidth)
         val bytes = scratch.of(frame.rowBytes + Packed.SLACK)
         val packed = Packed(bytes, frame.bits, order)
@@ -108,8 +104,10 @@ private class Piece(
                 stream.read(bytes, frame.rowBytes)
                 if (y < rows.first) continue
                 packed.copy(0, row.size, row, 0)
-                if (step != null) accumulate(row, step)
-                window.put(left, top + y, width) { from, count, into, at -> System.arraycopy(row, from, into, at, count) }
+                if (frame.differences) accumulate(row)
+                window.put(left, top + y, width) { from, count, into, at ->
+                    System.arraycopy(row, from, into, at, count)
+                }
             }
             if (rows.last == frame.rows(number) - 1) stream.finish()
         } finally {
@@ -118,9 +116,9 @@ private class Piece(
     }
 
     /** Undoes the horizontal difference, modulo the sample's size. TIFF 6.0, section 14. */
-    private fun accumulate(row: ShortArray, step: Int) {
+    private fun accumulate(row: ShortArray) {
         val mask = (1 shl frame.bits) - 1
-        for (i in step until row.size) row[i] = (row[i] + row[i - step] and mask).toShort()
+        for (i in 1 until row.size) row[i] = (row[i] + row[i - 1] and mask).toShort()
     }
 }
 
@@ -137,10 +135,12 @@ internal class Packed(private val bytes: ByteArray, private val bits: Int, order
     override fun copy(from: Int, count: Int, into: ShortArray, at: Int) {
         when (bits) {
             8 -> for (i in 0 until count) into[at + i] = (bytes[start + from + i].toInt() and 0xff).toShort()
+
             16 -> {
                 words.position(start + 2 * from)
                 words.asShortBuffer().get(into, at, count)
             }
+
             else -> unpack(from, count, into, at)
         }
     }

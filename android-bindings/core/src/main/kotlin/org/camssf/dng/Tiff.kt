@@ -59,7 +59,7 @@ internal class Tiff(val source: DngSource) {
         try {
             source.read(at, into, offset, length)
         } catch (error: IOException) {
-            throw UnreadableRaw("$name cannot be read: ${error.message}.", "Check the path and its permissions.", cause = error)
+            throw UnreadableRaw("$name cannot be read: ${error.message}.", "Open it and try again.", cause = error)
         }
     }
 
@@ -158,7 +158,11 @@ internal class Tiff(val source: DngSource) {
         val values = numbers(directory, tag, count) ?: return LongArray(0)
         return LongArray(values.size) {
             val value = values[it]
-            if (!(abs(value) < 4294967296.0) || value != floor(value)) throw damaged("tag $tag holds no whole numbers")
+            if (!(abs(value) < 4294967296.0) ||
+                value != floor(value)
+            ) {
+                throw damaged("tag $tag holds no whole numbers")
+            }
             value.toLong()
         }
     }
