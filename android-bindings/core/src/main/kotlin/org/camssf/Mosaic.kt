@@ -121,9 +121,10 @@ public class Mosaic(
  * It applies to the samples (y, x) with `y = top, top + rowPitch, ... < bottom` and
  * `x = left, left + columnPitch, ... < right`, after black subtraction, the gain interpolated between the points.
  *
- * @property list the opcode list that holds it: 2 refers to the active area, 1 to the stored picture.
+ * @property list the opcode list that holds it: 1 acts before linearisation, on the stored picture; 2 on the mosaic's
+ *   active area; 3 on the demosaiced picture.
  * @property area the samples it applies to.
- * @property plane first plane.
+ * @property plane first plane; a mosaic has plane 0, list 3 has R, G, B.
  * @property planes number of planes.
  * @property rowPitch step between rows.
  * @property columnPitch step between columns.
@@ -133,7 +134,7 @@ public class Mosaic(
  * @property spacingH distance of the grid's columns, in parts of the picture's width.
  * @property originV place of the first row, in parts of the picture's height.
  * @property originH place of the first column, in parts of the picture's width.
- * @property mapPlanes gains a point.
+ * @property mapPlanes gains a point; plane i has the entry min(i, mapPlanes - 1).
  * @property gains (pointsV, pointsH, mapPlanes) row-major.
  */
 public class GainMap(
@@ -156,7 +157,7 @@ public class GainMap(
 /**
  * Samples that the file calls bad (DNG opcodes 4 and 5).
  *
- * @property list the opcode list that holds it: 2 refers to the active area, 1 to the stored picture.
+ * @property list the opcode list that holds it: 1 refers to the stored picture, 2 to the active area.
  * @property constant opcode 4: every sample of just this value is bad; null for a list of places.
  * @property points opcode 5: (n, 2) row and column of single samples, else empty.
  * @property areas opcode 5: rectangles.

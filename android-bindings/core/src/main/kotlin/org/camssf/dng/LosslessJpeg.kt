@@ -258,7 +258,10 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
             var entry = used[component][(buffer ushr (64 - Huffman.BITS)).toInt()]
             if (entry == 0) {
                 entry = long[component].long((buffer ushr 48).toInt())
-                if (entry == 0) throw tiff.damaged("a code in its JPEG data is in no table")
+                if (entry == 0) {
+                    if (at * 8L - count >= end * 8L) throw tiff.damaged("its JPEG data end early")
+                    throw tiff.damaged("a code in its JPEG data is in no table")
+                }
             }
             buffer = buffer shl (entry and 31)
             count -= entry and 31

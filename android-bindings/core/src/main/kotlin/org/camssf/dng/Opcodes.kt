@@ -8,6 +8,7 @@ import java.nio.ByteBuffer
 private const val FIX_BAD_CONSTANT = 4
 private const val FIX_BAD_LIST = 5
 private const val GAIN_MAP = 9
+private const val GAIN_MAP_HEAD = 76
 private const val OPTIONAL = 1
 private const val MAX_LIST = 64 shl 20
 
@@ -53,26 +54,32 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         if (buffer.remaining() < bytes) throw tiff.damaged("opcode list $tag ends early")
     }
 
+    /** The same checks as Python's. */
     private fun gainMap(content: ByteBuffer, list: Int, tag: Int): GainMap {
-        wanted(content, 76, tag)
+        fun damaged() = tiff.damaged("opcode list $tag holds a lens-shading map that breaks its format")
+        if (content.remaining() < GAIN_MAP_HEAD) throw damaged()
         val area = region(content)
-        val numbers = IntArray(6) { content.getInt() } // plane, planes, row and column pitch, points down and across
-        val places = DoubleArray(4) { content.getDouble() } // spacing down and across, origin down and across
-        val planes = content.getInt()
-        val (pointsV, pointsH) = numbers.copyOfRange(4, 6)
-        val sound = numbers[0] >= 0 && numbers.drop(1).all { it >= 1 } && planes >= 1 && places.all { it.isFinite() }
+        val (plane, planes, rowPitch, columnPitch) = IntArray(4) { unsigned(content) }
+        val (pointsV, pointsH) = IntArray(2) { unsigned(content) }
+        val (spacingV, spacingH, originV, originH) = DoubleArray(4) { content.getDouble() }
+        val mapPlanes = unsigned(content)
         val most = content.remaining() / 4
-        if (!sound || pointsV > most || pointsH > most || pointsV.toLong() * pointsH > most || planes > most ||
-            pointsV.toLong() * pointsH * planes > most
-        ) {
-            throw tiff.damaged("a lens-shading map in opcode list $tag")
-        }
-        val gains = FloatArray(pointsV * pointsH * planes) { content.getFloat() }
-        if (gains.any { !it.isFinite() }) throw tiff.damaged("a lens-shading map in opcode list $tag")
-        return GainMap(
-            list, area, numbers[0], numbers[1], numbers[2], numbers[3], pointsV, pointsH,
-            places[0], places[1], places[2], places[3], planes, gains,
+        val few = pointsV in 1..most && pointsH in 1..most && mapPlanes in 1..most
+        if (!few || pointsV.toLong() * pointsH * mapPlanes * 4 != content.remaining().toLong()) throw damaged()
+        val gains = FloatArray(pointsV * pointsH * mapPlanes) { content.getFloat() }
+        val map = GainMap(
+            list, area, plane, planes, rowPitch, columnPitch, pointsV, pointsH,
+            // as Adobe's reader: a single point has no spacing
+            if (pointsV == 1) 1.0 else spacingV,
+            if (pointsH == 1) 1.0 else spacingH,
+            if (pointsV == 1) 0.0 else originV,
+            if (pointsH == 1) 0.0 else originH,
+            mapPlanes, gains,
         )
+        val places = doubleArrayOf(map.spacingV, map.spacingH, map.originV, map.originH)
+        val sound = rowPitch > 0 && columnPitch > 0 && map.spacingV > 0 && map.spacingH > 0
+        if (!sound || !places.all { it.isFinite() } || !gains.all { it.isFinite() && it > 0 }) throw damaged()
+        return map
     }
 
     private fun badPixels(content: ByteBuffer, number: Int, list: Int, tag: Int): BadPixels {
@@ -83,13 +90,16 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         val points = content.getInt().toLong() and 0xffffffffL
         val areas = content.getInt().toLong() and 0xffffffffL
         wanted(content, 8 * points + 16 * areas, tag)
-        val places = IntArray(2 * points.toInt()) { content.getInt() }
+        val places = IntArray(2 * points.toInt()) { unsigned(content) }
         return BadPixels(list, null, places, List(areas.toInt()) { region(content) })
     }
 
     /** Top, left, bottom, right as stored. */
     private fun region(content: ByteBuffer): Region {
-        val (top, left, bottom, right) = IntArray(4) { content.getInt() }
+        val (top, left, bottom, right) = IntArray(4) { unsigned(content) }
         return Region(left, top, right, bottom)
     }
+
+    /** An unsigned number; the largest Int for all beyond. */
+    private fun unsigned(content: ByteBuffer): Int = content.getInt().let { if (it < 0) Int.MAX_VALUE else it }
 }

@@ -1,9 +1,14 @@
 package org.camssf.model
 
 import java.io.InputStream
+import java.security.MessageDigest
 
-/** The model files that this jar carries. */
+/** The files that this jar carries: Python's own models and table of spectra, each with the SHA-256 of its build. */
 public object Models {
+    /** Names of the files. */
+    @JvmField
+    public val NAMES: List<String> = listOf("camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json")
+
     /**
      * The file of this name, opened; the caller closes it.
      *
@@ -13,4 +18,23 @@ public object Models {
         checkNotNull(Models::class.java.getResourceAsStream("/org/camssf/model/$name")) {
             "$name is missing from the app: keep the resources org/camssf/model/* when packaging."
         }
+
+    /**
+     * The content of one of [NAMES], its hash checked.
+     *
+     * @throws IllegalStateException if it is missing or differs from what this jar was built with.
+     */
+    public fun read(name: String): ByteArray = checked(name, open(name).use { it.readBytes() })
+
+    internal fun checked(name: String, content: ByteArray): ByteArray {
+        val known = open("$name.sha256").use { it.readBytes() }.toString(Charsets.US_ASCII).trim()
+        check(sha256(content) == known) {
+            "$name is not the file that this version of camssf was built with: it was changed when packaging."
+        }
+        return content
+    }
+
+    /** SHA-256 of bytes, lower-case hex. */
+    public fun sha256(content: ByteArray): String =
+        MessageDigest.getInstance("SHA-256").digest(content).joinToString("") { "%02x".format(it) }
 }

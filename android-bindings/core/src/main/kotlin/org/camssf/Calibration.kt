@@ -1,0 +1,77 @@
+package org.camssf
+
+/**
+ * How to solve; null takes the default.
+ *
+ * @property fit 1-based numbers of the patches that enter the fit; null for all, validated fold by fold.
+ * @property l2 the quadratic penalty λ₂.
+ * @property gamma the l1 penalty γ; on the paper's basis null chooses it by the discrepancy principle: the largest γ whose
+ *   residual is not above the measured noise.
+ * @property nonnegative coefficients ≥ 0; null asks for it on the paper's basis.
+ */
+public class Settings @JvmOverloads constructor(
+    public val fit: List<Int>? = null,
+    public val l2: Double? = null,
+    public val gamma: Double? = null,
+    public val nonnegative: Boolean? = null,
+)
+
+/** Called with a stage in words and the part done, 0 to 1, on the thread that calibrates. */
+public fun interface Progress {
+    /** One step. */
+    public fun report(stage: String, part: Double)
+}
+
+/** What came of a capture: [Calibrated], or [Refused]. Immutable; safe to pass between threads. */
+public sealed class Calibration {
+    /** Accepted, doubtful or refused, with reasons. */
+    public abstract val verdict: Verdict
+
+    /** What was assumed where something was missing. */
+    public abstract val assumptions: List<Assumption>
+
+    /**
+     * The result as "camssf-result/1", which `camssf report` and `camssf validate` read. It holds no time stamp: the same
+     * capture gives the same text.
+     */
+    public abstract fun toJson(): String
+}
+
+/**
+ * The camera's curves, accepted or doubtful.
+ *
+ * @property ssf the curves, their bands, their duality gap and the channels' gain.
+ * @property signals what was measured: Eq. (5).
+ * @property scores how well the curves explain patches that they have not seen.
+ */
+public class Calibrated internal constructor(private val solution: Solution, private val model: String) :
+    Calibration() {
+    public val ssf: Ssf get() = solution.ssf
+    public val signals: Signals get() = solution.signals
+    public val scores: Scores get() = solution.scores
+    override val verdict: Verdict get() = solution.verdict
+    override val assumptions: List<Assumption> get() = solution.assumptions
+
+    /** The measured shots. */
+    public val capture: MeasuredCapture get() = solution.capture
+
+    override fun toJson(): String = ResultJson.of(solution, model)
+
+    /** The curves as CSV: wavelength_nm,red,green,blue at peak 1, then the standard deviations where known. */
+    public fun toCsv(): String = ResultJson.csv(solution.ssf)
+}
+
+/**
+ * A capture that carries no answer.
+ *
+ * @property error why; its advice says what to do next.
+ */
+public class Refused internal constructor(
+    public val error: CalibrationException,
+    override val verdict: Verdict,
+    private val begun: Begun,
+) : Calibration() {
+    override val assumptions: List<Assumption> get() = emptyList()
+
+    override fun toJson(): String = ResultJson.of(begun, verdict)
+}

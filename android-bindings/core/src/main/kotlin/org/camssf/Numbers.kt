@@ -1,0 +1,51 @@
+package org.camssf
+
+import java.math.BigDecimal
+import java.math.MathContext
+import java.util.Locale
+
+/** 0.1234 → "12.3 %" without the blank, as Python's messages have it: "12.3%". */
+internal fun percent(value: Double, digits: Int): String = fixed(100.0 * value, digits) + "%"
+
+/** A number with so many digits behind the point, in any locale. */
+internal fun fixed(value: Double, digits: Int): String = String.format(Locale.ROOT, "%.${digits}f", value)
+
+/** A number with up to six digits and no exponent: 0.5, 16383, 2856. */
+internal fun short(value: Double): String = when {
+    value.isNaN() || value.isInfinite() -> value.toString()
+    value == 0.0 -> "0"
+    else -> BigDecimal(value).round(MathContext(6)).stripTrailingZeros().toPlainString()
+}
+
+/** Middle value, or the mean of the two in the middle; NaN of nothing. */
+internal fun median(values: DoubleArray): Double {
+    if (values.isEmpty()) return Double.NaN
+    val sorted = values.sortedArray()
+    return (sorted[(sorted.size - 1) / 2] + sorted[sorted.size / 2]) / 2.0
+}
+
+/** Sum in NumPy's order (blocks of 128, eight running sums), so that means are equal to the last bit. */
+internal fun sum(values: DoubleArray, from: Int = 0, until: Int = values.size): Double {
+    val n = until - from
+    if (n < 8) {
+        var total = -0.0
+        for (i in from until until) total += values[i]
+        return total
+    }
+    if (n > 128) {
+        val half = n / 2 - n / 2 % 8
+        return sum(values, from, from + half) + sum(values, from + half, until)
+    }
+    val r = values.copyOfRange(from, from + 8)
+    var i = 8
+    while (i < n - n % 8) {
+        for (j in 0..7) r[j] += values[from + i + j]
+        i += 8
+    }
+    var total = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]))
+    while (i < n) total += values[from + i++]
+    return total
+}
+
+/** Mean in NumPy's order. */
+internal fun mean(values: DoubleArray): Double = sum(values) / values.size

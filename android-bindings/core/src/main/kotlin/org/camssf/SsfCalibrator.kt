@@ -1,0 +1,145 @@
+package org.camssf
+
+import kotlinx.coroutines.Dispatchers
+import kotlinx.coroutines.ensureActive
+import kotlinx.coroutines.withContext
+import java.io.Closeable
+
+/**
+ * Recovers a camera's spectral sensitivity from photos of a ColorChecker, on this device; nothing leaves it.
+ *
+ * ```
+ * val chart = ChartTable.read("classic24")
+ * val shot = Shot(Frame.of(mosaic), Lamp.read("D55"), corners)
+ * SsfCalibrator.open().use { calibrator ->
+ *     when (val found = calibrator.calibrate(Capture(shot, chart))) {
+ *         is Calibrated -> draw(found.ssf.curve(0), found.ssf.band(0))
+ *         is Refused -> tell(found.error.message, found.error.advice)
+ *     }
+ * }
+ * ```
+ *
+ * Ownership: it holds the model (about 10 MB of native memory); who opens it closes it. Open one and keep it, or open
+ * one for each calibration: loading takes some 100 ms on a phone. Threads: any; calls from several threads wait for
+ * each other at the model. A second `close` does nothing; calls after it throw [IllegalStateException]. Results belong
+ * to the caller and outlive it.
+ */
+public class SsfCalibrator private constructor(private val engine: Engine) : Closeable {
+    /** The basis of the curves: "cameras", or "gaussian", the paper's. */
+    public val basis: String get() = engine.basis
+
+    /** SHA-256 of the model file, lower-case hex. */
+    public val modelSha256: String get() = engine.sha256
+
+    /**
+     * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
+     * measures the patches and solves. Blocks for about a second a shot on a phone: not for the main thread.
+     *
+     * @param progress called on this thread.
+     * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].
+     * @throws InterruptedException if the thread is interrupted; nothing is left behind.
+     */
+    @JvmOverloads
+    @Throws(InterruptedException::class)
+    public fun calibrate(
+        capture: Capture,
+        settings: Settings = Settings(),
+        progress: Progress? = null,
+    ): Calibration = run(capture, settings, blocking(progress))
+
+    /** [calibrate] on [Dispatchers.Default]; cancelling its job ends it at the next step. */
+    public suspend fun calibrateSuspending(
+        capture: Capture,
+        settings: Settings = Settings(),
+        progress: Progress? = null,
+    ): Calibration = withContext(Dispatchers.Default) {
+        run(capture, settings) { stage, part ->
+            ensureActive()
+            progress?.report(stage, part)
+        }
+    }
+
+    /**
+     * Measures one shot, so that its frames can be let go at once; [solve] takes several of them later.
+     *
+     * @throws CalibrationException the shot carries no answer, or the call is wrong.
+     */
+    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot =
+        Measure.measure(Capture(shot, chart), Begun(chart)) { _, _ -> }.shots[0]
+
+    /**
+     * From measured shots to curves, scores and verdict.
+     *
+     * @param shots of one chart with one camera, as [measure] gave them.
+     * @param whiteReflectance of the white frames' card; null for a perfect diffuser.
+     * @throws InvalidArgument the call itself is wrong.
+     */
+    @JvmOverloads
+    @Throws(InterruptedException::class)
+    public fun solve(
+        shots: List<MeasuredShot>,
+        chart: ChartTable,
+        whiteReflectance: Double? = null,
+        settings: Settings = Settings(),
+        progress: Progress? = null,
+    ): Calibration {
+        val begun = Begun(chart)
+        return refusing(begun) {
+            begun.shots += shots
+            begun.lamps = shots.map { it.lamp }
+            val capture = Measure.joined(shots, chart, whiteReflectance)
+            finish(capture, settings, blocking(progress))
+        }
+    }
+
+    private fun run(capture: Capture, settings: Settings, tell: Tell): Calibration {
+        val begun = Begun(capture.chart)
+        return refusing(begun) { finish(Measure.measure(capture, begun, tell), settings, tell) }
+    }
+
+    private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
+        val solution = Solve(engine, capture, settings, tell).run()
+        tell("done", 1.0)
+        return solution
+    }
+
+    private fun refusing(begun: Begun, work: () -> Solution): Calibration {
+        try {
+            val solution = work()
+            if (solution.verdict.status == "refused") {
+                return Refused(Judge.refusal(solution.verdict), solution.verdict, begun)
+            }
+            return Calibrated(solution, engine.sha256)
+        } catch (error: InvalidArgument) {
+            throw error
+        } catch (error: CalibrationException) {
+            val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
+            return Refused(error, Verdict("refused", listOf(reason)), begun)
+        }
+    }
+
+    /** Releases the model; waits for a run that is in work. */
+    override fun close() {
+        engine.close()
+    }
+
+    public companion object {
+        /** Bases that [open] knows: "cameras" learned from measured cameras, "gaussian" the paper's. */
+        @JvmField
+        public val BASES: List<String> = OnnxEngine.SHIPPED
+
+        /**
+         * Loads the shipped model of a basis and checks its hash, grid and vocabulary.
+         *
+         * @throws InvalidArgument there is no such basis, or the app carries another model than this version's.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun open(basis: String = "cameras"): SsfCalibrator = SsfCalibrator(OnnxEngine.load(basis))
+
+        private fun blocking(progress: Progress?): Tell = { stage, part ->
+            if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
+            progress?.report(stage, part)
+        }
+    }
+}

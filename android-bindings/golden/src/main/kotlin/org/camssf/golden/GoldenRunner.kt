@@ -1,0 +1,361 @@
+package org.camssf.golden
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.boolean
+import kotlinx.serialization.json.int
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.CalibrationException
+import org.camssf.ChartPose
+import org.camssf.ChartTable
+import org.camssf.Engine
+import org.camssf.Evidence
+import org.camssf.FrameMeans
+import org.camssf.Grid
+import org.camssf.Judge
+import org.camssf.Lamp
+import org.camssf.LensShading
+import org.camssf.MeasuredCapture
+import org.camssf.MeasuredShot
+import org.camssf.ModelInputs
+import org.camssf.OnnxEngine
+import org.camssf.PatchMeans
+import org.camssf.Penalties
+import org.camssf.Photo
+import org.camssf.Recover
+import org.camssf.Settings
+import org.camssf.Signals
+import org.camssf.Solve
+import org.camssf.Tensor
+import java.io.Closeable
+import java.io.File
+import java.security.MessageDigest
+import kotlin.system.exitProcess
+
+/**
+ * How a golden case went.
+ *
+ * @property case its name, stage/name.
+ * @property skipped the capability that this runner lacks, in words; null where it ran.
+ * @property faults limits that do not hold, in words; empty where all hold.
+ * @property limits how many limits were measured.
+ * @property limitsSkipped how many of them need a capability that this runner lacks.
+ */
+public class Outcome internal constructor(
+    public val case: String,
+    public val skipped: String?,
+    public val faults: List<String>,
+    public val limits: Int,
+    public val limitsSkipped: Int,
+)
+
+/**
+ * Runs the golden vectors on this machine: every stage that the Kotlin library has by itself or through the model.
+ * Not thread-safe; holds the models until it is closed.
+ */
+public class GoldenRunner(private val files: GoldenFiles) : Closeable {
+    private class Finding(val limit: String, val measured: Double, val bound: Double)
+
+    private val forms = Forms(files)
+    private val photos = Photos(files, forms)
+    private val engines = HashMap<String, Engine>()
+
+    /**
+     * Names of all cases, from the manifest; every file's hash is checked.
+     *
+     * @throws GoldenError if a file differs from the manifest.
+     */
+    public fun names(): List<String> {
+        val manifest = Json.parseToJsonElement(files.read("manifest.json").decodeToString()).jsonObject
+        val cases = manifest.getValue("cases").jsonObject
+        if (manifest.getValue("count").jsonPrimitive.int != cases.size) throw GoldenError("the manifest miscounts")
+        val others = manifest.getValue("spectra").jsonObject + manifest.getValue("dng").jsonObject
+        for ((path, hash) in others + cases.mapKeys { "cases/${it.key}.json" }) {
+            val digest = MessageDigest.getInstance("SHA-256").digest(files.read(path))
+            val found = digest.joinToString("") { "%02x".format(it) }
+            if (found != hash.jsonPrimitive.content) throw GoldenError("$path differs from the manifest")
+        }
+        return cases.keys.toList()
+    }
+
+    /** Runs one case. */
+    public fun run(name: String): Outcome {
+        val case = try {
+            GoldenCase.read(name, files)
+        } catch (error: GoldenError) {
+            return Outcome(name, null, listOf(error.message.orEmpty()), 0, 0)
+        }
+        val lacking = case.requires.filter { it !in CAPABILITIES }
+        if (lacking.isNotEmpty()) {
+            return Outcome(name, "needs ${lacking.joinToString()}, which is not part of Kotlin", emptyList(), 0, 0)
+        }
+        val outputs = try {
+            outputs(case)
+        } catch (error: CalibrationException) {
+            val right = error.code == case.expect
+            return Outcome(
+                name,
+                null,
+                if (right) emptyList() else listOf("expect ${case.expect}, found $error"),
+                1,
+                0,
+            )
+        }
+        if (case.expect != "success") return Outcome(name, null, listOf("expect ${case.expect}, found success"), 1, 0)
+        val (possible, lost) = case.limits.partition { limit -> limit.requires.all { it in CAPABILITIES } }
+        val findings = possible.map { measure(case, it, outputs) } + absent(case, outputs)
+        val faults = findings.filter { !(it.measured <= it.bound) }
+            .map { "${it.limit}: ${it.measured} exceeds ${it.bound}" }
+        return Outcome(name, null, faults, findings.size, lost.size)
+    }
+
+    override fun close() {
+        engines.values.forEach { it.close() }
+        engines.clear()
+    }
+
+    private fun engine(case: GoldenCase): Engine =
+        engines.getOrPut(case.inputs.text("basis")) { OnnxEngine.load(case.inputs.text("basis")) }
+
+    private fun measure(case: GoldenCase, limit: Limit, outputs: Map<String, Any?>): Finding {
+        val known = case.known(limit)
+        val found = outputs[limit.value]
+        val measured = when {
+            limit.metric == "exact" -> if (Exact.same(found, known)) 0.0 else Metrics.WRONG
+            found is Tensor -> Metrics.measure(limit.metric, found, forms.resolve(known))
+            else -> Metrics.WRONG
+        }
+        return Finding("${limit.value} against ${limit.against}, ${limit.metric}", measured, limit.bound)
+    }
+
+    /** What is null in the file is absent in the answer: no band without a prior. */
+    private fun absent(case: GoldenCase, outputs: Map<String, Any?>): List<Finding> =
+        case.outputs!!.filter { it.value == JsonNull && it.key in outputs }.map { (name, _) ->
+            val found = outputs[name]
+            val empty = found == null || (found is Tensor && found.values.all { it.isNaN() })
+            Finding("$name is absent", if (empty) 0.0 else 1.0, 0.0)
+        }
+
+    private fun outputs(case: GoldenCase): Map<String, Any?> = when (case.stage) {
+        "mosaic" -> photos.mosaic(case)
+        "pose" -> photos.pose(case)
+        "patches" -> photos.patches(case)
+        "signals" -> signals(case)
+        "ssf" -> if (case.expect == "success") model(case) else recover(case)
+        "calibrate" -> calibrate(case)
+        else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
+    }
+
+    private fun signals(case: GoldenCase): Map<String, Any?> {
+        val n = case.inputs.getValue("patches").jsonPrimitive.int
+        val white = case.inputs.getValue("white").jsonPrimitive.int
+        val shots = case.inputs.getValue("shots").jsonArray.map { means(it.jsonObject) }
+        val found = Signals.normalise(shots, List(n) { "patch ${it + 1}" }, white)
+        return mapOf(
+            "signals" to Tensor(found.values, shots.size, n, 3),
+            "standard_error" to Tensor(found.standardError, shots.size, n, 3),
+            "used" to used(found),
+            "assumptions" to JsonArray(found.assumptions.map { JsonPrimitive(it.code) }),
+        )
+    }
+
+    private fun used(signals: Signals): JsonElement = JsonArray(
+        List(signals.shots) { j ->
+            JsonArray(
+                List(signals.patches) {
+                    JsonPrimitive(
+                        signals.used[
+                            j * signals.patches +
+                                it,
+                        ],
+                    )
+                },
+            )
+        },
+    )
+
+    /** By the model's own contract. */
+    private fun model(case: GoldenCase): Map<String, Any?> {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
+        val chart = given("chart")
+        val (k, n) = chart.shape
+        val modes = given("lamp_modes").takeIf { it.shape[1] > 0 } ?: Tensor.full(0.0, k, 1, Grid.SIZE)
+        val found = engine(case).run(
+            ModelInputs(
+                chart, given("white"), given("dark"), given("standard_error"), given("reflectance"),
+                given("chart_tolerance"), given("white_reflectance"), given("white_tolerance").values[0],
+                given("lamp"), given("lamp_tolerance"), modes, given("l2").values[0], given("gamma").values[0],
+                case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
+            ),
+        )
+        return mapOf(
+            "ssf" to Tensor(found.ssf, Grid.SIZE, 3),
+            "ssf_std" to Tensor(found.ssfStd, Grid.SIZE, 3),
+            "code" to Tensor(found.code, found.code.size / 3, 3),
+            "signals" to Tensor(found.signals, k, n, 3),
+            "predicted" to Tensor(found.predicted, k, n, 3),
+            "gap" to Tensor(found.gap, 3),
+            "channel_gain" to Tensor(found.channelGain, 3),
+        )
+    }
+
+    /** Cases that expect an error must be refused by the checks around the model. */
+    private fun recover(case: GoldenCase): Map<String, Any?> {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
+        val (chart, white, dark) = listOf("chart", "white", "dark").map { given(it) }
+        val y = DoubleArray(chart.values.size) {
+            (chart.values[it] - dark.values[it]) / (white.values[it] - dark.values[it])
+        }
+        val evidence = Evidence(
+            Tensor(y, *chart.shape), given("standard_error"), given("reflectance"), given("chart_tolerance"),
+            given("white_reflectance"), given("white_tolerance").values[0], given("lamp"), given("lamp_tolerance"),
+            given("lamp_modes"),
+        )
+        val penalties = Penalties(
+            given("l2").values[0],
+            doubleArrayOf(given("gamma").values[0]),
+            case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
+        )
+        Recover.recover(engine(case), evidence, null, penalties)
+        return emptyMap()
+    }
+
+    /** From patch statistics on: what a phone does after measuring. */
+    private fun calibrate(case: GoldenCase): Map<String, Any?> {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
+        fun maybe(name: String) = number(case.inputs.getValue(name))
+        val reflectance = given("reflectance")
+        val n = reflectance.shape[0]
+        val table = ChartTable(
+            "classic24",
+            "golden",
+            "classic24",
+            List(n) { "patch ${it + 1}" },
+            reflectance.values,
+            DoubleArray(n) { maybe("chart_tolerance")!! },
+            case.inputs.getValue("white").jsonPrimitive.int,
+            "golden/spectra",
+        )
+        val square = doubleArrayOf(0.0, 0.0, 100.0, 0.0, 100.0, 100.0, 0.0, 100.0)
+        val pose = ChartPose(
+            "classic24",
+            DoubleArray(8) { square[it] * if (it % 2 == 0) 6 else 4 },
+            DoubleArray(8 * 24) {
+                val patch = it / 8
+                square[it % 8] + 100 * if (it % 2 == 0) patch % 6 else patch / 6
+            },
+            0,
+            "by hand",
+            1.0,
+            emptyList(),
+        )
+        val photo = Photo("golden", 600, 400, 1, null, null, false, "golden", "golden", "")
+        val lamp = given("lamp")
+        val modes = given("lamp_modes")
+        val tolerance = given("lamp_tolerance")
+        val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
+            val means = means(entry.jsonObject)
+            val light = Lamp(
+                "golden",
+                row(lamp, j),
+                tolerance.values[j],
+                List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) },
+                "golden/spectra",
+            )
+            MeasuredShot(
+                light,
+                photo,
+                photo.takeIf { means.white != null },
+                photo.takeIf { means.dark != null },
+                pose,
+                means,
+                LensShading.AS_STORED,
+            )
+        }
+        val nonnegative = (case.inputs.getValue("nonnegative") as JsonPrimitive).takeIf { it !is JsonNull }
+        val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
+        val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
+        val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
+        if (done.verdict.status == "refused") throw Judge.refusal(done.verdict)
+        val ssf = done.ssf
+        fun columns(of: (Int) -> DoubleArray): Tensor {
+            val channels = List(3) { of(it) }
+            return Tensor(DoubleArray(3 * Grid.SIZE) { channels[it % 3][it / 3] }, Grid.SIZE, 3)
+        }
+        return mapOf(
+            "signals" to Tensor(done.signals.values, shots.size, n, 3),
+            "used" to used(done.signals),
+            "ssf" to columns { ssf.curve(it) },
+            "ssf_std" to if (ssf.std == null) null else columns { ssf.deviation(it)!! },
+            "predicted" to Tensor(ssf.predicted, shots.size, n, 3),
+            "gap" to Tensor(ssf.gap, 3),
+            "channel_gain" to Tensor(ssf.channelGain, 3),
+        )
+    }
+
+    private fun row(tensor: Tensor, at: Int): DoubleArray =
+        tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
+
+    private fun means(shot: JsonObject): PatchMeans = PatchMeans(
+        frame(shot.getValue("chart"))!!,
+        frame(shot.getValue("white")),
+        frame(shot.getValue("dark")),
+        forms.resolve(shot.getValue("black")).values,
+        number(shot.getValue("saturation"))!!,
+    )
+
+    private fun frame(frame: JsonElement): FrameMeans? {
+        if (frame !is JsonObject) return null
+        val (mean, error, clipped) = listOf("mean", "standard_error", "clipped").map {
+            forms.resolve(frame.getValue(it)).values
+        }
+        val still = DoubleArray(mean.size)
+        return FrameMeans(
+            mean,
+            error,
+            LongArray(mean.size) { 400 },
+            clipped,
+            still,
+            still,
+            DoubleArray(mean.size / 3 * 2) { mean[it / 2 * 3 + 1] },
+        )
+    }
+
+    public companion object {
+        /** What Kotlin can do of what cases require. */
+        @JvmField
+        public val CAPABILITIES: Set<String> = GoldenCase.CAPABILITIES - "reference"
+
+        /** Runs all cases of a folder, or of the resources under golden/; the last line sums up, a fault gives status 1. */
+        @JvmStatic
+        public fun main(arguments: Array<String>) {
+            val folder = arguments.firstOrNull()
+            val files = if (folder == null) GoldenFiles.resources("golden/") else GoldenFiles.of(File(folder))
+            val outcomes = GoldenRunner(files).use { runner -> runner.names().map { runner.run(it) } }
+            for (outcome in outcomes) {
+                outcome.skipped?.let { println("skipped ${outcome.case}: $it") }
+                outcome.faults.forEach { println("FAULT ${outcome.case}: $it") }
+            }
+            println(summary(outcomes))
+            if (outcomes.any { it.faults.isNotEmpty() }) exitProcess(1)
+        }
+
+        /** One line: how many ran, failed and were skipped, and why. */
+        @JvmStatic
+        public fun summary(outcomes: List<Outcome>): String {
+            val ran = outcomes.count { it.skipped == null }
+            val failed = outcomes.count { it.faults.isNotEmpty() }
+            val why = outcomes.mapNotNull { it.skipped }.groupingBy { it }.eachCount()
+                .entries.joinToString("; ") { "${it.value} ${it.key}" }
+            return "golden: $ran of ${outcomes.size} cases ran, $failed failed, ${outcomes.size - ran} skipped " +
+                "($why); ${outcomes.sumOf { it.limits }} limits measured, ${outcomes.sumOf { it.limitsSkipped }} skipped " +
+                "(need reference)"
+        }
+    }
+}

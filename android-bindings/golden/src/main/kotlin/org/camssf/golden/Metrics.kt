@@ -1,0 +1,75 @@
+package org.camssf.golden
+
+import org.camssf.Grid
+import org.camssf.Tensor
+import kotlin.math.abs
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/** The metrics of the golden vectors, as golden/README.md and golden/compare.py define them. */
+internal object Metrics {
+    val ALL = setOf("exact", "norm", "relative", "at_most", "peak", "rmse")
+
+    fun measure(metric: String, a: Tensor, b: Tensor): Double = when (metric) {
+        "norm" -> norm(a, b)
+        "relative" -> relative(a, b)
+        "at_most" -> if (a.values.all { it.isFinite() }) a.values.maxOrNull() ?: 0.0 else WRONG
+        "peak" -> peak(a, b)
+        "rmse" -> rmse(a, b)
+        else -> throw GoldenError("there is no metric $metric of numbers")
+    }
+
+    private fun comparable(a: Tensor, b: Tensor): Boolean =
+        a.shape.contentEquals(b.shape) && a.values.all { it.isFinite() }
+
+    private fun norm(a: Tensor, b: Tensor): Double {
+        if (!comparable(a, b)) return WRONG
+        val size = b.values.maxOfOrNull { abs(it) } ?: 0.0
+        val off = a.values.indices.maxOfOrNull { abs(a.values[it] - b.values[it]) } ?: 0.0
+        return off / if (size == 0.0) 1.0 else size
+    }
+
+    private fun relative(a: Tensor, b: Tensor): Double {
+        if (!comparable(a, b)) return WRONG
+        return a.values.indices.maxOf {
+            abs(a.values[it] - b.values[it]) / if (b.values[it] == 0.0) 1.0 else abs(b.values[it])
+        }
+    }
+
+    /** Curves (681, 3), each divided by its own peak, against the 5-nm nodes (69, 3) of curves at peak 1. */
+    private fun peak(a: Tensor, b: Tensor): Double {
+        val peaks = peaks(a) ?: return WRONG
+        val step = if (a.shape[0] == Grid.SIZE) 10 else 1
+        val rows = (a.shape[0] + step - 1) / step
+        if (!b.hasShape(rows, 3)) return WRONG
+        var worst = 0.0
+        for (i in 0 until rows) {
+            for (c in 0..2) {
+                val found = a.values[3 * i * step + c] / if (step == 10) peaks[c] else 1.0
+                worst = max(worst, abs(found - b.values[3 * i + c]))
+            }
+        }
+        return worst
+    }
+
+    private fun rmse(a: Tensor, b: Tensor): Double {
+        if (!a.hasShape(Grid.SIZE, 3) || !b.hasShape(Grid.SIZE, 3)) return WRONG
+        val ours = peaks(a) ?: return WRONG
+        val theirs = peaks(b) ?: return WRONG
+        return (0..2).sumOf { c ->
+            val square = (40..640).sumOf {
+                val off = a.values[3 * it + c] / ours[c] - b.values[3 * it + c] / theirs[c]
+                off * off
+            }
+            sqrt(square / 601)
+        } / 3
+    }
+
+    private fun peaks(curves: Tensor): DoubleArray? {
+        if (curves.rank != 2 || !curves.values.all { it.isFinite() }) return null
+        val peaks = DoubleArray(3) { c -> (0 until curves.shape[0]).maxOf { curves.values[3 * it + c] } }
+        return peaks.takeIf { all -> all.all { it > 0 } }
+    }
+
+    const val WRONG = Double.POSITIVE_INFINITY
+}

@@ -1,0 +1,125 @@
+package org.camssf.golden
+
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.buildJsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.ChartPose
+import org.camssf.ChartTable
+import org.camssf.DngReader
+import org.camssf.DngSource
+import org.camssf.FrameMeans
+import org.camssf.GainMap
+import org.camssf.LensShading
+import org.camssf.Mosaic
+import org.camssf.PatchMeans
+import org.camssf.Region
+import org.camssf.Tensor
+import java.security.MessageDigest
+
+/** The stages that begin with a DNG of golden/dng. */
+internal class Photos(private val files: GoldenFiles, private val forms: Forms) {
+    private fun read(name: String): Mosaic = DngSource.of(files.read("dng/$name"), name).use { DngReader.read(it) }
+
+    fun mosaic(case: GoldenCase): Map<String, Any?> {
+        val found = read(case.inputs.text("dng"))
+        fun tensor(values: DoubleArray?) = values?.let { Tensor(it, it.size) }
+        return mapOf(
+            "sha256" to found.sha256,
+            "width" to found.width,
+            "height" to found.height,
+            "samples_sha256" to hash(found.samples),
+            "cfa" to found.cfa,
+            "black" to tensor(found.black),
+            "white" to found.white,
+            "make" to found.make,
+            "model" to found.model,
+            "exposure" to found.exposure,
+            "iso" to found.iso,
+            "orientation" to found.orientation,
+            "color_matrix1" to tensor(found.colorMatrix1),
+            "color_matrix2" to tensor(found.colorMatrix2),
+            "as_shot_neutral" to tensor(found.asShotNeutral),
+            "gain_maps" to JsonArray(found.gainMaps.map { gainMap(it) }),
+            "as_shot_white_xy" to tensor(found.asShotWhiteXY),
+            "noise_profile" to tensor(found.noiseProfile),
+            "masked_areas" to JsonArray(found.maskedAreas.map { area(it) }),
+            "bad_pixels" to JsonArray(
+                found.badPixels.map { each ->
+                    buildJsonObject {
+                        put("list", JsonPrimitive(each.list))
+                        put("constant", each.constant?.let { JsonPrimitive(it) } ?: JsonNull)
+                        put("points", JsonArray(each.points.toList().chunked(2) { whole(it) }))
+                        put("areas", JsonArray(each.areas.map { area(it) }))
+                    }
+                },
+            ),
+        )
+    }
+
+    private fun whole(values: List<Int>) = JsonArray(values.map { JsonPrimitive(it) })
+
+    private fun area(area: Region) = whole(listOf(area.top, area.left, area.bottom, area.right))
+
+    private fun gainMap(map: GainMap) = buildJsonObject {
+        put("list", JsonPrimitive(map.list))
+        put("area", area(map.area))
+        put("plane", JsonPrimitive(map.plane))
+        put("planes", JsonPrimitive(map.planes))
+        put("row_pitch", JsonPrimitive(map.rowPitch))
+        put("column_pitch", JsonPrimitive(map.columnPitch))
+        put("spacing", JsonArray(listOf(JsonPrimitive(map.spacingV), JsonPrimitive(map.spacingH))))
+        put("origin", JsonArray(listOf(JsonPrimitive(map.originV), JsonPrimitive(map.originH))))
+        val gains = map.gains.map { JsonPrimitive(it.toDouble()) }
+        val points = gains.chunked(map.mapPlanes) { JsonArray(it.toList()) }
+        put("gains", JsonArray(points.chunked(map.pointsH) { JsonArray(it.toList()) }))
+    }
+
+    /** Of the samples as little-endian uint16. */
+    private fun hash(samples: ShortArray): String {
+        val bytes = ByteArray(2 * samples.size) { (samples[it / 2].toInt() shr 8 * (it % 2)).toByte() }
+        return MessageDigest.getInstance("SHA-256").digest(bytes).joinToString("") { "%02x".format(it) }
+    }
+
+    fun pose(case: GoldenCase): Map<String, Any?> {
+        val chart = ChartTable.read(case.inputs.text("table"))
+        val corners = forms.resolve(case.inputs.getValue("corners")).values
+        val found = ChartPose.refine(read(case.inputs.text("dng")), corners, chart)
+        return mapOf(
+            "corners" to Tensor(found.corners, 4, 2),
+            "quads" to Tensor(found.quads, found.quads.size / 8, 4, 2),
+            "quarter_turns" to found.quarterTurns,
+            "score" to Tensor.scalar(found.score),
+            "kept" to found.notes.isNotEmpty(),
+        )
+    }
+
+    fun patches(case: GoldenCase): Map<String, Any?> {
+        val (photo, white, dark) = listOf("photo", "white", "dark").map { role ->
+            case.inputs.getValue(role).takeIf { it != JsonNull }?.let { read(it.jsonPrimitive.content) }
+        }
+        val quads = forms.resolve(case.inputs.getValue("quads"))
+        val pose = ChartPose("classic24", DoubleArray(8), quads.values, 0, "by hand", 1.0, emptyList())
+        val shading = LensShading.values().first { it.word == case.inputs.text("lens_shading") }
+        val found = PatchMeans.measure(photo!!, pose, white, dark, shading)
+        val frames = mapOf("chart" to found.chart, "white" to found.white, "dark" to found.dark)
+        return frames.flatMap { (name, frame) ->
+            statistics(frame, quads.shape[0]).map {
+                "${name}_${it.key}" to
+                    it.value
+            }
+        }
+            .toMap() + mapOf("black" to Tensor(found.black, 3), "saturation" to found.saturation)
+    }
+
+    private fun statistics(frame: FrameMeans?, n: Int): Map<String, Tensor?> = mapOf(
+        "mean" to frame?.let { Tensor(it.mean, n, 3) },
+        "standard_error" to frame?.let { Tensor(it.standardError, n, 3) },
+        "count" to frame?.let { found -> Tensor(DoubleArray(3 * n) { found.count[it].toDouble() }, n, 3) },
+        "clipped" to frame?.let { Tensor(it.clipped, n, 3) },
+        "dead" to frame?.let { Tensor(it.dead, n, 3) },
+        "gradient" to frame?.let { Tensor(it.gradient, n, 3) },
+        "greens" to frame?.let { Tensor(it.greens, n, 2) },
+    )
+}

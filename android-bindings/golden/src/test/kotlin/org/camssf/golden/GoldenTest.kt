@@ -1,0 +1,34 @@
+package org.camssf.golden
+
+import org.junit.jupiter.api.AfterAll
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Assumptions.assumeTrue
+import org.junit.jupiter.api.DynamicTest
+import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.TestFactory
+import java.io.File
+
+/** Every golden case as a test of its own; what Kotlin lacks is skipped and counted. */
+class GoldenTest {
+    @TestFactory
+    fun cases(): List<DynamicTest> = runner.names().map { name ->
+        dynamicTest(name) {
+            val outcome = runner.run(name)
+            outcomes += outcome
+            assumeTrue(outcome.skipped == null, outcome.skipped.orEmpty())
+            assertTrue(outcome.faults.isEmpty(), outcome.faults.joinToString("\n"))
+        }
+    }
+
+    companion object {
+        private val runner = GoldenRunner(GoldenFiles.of(File(System.getProperty("camssf.root"), "golden")))
+        private val outcomes = ArrayList<Outcome>()
+
+        @AfterAll
+        @JvmStatic
+        fun sumUp() {
+            runner.close()
+            println(GoldenRunner.summary(outcomes))
+        }
+    }
+}
