@@ -10,7 +10,6 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.model.Models
-import kotlin.math.exp
 import kotlin.math.expm1
 import kotlin.math.ln
 import kotlin.math.max
@@ -122,14 +121,27 @@ internal object Bundled {
                 tolerance,
             )
         }
-        val logs = entry.list("members").map { logarithm(illuminant(it.jsonPrimitive.content)) }
+        val members = entry.list("members").map { scaled(illuminant(it.jsonPrimitive.content)) }
+        val power = DoubleArray(Grid.SIZE) { m -> members.sumOf { it[m] } / members.size }
+        val least = entry.number("dimmest") * power.max()
         val weights = entry.list("weights").map { numbers(it) }
         return Family(
-            DoubleArray(Grid.SIZE) { m -> exp(logs.sumOf { it[m] } / logs.size) },
-            weights.map { row -> DoubleArray(Grid.SIZE) { m -> logs.indices.sumOf { row[it] * logs[it][m] } } },
-            "mean and ${weights.size} principal components of ln L of ${logs.size} CIE lamps",
+            power,
+            weights.map { row ->
+                DoubleArray(Grid.SIZE) { m ->
+                    members.indices.sumOf { row[it] * members[it][m] } /
+                        max(power[m], least)
+                }
+            },
+            "mean and ${weights.size} principal components of ${members.size} CIE lamps",
             tolerance,
         )
+    }
+
+    /** The same power with a mean of 1. */
+    fun scaled(power: DoubleArray): DoubleArray {
+        val level = mean(power)
+        return DoubleArray(power.size) { power[it] / level }
     }
 
     class Family(val power: DoubleArray, val modes: List<DoubleArray>, val source: String, val tolerance: Double)

@@ -37,7 +37,7 @@ public class ChartPose internal constructor(
         private const val ACCEPT = 0.6
 
         /** How far a corner may move, in pitches. */
-        private const val NEAR = 0.35
+        private const val NEAR = 0.55
 
         /** Share of patch borders that must lie where the lattice says. */
         private const val LOCKED = 0.6
@@ -52,7 +52,7 @@ public class ChartPose internal constructor(
          *
          * @param mosaic the photo of the chart; its region must hold the part that [region] names.
          * @param corners (4, 2) outer corners of the block of patches, one after the other around it from any of them,
-         *   px of the active area; off by a third of a patch pitch at most.
+         *   px of the active area, off by half a patch at most.
          * @throws ChartNotFound the colours inside the corners do not agree with the chart, or it is mirrored.
          * @throws InvalidArgument the corners are no convex quadrilateral in the photo.
          */

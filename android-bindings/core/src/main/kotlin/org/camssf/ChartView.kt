@@ -41,7 +41,7 @@ internal class ChartView private constructor(
                     ]
                 }
             }
-            val most = max(percentile(thin.toFloatArray(), 0.98f), 1f)
+            val most = max(percentile(thin.toFloatArray(), 0.98), 1f)
             for (i in total.indices) total[i] += sqrt(max(colours[3 * i + c] / most, 0f))
         }
         return total
@@ -98,12 +98,12 @@ internal class ChartView private constructor(
             else -> Math.rint((sum.toFloat() * (1f / (factor * factor))).toDouble()).toFloat()
         }
 
-        /** The value below which the share q lies, straight between the sorted values; arithmetic in float32. */
-        fun percentile(values: FloatArray, q: Float): Float {
+        /** The value below which the share q lies, straight between the sorted values, in float32. */
+        fun percentile(values: FloatArray, q: Double): Float {
             val sorted = values.sortedArray()
             val place = (sorted.size - 1) * q
             val i = min(floor(place).toInt(), sorted.size - 1)
-            val t = place - i
+            val t = (place - i).toFloat()
             val a = sorted[i]
             val b = sorted[min(i + 1, sorted.size - 1)]
             return if (t >= 0.5f) b - (b - a) * (1 - t) else a + (b - a) * t

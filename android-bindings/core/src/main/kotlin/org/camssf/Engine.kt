@@ -22,7 +22,7 @@ internal class ModelInputs(
 
 /**
  * What the model gives: `ssf`, `ssfStd` (681, 3), `code` (r, 3), `signals`, `predicted` (k, n, 3), `gap`,
- * `channelGain` (3); row-major copies that outlive the run.
+ * `channelGain` (3), `lamp` (k, 681); row-major copies that outlive the run.
  */
 internal class ModelOutputs(
     val ssf: DoubleArray,
@@ -32,6 +32,7 @@ internal class ModelOutputs(
     val predicted: DoubleArray,
     val gap: DoubleArray,
     val channelGain: DoubleArray,
+    val lamp: DoubleArray,
 )
 
 /** The one way to run a shipped model: one thread, in order, on the CPU. */

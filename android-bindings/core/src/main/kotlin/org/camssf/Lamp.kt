@@ -6,7 +6,7 @@ package org.camssf
  * @property name as asked for.
  * @property values (681) on [Grid], any scale, none negative; do not write into it.
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
- * @property modes directions (681) in which ln L may be off, each one standard deviation long.
+ * @property modes directions (681) in which L may be off, relative to it, each one standard deviation long.
  * @property source table, formula or file it came from, in words for the report.
  * @property file name and SHA-256 of the file it came from, or null.
  */
@@ -103,18 +103,18 @@ public class Lamp internal constructor(
             }
             if (key in Bundled.families) {
                 val family = Bundled.family(key)
-                return Lamp(key, scaled(family.power), family.tolerance, family.modes, family.source)
+                return Lamp(key, Bundled.scaled(family.power), family.tolerance, family.modes, family.source)
             }
             val named = Bundled.tolerance("named_lamp")
             kelvinOf(text)?.let {
-                return Lamp(text, scaled(planck(it.toDouble())), named, emptyList(), "Planck's law, $it K")
+                return Lamp(text, Bundled.scaled(planck(it.toDouble())), named, emptyList(), "Planck's law, $it K")
             }
             daylightOf(text)?.let {
-                return Lamp(text, scaled(daylight(it.toDouble())), named, emptyList(), "CIE daylight, $it K")
+                return Lamp(text, Bundled.scaled(daylight(it.toDouble())), named, emptyList(), "CIE daylight, $it K")
             }
             val cie = cieName(text) ?: throw InvalidArgument("No lamp is called '$text'.", MENU)
             val source = "CIE illuminant $cie (colour-science)"
-            return Lamp(text, scaled(Bundled.illuminant(cie)), named, emptyList(), source)
+            return Lamp(text, Bundled.scaled(Bundled.illuminant(cie)), named, emptyList(), source)
         }
 
         /**
@@ -163,17 +163,12 @@ public class Lamp internal constructor(
             if (values.max() <= 0) throw LampUnfit("The lamp in $name has no power from 380 to 720 nm.", advice)
             return Lamp(
                 name,
-                scaled(values),
+                Bundled.scaled(values),
                 Bundled.tolerance("measured_lamp"),
                 emptyList(),
                 "file $name${SpectraFile.held(nodes)}",
                 SourceFile.of(name, content),
             )
-        }
-
-        private fun scaled(power: DoubleArray): DoubleArray {
-            val level = mean(power)
-            return DoubleArray(power.size) { power[it] / level }
         }
 
         private fun planck(kelvin: Double): DoubleArray {

@@ -185,7 +185,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
 
     companion object {
         /** How far from the expected place each round looks for a border, in pitches. */
-        private val WINDOWS = doubleArrayOf(0.40, 0.25, 0.15, 0.10, 0.10)
+        private val WINDOWS = doubleArrayOf(0.50, 0.25, 0.15, 0.10, 0.10)
         private val ALONG = DoubleArray(9) { -0.3 + 0.6 * it / 8 }
         private val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         private const val UNKNOWNS = 10

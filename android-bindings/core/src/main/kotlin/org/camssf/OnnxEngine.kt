@@ -91,6 +91,7 @@ internal class OnnxEngine private constructor(override val basis: String, privat
                     out("predicted"),
                     out("gap"),
                     out("channel_gain"),
+                    out("lamp_estimate"),
                 )
             }
         } finally {

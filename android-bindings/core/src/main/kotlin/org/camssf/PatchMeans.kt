@@ -37,6 +37,20 @@ public enum class LensShading(public val word: String) {
 
     /** What lies above black is multiplied by the gain maps in the chart photo's file. */
     APPLY("apply"),
+    ;
+
+    public companion object {
+        /**
+         * The one of that word.
+         *
+         * @throws InvalidArgument another word.
+         */
+        @JvmStatic
+        public fun of(word: String): LensShading = values().firstOrNull { it.word == word } ?: throw InvalidArgument(
+            "Lens shading '$word' is unknown.",
+            "Say ${values().joinToString(" or ") { it.word }}.",
+        )
+    }
 }
 
 /**

@@ -91,6 +91,7 @@ internal object Recover {
             weight,
             pick { it.channelGain },
             engine.basis,
+            answers.getValue(gamma[0]).lamp, // γ has no part in it
         )
     }
 

@@ -114,9 +114,9 @@ internal class Solve(
     /** Signals (k, n, 3) of all patches. */
     private fun predict(ssf: Ssf, rho: DoubleArray): DoubleArray {
         val predicted = DoubleArray(3 * k * n)
-        for ((j, lamp) in lamps.withIndex()) {
+        for (j in 0 until k) {
             for (c in 0..2) {
-                val seen = DoubleArray(Grid.SIZE) { lamp.values[it] * ssf.values[3 * it + c] }
+                val seen = DoubleArray(Grid.SIZE) { ssf.lamp[j * Grid.SIZE + it] * ssf.values[3 * it + c] }
                 val white = (0 until Grid.SIZE).sumOf { rho[it] * seen[it] }
                 for (i in 0 until n) {
                     val from = i * Grid.SIZE

@@ -7,12 +7,13 @@ package org.camssf
  * @property std (681, 3) posterior standard deviation of the curve of peak 1, times its peak; null where the basis has
  *   no prior.
  * @property code (r, 3) coefficients.
- * @property predicted (k, n, 3) the signals that these curves give, 1.
+ * @property predicted (k, n, 3) the signals that these curves give under [lamp], 1.
  * @property gap (3) relative duality gap of each channel's problem: the proof that came with the answer.
  * @property gamma (3) the l1 penalty of each channel's problem.
  * @property l2 the quadratic penalty.
  * @property channelGain (3) raw white signal of each channel relative to green; ones where no frame was given.
  * @property basis its name, "cameras" or "gaussian".
+ * @property lamp (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes.
  */
 public class Ssf internal constructor(
     public val values: DoubleArray,
@@ -24,6 +25,7 @@ public class Ssf internal constructor(
     public val l2: Double,
     public val channelGain: DoubleArray,
     public val basis: String,
+    public val lamp: DoubleArray,
 ) {
     /** The curve (681) of a channel, 0 red, 1 green, 2 blue, its peak 1. */
     public fun curve(channel: Int): DoubleArray {
@@ -47,5 +49,5 @@ public class Ssf internal constructor(
     }
 
     internal fun predicting(predicted: DoubleArray): Ssf =
-        Ssf(values, std, code, predicted, gap, gamma, l2, channelGain, basis)
+        Ssf(values, std, code, predicted, gap, gamma, l2, channelGain, basis, lamp)
 }

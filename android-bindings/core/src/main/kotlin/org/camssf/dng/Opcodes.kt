@@ -10,7 +10,8 @@ private const val FIX_BAD_LIST = 5
 private const val GAIN_MAP = 9
 private const val GAIN_MAP_HEAD = 76
 private const val OPTIONAL = 1
-private const val MAX_LIST = 64 shl 20
+private const val MAX_LIST = 16 shl 20
+private const val MAX_OPCODES = 1024L
 
 /** What the three opcode lists hold. DNG 1.7, chapter "Opcode List Processing"; big-endian in every file. */
 internal class Opcodes(private val tiff: Tiff, raw: Directory) {
@@ -32,6 +33,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         val buffer = ByteBuffer.wrap(data)
         wanted(buffer, 4, tag)
         var left = buffer.getInt().toLong() and 0xffffffffL
+        if (left > MAX_OPCODES) throw tiff.damaged("opcode list $tag of $left operations")
         while (left-- > 0) {
             wanted(buffer, 16, tag)
             val number = buffer.getInt()
@@ -44,7 +46,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
             when (number) {
                 GAIN_MAP -> gainMaps.add(gainMap(content, list, tag))
                 FIX_BAD_CONSTANT, FIX_BAD_LIST -> badPixels.add(badPixels(content, number, list, tag))
-                else -> if (flags and OPTIONAL == 0 && unknown.size < 64) unknown.add(number)
+                else -> if (flags and OPTIONAL == 0) unknown.add(number)
             }
             buffer.position(buffer.position() + length.toInt())
         }

@@ -131,14 +131,15 @@ private class Piece(
 internal class Packed(private val bytes: ByteArray, private val bits: Int, order: ByteOrder) : Window.Row {
     var start = 0
     private val words = ByteBuffer.wrap(bytes).order(order)
+    private val shorts = words.asShortBuffer()
 
     override fun copy(from: Int, count: Int, into: ShortArray, at: Int) {
         when (bits) {
             8 -> for (i in 0 until count) into[at + i] = (bytes[start + from + i].toInt() and 0xff).toShort()
 
             16 -> {
-                words.position(start + 2 * from)
-                words.asShortBuffer().get(into, at, count)
+                shorts.position(start / 2 + from) // a row of 16-bit words begins at an even byte
+                shorts.get(into, at, count)
             }
 
             else -> unpack(from, count, into, at)

@@ -42,20 +42,20 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
             // the first piece, a JPEG's header
             else -> random.nextInt(bytes.size)
         }
-        when (random.nextInt(9)) {
-            0, 1 -> bytes[at] = (bytes[at].toInt() xor (1 shl random.nextInt(8))).toByte()
+        when (random.nextInt(24)) {
+            in 0..6 -> bytes[at] = (bytes[at].toInt() xor (1 shl random.nextInt(8))).toByte()
 
-            2 -> bytes[at] = random.nextInt(256).toByte()
+            in 7..9 -> bytes[at] = random.nextInt(256).toByte()
 
-            3 -> put(bytes, at, 2, SHORTS[random.nextInt(SHORTS.size)], random.nextBoolean())
+            in 10..12 -> put(bytes, at, 2, SHORTS[random.nextInt(SHORTS.size)], random.nextBoolean())
 
-            4 -> put(bytes, at, 4, WORDS[random.nextInt(WORDS.size)], random.nextBoolean())
+            in 13..15 -> put(bytes, at, 4, WORDS[random.nextInt(WORDS.size)], random.nextBoolean())
 
-            5 -> put(bytes, at, 4, random.nextInt(2 * bytes.size), random.nextBoolean())
+            in 16..18 -> put(bytes, at, 4, random.nextInt(2 * bytes.size), random.nextBoolean())
 
-            6 -> return bytes.copyOf(if (random.nextInt(4) == 0) at else bytes.size - random.nextInt(8))
+            19 -> return bytes.copyOf(if (random.nextInt(4) == 0) at else bytes.size - random.nextInt(8))
 
-            7 -> { // a piece from elsewhere, maybe of another file
+            in 20..22 -> { // a piece from elsewhere, maybe of another file
                 val other = if (random.nextBoolean()) bytes else corpus[random.nextInt(corpus.size)]
                 val length = 1 + random.nextInt(24)
                 val from = random.nextInt(maxOf(1, other.size - length))
@@ -144,7 +144,7 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
             }
             val megabytes = Runtime.getRuntime().maxMemory() shr 20
             val seconds = (System.nanoTime() - start) / 1_000_000_000
-            println("$count files from seed $first, heap at most $megabytes MB, $seconds s")
+            println("$count files from seed $first, heap of $megabytes MB, $seconds s")
             println("read ${fuzz.read}, refused ${fuzz.refused.values.sum()}, nothing else")
             println("slowest ${fuzz.slowest / 1_000_000} ms, seed ${fuzz.slowestSeed}")
             for ((reason, times) in fuzz.refused.entries.sortedByDescending { it.value }) {

@@ -36,6 +36,7 @@ class JudgesTest {
     /** LibRaw 0.22 refuses these or reads them otherwise, for a reason; everything else must agree. */
     private fun librawCannot(name: String): String? = when {
         name.startsWith("deflate") || name == "table-deflate" -> "it inflates floating-point samples only"
+        name == "jpeg-strips" -> "it decodes the first strip alone"
         name == "strips-backwards" -> "it reads on from the first strip"
         name == "tile-larger-than-picture" -> "it breaks lines at the picture's width"
         name == "jpeg-markers" -> "it does not know T.81's fill bytes before markers"
@@ -52,14 +53,16 @@ class JudgesTest {
 
     @Test
     fun everyVariantIsJudged() {
-        assertEquals(Variants.all.map { it.name }.toSet(), judged.getValue("variants").jsonObject.keys)
+        assertEquals(Variants.all.map { "${it.name}.dng" }.toSet(), judged.getValue("variants").jsonObject.keys)
     }
 
     @TestFactory
     fun variants(): List<DynamicTest> = Variants.all.map { variant ->
         dynamicTest(variant.name) {
             val ours = digest(VariantsTest.read(variant))
-            val agrees = listOf("libraw", "tifffile").filter { verdict("variants", variant.name, it) == ours }
+            val agrees = listOf("libraw", "tifffile").filter {
+                verdict("variants", "${variant.name}.dng", it) == ours
+            }
             val expected = listOfNotNull(
                 "libraw".takeIf { librawCannot(variant.name) == null },
                 "tifffile".takeIf { tifffileCannot(variant.name) == null },

@@ -68,7 +68,7 @@ internal object Variants {
         jpeg, raw, first,
     )
 
-    val all: List<Variant> by lazy { plain() + layouts() + areas() + tables() + jpegs() + deflated() }
+    val all: List<Variant> by lazy { plain() + layouts() + areas() + talkative() + tables() + jpegs() + deflated() }
 
     private fun plain(): List<Variant> = (8..16).flatMap { bits ->
         listOf(LITTLE, BIG).map { order ->
@@ -96,6 +96,40 @@ internal object Variants {
             val name = "area-$cfa-${it.left}-${it.top}"
             Variant(name, writer(noise(12), 12, cfa = cfa, raw = tags), it)
         }
+    }
+
+    /** All that a phone says beside the samples. */
+    private fun talkative(): List<Variant> = listOf(LITTLE, BIG).map { order ->
+        val area = Region(4, 2, 52, 38)
+        val map = OpcodeWriter.content(0, 1, 35, 47, 0, 1, 2, 2, 2, 2, 1.0, 1.0, 0.0, 0.0, 1, 1f, 1.5f, 2f, 1.25f)
+        val places = OpcodeWriter.content(0, 2, 1, 3, 4, 5, 6, 7, 8, 9, 10)
+        val raw: Tags = mapOf(
+            50829 to Value.long(area.top, area.left, area.bottom, area.right),
+            50830 to Value.long(0, 0, 2, 52, 2, 0, 38, 4),
+            50713 to Value.short(2, 2),
+            50714 to Value.rational(256, 1, 1025, 4, 2060, 8, 259, 1),
+            50715 to Value.srational(*IntArray(2 * area.width) { if (it % 2 == 0) it % 7 - 3 else 4 }),
+            50716 to Value.srational(*IntArray(2 * area.height) { if (it % 2 == 0) it % 5 - 2 else 8 }),
+            50717 to Value.long(4000),
+            51008 to OpcodeWriter.list(OpcodeWriter.opcode(5, places)),
+            51009 to
+                OpcodeWriter.list(OpcodeWriter.opcode(9, map), OpcodeWriter.opcode(4, ByteArray(8))),
+            51022 to OpcodeWriter.list(OpcodeWriter.opcode(1, ByteArray(60), optional = true)),
+        )
+        val first: Tags = mapOf(
+            274 to Value.short(6),
+            50721 to Value.srational(*IntArray(18) { if (it % 2 == 0) it - 8 else 10 }),
+            50722 to Value.srational(*IntArray(18) { if (it % 2 == 0) it + 3 else 10 }),
+            50728 to Value.rational(1, 2, 1, 1, 5, 8),
+            50729 to Value.rational(3127, 10000, 3290, 10000),
+            51041 to Value.double(2e-4, 1e-6),
+        )
+        val exif: Tags = mapOf(33434 to Value.rational(1, 125), 34855 to Value.short(400))
+        val letters = if (order == BIG) "MM" else "II"
+        val dng = DngWriter(
+            WIDTH, HEIGHT, smooth(12), 12, order, place = Place.CHILD, raw = raw, first = first, exif = exif,
+        )
+        Variant("talkative-$letters", dng, area)
     }
 
     private fun tables(): List<Variant> {

@@ -353,9 +353,10 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             val failed = outcomes.count { it.faults.isNotEmpty() }
             val why = outcomes.mapNotNull { it.skipped }.groupingBy { it }.eachCount()
                 .entries.joinToString("; ") { "${it.value} ${it.key}" }
+            val limits = outcomes.sumOf { it.limits }
+            val lost = outcomes.sumOf { it.limitsSkipped }
             return "golden: $ran of ${outcomes.size} cases ran, $failed failed, ${outcomes.size - ran} skipped " +
-                "($why); ${outcomes.sumOf { it.limits }} limits measured, ${outcomes.sumOf { it.limitsSkipped }} skipped " +
-                "(need reference)"
+                "($why); $limits limits measured, $lost skipped (need reference)"
         }
     }
 }

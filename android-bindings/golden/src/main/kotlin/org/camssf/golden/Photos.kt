@@ -101,7 +101,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         }
         val quads = forms.resolve(case.inputs.getValue("quads"))
         val pose = ChartPose("classic24", DoubleArray(8), quads.values, 0, "by hand", 1.0, emptyList())
-        val shading = LensShading.values().first { it.word == case.inputs.text("lens_shading") }
+        val shading = LensShading.of(case.inputs.text("lens_shading"))
         val found = PatchMeans.measure(photo!!, pose, white, dark, shading)
         val frames = mapOf("chart" to found.chart, "white" to found.white, "dark" to found.dark)
         return frames.flatMap { (name, frame) ->
