@@ -232,7 +232,10 @@ def determined(
 
 @cache
 def row_reader(basis: str) -> Any:
-    """The shipped model cut off before its first Loop, which whitens: gives (Σ | A | b); None without onnx."""
+    """The shipped model, opened where its rows are whitened: gives (turns, 3, N, ...) of (Σ | A | b | ...).
+
+    None without onnx. On `cameras` rows are formed in a Loop of one or two turns, of which the last counts.
+    """
     try:
         import onnx
     except ImportError:
@@ -241,9 +244,18 @@ def row_reader(basis: str) -> Any:
 
     model = onnx.load_from_string((resources.files("camssf") / "data" / f"camssf-{basis}.onnx").read_bytes())
     nodes = list(model.graph.node)
-    whiten_ = next(i for i, node in enumerate(nodes) if node.op_type == "Loop")
-    system = nodes[whiten_].input[2]
-    del model.graph.node[whiten_:], model.graph.output[:]
+    first = next(i for i, node in enumerate(nodes) if node.op_type == "Loop")
+    body = nodes[first].attribute[0].g
+    inner = next((node for node in body.node if node.op_type == "Loop"), None)
+    if inner is None:
+        system = nodes[first].input[2]
+        del model.graph.node[first:]
+    else:
+        system = "systems"
+        body.output.append(onnx.helper.make_tensor_value_info(inner.input[2], onnx.TensorProto.DOUBLE, None))
+        nodes[first].output.append(system)
+        del model.graph.node[first + 1 :]
+    del model.graph.output[:]
     model.graph.output.append(onnx.helper.make_tensor_value_info(system, onnx.TensorProto.DOUBLE, None))
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
@@ -258,8 +270,9 @@ def model_rows(problem: Problem, reference: Sensing) -> Sensing:
     if session is None:
         return reference
     (system,) = session.run(None, problem.inputs)
-    N = reference.target.shape[1]
-    own = Sensing(system[:, :, N:-1], system[:, :, -1], system[:, :, :N])
+    system = system[-1] if system.ndim == 4 else system
+    N, r = reference.target.shape[1], reference.matrix.shape[2]
+    own = Sensing(system[:, :, N : N + r], system[:, :, N + r], system[:, :, :N])
     alike = own.matrix.shape == reference.matrix.shape and np.allclose(
         own.matrix, reference.matrix, rtol=0, atol=1e-10 * float(np.abs(reference.matrix).max())
     )

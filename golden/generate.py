@@ -29,7 +29,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from golden import reading
 from golden.compare import METRICS, optimality, rmse
 from golden.reading import FORMAT, ROOT, GoldenError, Json, check, digest, paths, read_case, resolve
-from golden.running import basis_of, problem, run
+from golden.running import ABILITIES, basis_of, findings, problem, run
 
 GAP = 1e-9
 """Largest relative duality gap of any engine's answer."""
@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
         return _check_files(files)
     _write(files)
     size = sum(len(content) for content in files.values())
-    print(f"{len(files) - 4} cases, {size / 1e6:.1f} MB written")
+    print(f"{sum(name.startswith('cases/') for name in files)} cases, {size / 1e6:.1f} MB written")
     return 0
 
 
@@ -70,15 +70,21 @@ def _files() -> Iterable[tuple[str, bytes]]:
     from rich.console import Console
     from rich.progress import track
 
+    from golden.mosaics import mosaics
+    from golden.poses import poses
     from golden.scenes import cases
     from golden.tables import write_tables
+    from golden.verdicts import verdicts
 
     spectra = {f"spectra/{name}.json": _text(table) for name, table in write_tables().items()}
     reading.PENDING.update(spectra)
     yield from spectra.items()
     entries: dict[str, str] = {}
     faults: list[str] = []
-    scenes = list(cases())
+    scenes = [*mosaics(), *poses(), *cases(), *verdicts()]
+    photos = {name: content for scene in scenes for name, content in scene.get("files", {}).items()}
+    reading.PENDING.update(photos)
+    yield from sorted(photos.items())
     names = [scene["case"] for scene in scenes]
     if len(set(names)) < len(names):
         raise GoldenError(f"two cases share a name: {sorted({n for n in names if names.count(n) > 1})}")
@@ -101,6 +107,7 @@ def _files() -> Iterable[tuple[str, bytes]]:
         "count": len(entries),
         "generator": reading.generator_digest(),
         "spectra": {name: digest(content) for name, content in spectra.items()},
+        "dng": {name: digest(content) for name, content in sorted(photos.items())},
         "cases": dict(sorted(entries.items())),
     }
     yield "manifest.json", (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
@@ -116,7 +123,7 @@ def finish(scene: Json) -> Json:
         "stage": stage,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": _requires(stage, scene["expect"]),
+        "requires": _requires(stage) + scene.get("requires", []),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -124,6 +131,8 @@ def finish(scene: Json) -> Json:
         "truth": None,
         "limits": [],
     }
+    if stage == "mosaic" and scene["expect"] == "success":
+        return _written(made, scene)
     if scene["expect"] != "success":
         try:
             run(made)
@@ -146,6 +155,23 @@ def finish(scene: Json) -> Json:
             "measured": _truth(made, outputs["ssf"], scene["truth"], scene["rmse"]),
         }
     made["limits"] = _limits(made, scene)
+    return check(made)
+
+
+def _written(made: Json, scene: Json) -> Json:
+    """A case whose outputs are what was written; the reference must find them, where it can read them at all."""
+    made["outputs"] = scene["outputs"]
+    made["limits"] = _limits(made, scene)
+    broken = [finding for finding in findings(made) if not finding.holds]
+    if broken:
+        raise GoldenError(f"{made['case']}: {broken}")
+    if not set(made["requires"]) <= set(ABILITIES):
+        try:
+            run(made)
+        except CalibrationError as error:
+            if error.code == "unsupported_raw":
+                return check(made)
+        raise GoldenError(f"{made['case']}: requires {made['requires']}, but the reference does not refuse it")
     return check(made)
 
 
@@ -180,6 +206,11 @@ def _limits(made: Json, scene: Json) -> list[Json]:
 
     stage, outputs = made["stage"], made["outputs"]
     port: dict[str, list[tuple[str, str, float]]] = {
+        "mosaic": [(name, "norm" if name in _ROUNDED else "exact", 1e-15 if name in _ROUNDED else 0.0)
+                   for name in sorted(reading.OUTPUTS["mosaic"] - _METADATA)],
+        "pose": [("corners", "norm", 1e-9), ("quads", "norm", 1e-9), ("quarter_turns", "exact", 0.0),
+                 ("score", "norm", 1e-9), ("kept", "exact", 0.0)],
+        "patches": [(name, *_statistic(name, made["inputs"])) for name in sorted(reading.OUTPUTS["patches"])],
         "signals": [("signals", "norm", 1e-15), ("standard_error", "norm", 1e-14), ("used", "exact", 0.0),
                     ("assumptions", "exact", 0.0)],
         "sensing": [("matrix", "norm", 1e-12), ("target", "norm", 1e-12), ("covariance", "norm", 1e-12)],
@@ -189,8 +220,16 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                 ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14)],
         "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
                       ("ssf_std", "norm", 1e-10), ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14)],
+        "verdict": [("status", "exact", 0.0), ("codes", "exact", 0.0), ("fatal", "exact", 0.0),
+                    ("named", "exact", 0.0), ("values", "relative", 1e-8), ("thresholds", "relative", 1e-15),
+                    ("residual", "relative", 1e-8), ("prior", "relative", 1e-12), ("count", "exact", 0.0),
+                    ("z", "norm", 1e-8), ("gains", "norm", 1e-8)],
     }  # fmt: skip
     found = [limit(v, "outputs", m, bound) for v, m, bound in port[stage] if outputs[v] is not None]
+    if stage == "mosaic":
+        found += [limit(name, "outputs", "norm" if name in _ROUNDED else "exact",
+                        1e-15 if name in _ROUNDED else 0.0, "metadata")
+                  for name in sorted(_METADATA) if outputs[name] is not None]  # fmt: skip
     if stage == "solve" and scene["generic"]:
         found += [limit("code", "outputs", "norm", 1e-9), limit("pivots", "outputs", "exact", 0.0)]
     if stage == "calibrate":
@@ -205,9 +244,23 @@ def _limits(made: Json, scene: Json) -> list[Json]:
     return found
 
 
-def _requires(stage: str, expect: str) -> list[str]:
-    if stage == "signals":
-        return ["signals"]
+def _statistic(name: str, inputs: Json) -> tuple[str, float]:
+    """Metric and bound of a patch statistic: quotients of whole sums are exact, unless a gain is on them."""
+    plain = inputs.get("lens_shading") == "as-stored"
+    if name.endswith(("_standard_error", "_gradient")):
+        return "norm", 1e-13
+    return ("norm", 1e-15) if name.endswith(("_mean", "_greens")) and not plain else ("exact", 0.0)
+
+
+_METADATA = {"as_shot_white_xy", "noise_profile", "masked_areas", "bad_pixels"}
+"""Fields of a file that Python has no use for."""
+_ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_shot_white_xy"}
+"""Fields that are quotients."""
+
+
+def _requires(stage: str) -> list[str]:
+    if stage in ("mosaic", "pose", "patches", "signals", "verdict"):
+        return [stage]
     if stage == "calibrate":
         return ["signals", "model"]
     return ["model"] if stage == "ssf" else ["reference"]
@@ -299,13 +352,13 @@ def _place(files: dict[str, bytes]) -> None:
 def _write(files: dict[str, bytes]) -> None:
     """All files, and none that no scene makes."""
     _place(files)
-    for path in paths():
+    for path in [*paths(), *(ROOT / "dng").glob("*")]:
         if path.relative_to(ROOT).as_posix() not in files:
             path.unlink()
 
 
 def _check_files(files: dict[str, bytes]) -> int:
-    faults = [f"{path.relative_to(ROOT)}: no scene makes it" for path in paths()
+    faults = [f"{path.relative_to(ROOT)}: no scene makes it" for path in [*paths(), *(ROOT / "dng").glob("*")]
               if path.relative_to(ROOT).as_posix() not in files]  # fmt: skip
     same = 0
     for name, content in files.items():
@@ -363,7 +416,7 @@ def proofs(case: Json) -> list[tuple[float, float]]:
 
 def _manifest_drift(stored: Json, made: Json) -> list[str]:
     """Case hashes follow the cases, which are judged by themselves; all else must be equal."""
-    keys = ("format", "count", "generator", "spectra")
+    keys = ("format", "count", "generator", "spectra", "dng")
     faults = [f"manifest.json: {key} differs" for key in keys if stored.get(key) != made[key]]
     if set(stored.get("cases", {})) != set(made["cases"]):
         faults.append("manifest.json: another list of cases")

@@ -123,6 +123,8 @@ def _polish(
                 return None
             target = np.concatenate([y, np.zeros(S.shape[1])])
             x[support] = np.linalg.solve(R, Q.T @ target - gamma * np.linalg.solve(R.T, sign[support]))
+            off = S.T @ (target - S @ x[support]) - gamma * sign[support]  # what rounding left
+            x[support] += np.linalg.solve(R, np.linalg.solve(R.T, off))
         wrong = support & ((x < 0) if nonnegative else (x * sign < 0)) & ((gamma > 0) | nonnegative)
         if wrong.any():
             support &= ~wrong

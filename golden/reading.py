@@ -23,8 +23,11 @@ FIELDS = (
     "format", "case", "stage", "comment", "expect", "requires", "source", "inputs", "outputs", "oracle", "truth",
     "limits",
 )  # fmt: skip
-CAPABILITIES = ("signals", "reference", "model")
-"""signals: patch statistics → Eq. (5); reference: the algebra step by step; model: the algebra in one call."""
+CAPABILITIES = (
+    "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate", "jpeg-strips",
+    "scattered-strips", "jpeg-restart", "point-transform", "metadata",
+)  # fmt: skip
+"""What a runner may have; README.md explains each."""
 _PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
 _ROWS = {
     "basis", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
@@ -32,6 +35,9 @@ _ROWS = {
 }  # fmt: skip
 _SHOTS = {"shots", "patches", "white"}
 INPUTS: dict[str, set[str]] = {
+    "mosaic": {"dng"},
+    "pose": {"dng", "table", "corners"},
+    "patches": {"photo", "white", "dark", "quads", "lens_shading"},
     "signals": _SHOTS,
     "sensing": _ROWS | {"signals", "standard_error"},
     "weights": _PROBLEM | {"depths"},
@@ -39,18 +45,61 @@ INPUTS: dict[str, set[str]] = {
     "ssf": _ROWS | {"chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"},
     "calibrate": {"shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
                   "white_reflectance", "basis", "l2", "gamma", "nonnegative"},
+    "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
+                "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
+                "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
 }  # fmt: skip
+_STATISTICS = {"mean", "standard_error", "count", "clipped", "dead", "gradient", "greens"}
 OUTPUTS: dict[str, set[str]] = {
+    "mosaic": {
+        "sha256",
+        "width",
+        "height",
+        "samples_sha256",
+        "cfa",
+        "black",
+        "white",
+        "make",
+        "model",
+        "exposure",
+        "iso",
+        "orientation",
+        "color_matrix1",
+        "color_matrix2",
+        "as_shot_neutral",
+        "gain_maps",
+        "as_shot_white_xy",
+        "noise_profile",
+        "masked_areas",
+        "bad_pixels",
+    },
+    "pose": {"corners", "quads", "quarter_turns", "score", "kept"},
+    "patches": {f"{frame}_{name}" for frame in ("chart", "white", "dark") for name in _STATISTICS}
+    | {"black", "saturation"},
     "signals": {"signals", "standard_error", "used", "assumptions"},
     "sensing": {"matrix", "target", "covariance"},
     "weights": {"rho", "W", "z"},
     "solve": {"code", "objective", "gap", "pivots"},
     "ssf": {"ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"},
     "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain"},
+    "verdict": {
+        "status",
+        "codes",
+        "fatal",
+        "values",
+        "thresholds",
+        "named",
+        "residual",
+        "prior",
+        "count",
+        "z",
+        "gains",
+    },
 }
 ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}
 AGAINST = ("outputs", "oracle", "truth")
 _FRAME = {"mean", "standard_error", "clipped"}
+_FULL_FRAME = _FRAME | {"count", "dead", "greens"}
 
 
 class GoldenError(ValueError):
@@ -85,7 +134,7 @@ def check(case: Json) -> Json:
         _keys(f"{name}: shot", shot, {"chart", "white", "dark", "black", "saturation"})
         for frame in ("chart", "white", "dark"):
             if shot[frame] is not None:
-                _keys(f"{name}: {frame}", shot[frame], _FRAME)
+                _keys(f"{name}: {frame}", shot[frame], _FULL_FRAME if stage == "verdict" else _FRAME)
     if case["expect"] != "success":
         empty = case["outputs"] is None and case["oracle"] is None and case["truth"] is None and not case["limits"]
         _need(empty, f"{name}: an error has no outputs, oracle, truth or limits")
@@ -149,6 +198,11 @@ def spectra(name: str) -> Json:
 def _parsed(content: bytes) -> Json:
     parsed: Json = json.loads(content)
     return parsed
+
+
+def dng(name: str) -> bytes:
+    """golden/dng/<name>, from the generator's memory or from its file."""
+    return _content(f"dng/{name}")
 
 
 PENDING: dict[str, bytes] = {}

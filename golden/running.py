@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,22 +12,33 @@ import numpy as np
 from camssf.basis import Basis, gaussian_basis, read_basis
 from camssf.calibrate import solve as calibrate_capture
 from camssf.capture import Capture, Photo, Shot
-from camssf.chart import Pose
+from camssf.chart import Pose, find_chart
 from camssf.engine import load_model
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
-from camssf.patches import FrameMeans, PatchMeans
+from camssf.mosaic import Mosaic, read_dng
+from camssf.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.sensing import Sensing, sense
-from camssf.signals import normalise
-from camssf.spectra import ChartTable, Lamp
-from camssf.ssf import recover
+from camssf.signals import Signals, normalise
+from camssf.spectra import ChartTable, Lamp, read_chart
+from camssf.ssf import Ssf, recover
 from camssf.unrolled import solve
+from camssf.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
+from camssf.verdict import judge as weigh
 from golden.compare import METRICS, optimality
-from golden.reading import CAPABILITIES, Json, resolve
+from golden.reading import CAPABILITIES, Json, digest, dng, resolve
 
 ENGINES = ("reference", "onnx")
+VERDICT_NUMBERS = {
+    "reflectance", "chart_tolerance", "white_reflectance", "lamp", "lamp_modes", "signals", "standard_error", "white",
+    "dark", "centres", "ssf", "ssf_std", "code", "predicted",
+}  # fmt: skip
+"""Of a verdict's inputs those that are arrays."""
 BY_MODEL = ("ssf", "calibrate")
 """Stages that the ONNX model can run; the others are the reference's own steps."""
+LACKING = {"deflate", "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata"}
+"""What Python's reader does not do; a phone's may."""
+ABILITIES = tuple(name for name in CAPABILITIES if name not in LACKING)
 
 
 class Finding(NamedTuple):
@@ -48,6 +62,10 @@ def basis_of(spec: Any) -> Basis:
 
 def arrays(case: Json) -> dict[str, Any]:
     """The case's inputs with every form resolved."""
+    plain_numbers = {"mosaic": set(), "pose": {"corners"}, "patches": {"quads"}, "verdict": VERDICT_NUMBERS}
+    numbers = plain_numbers.get(case["stage"])
+    if numbers is not None:
+        return {key: resolve(value) if key in numbers else value for key, value in case["inputs"].items()}
     plain = ("basis", "shots")
     return {key: value if key in plain else resolve(value) for key, value in case["inputs"].items()}
 
@@ -60,10 +78,14 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
     """
     given = arrays(case)
     stages = {
+        "mosaic": _mosaic,
+        "pose": _pose,
+        "patches": _patches,
         "signals": _signals,
         "sensing": _sensing,
         "weights": _weights,
         "solve": _solve,
+        "verdict": _verdict,
     }
     if case["stage"] in stages:
         return stages[case["stage"]](given)
@@ -72,7 +94,7 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
     return _ssf(given, engine, case["expect"] == "success")
 
 
-def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...] = CAPABILITIES) -> list[Finding]:
+def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...] = ABILITIES) -> list[Finding]:
     """Every limit of the case, measured; for an error case whether the code is the expected one."""
     lacking = sorted(set(case["requires"]) - set(capabilities))
     if lacking:
@@ -86,7 +108,7 @@ def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...
     return [*judge(case, outputs, capabilities), *_complete(case, outputs)]
 
 
-def judge(case: Json, outputs: dict[str, Any], capabilities: tuple[str, ...] = CAPABILITIES) -> list[Finding]:
+def judge(case: Json, outputs: dict[str, Any], capabilities: tuple[str, ...] = ABILITIES) -> list[Finding]:
     """Hold outputs to the limits."""
     found = []
     for limit in case["limits"]:
@@ -116,7 +138,7 @@ def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
     return [
         Finding(f"{name} is absent", float(outputs[name] is not None and not np.isnan(outputs[name]).all()), 0.0)
         for name, value in case["outputs"].items()
-        if value is None
+        if value is None and name in outputs
     ]
 
 
@@ -207,6 +229,69 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
     return found | {"objective": np.array([objective for objective, _ in proofs])}
 
 
+def _read(name: str) -> Mosaic:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(dng(name))
+        return read_dng(path)
+
+
+def _mosaic(given: dict[str, Any]) -> dict[str, Any]:
+    """What the reader finds; the fields of `metadata` are not read by Python."""
+    found = _read(given["dng"])
+    height, width = found.samples.shape
+    names = ("sha256", "cfa", "white", "make", "model", "exposure", "iso", "orientation")
+    maps = [
+        {
+            "list": each.stage,
+            "area": [each.top, each.left, each.bottom, each.right],
+            "plane": each.plane,
+            "planes": each.planes,
+            "row_pitch": each.row_pitch,
+            "column_pitch": each.column_pitch,
+            "spacing": list(each.spacing),
+            "origin": list(each.origin),
+            "gains": each.gains.tolist(),
+        }
+        for each in found.gain_maps
+    ]
+    more = {name: getattr(found, name) for name in ("color_matrix1", "color_matrix2", "as_shot_neutral")}
+    return {
+        **{name: getattr(found, name) for name in names},
+        **{name: None if value is None else value.ravel() for name, value in more.items()},
+        "width": width,
+        "height": height,
+        "samples_sha256": digest(found.samples.astype("<u2").tobytes()),
+        "black": found.black.ravel(),
+        "gain_maps": maps,
+    }
+
+
+def _pose(given: dict[str, Any]) -> dict[str, Any]:
+    pose = find_chart(_read(given["dng"]), read_chart(given["table"]), corners=given["corners"])
+    return {
+        "corners": pose.corners,
+        "quads": pose.patches,
+        "quarter_turns": pose.quarter_turns,
+        "score": pose.score,
+        "kept": bool(pose.notes),
+    }
+
+
+def _patches(given: dict[str, Any]) -> dict[str, Any]:
+    photos = {role: given[role] and _read(given[role]) for role in ("photo", "white", "dark")}
+    pose = Pose("classic24", np.zeros((4, 2)), given["quads"], 0, "by hand", 1.0, ())
+    means = measure_patches(
+        photos["photo"], pose, white=photos["white"], dark=photos["dark"], lens_shading=given["lens_shading"]
+    )
+    found: dict[str, Any] = {"black": means.black, "saturation": means.saturation}
+    for frame in ("chart", "white", "dark"):
+        statistics = getattr(means, frame)
+        for name in FrameMeans.__annotations__:
+            found[f"{frame}_{name}"] = None if statistics is None else getattr(statistics, name)
+    return found
+
+
 def _signals(given: dict[str, Any]) -> dict[str, Any]:
     table = _table(np.ones((given["patches"], 681)), 0.03, given["white"])
     signals = normalise([_means(shot) for shot in given["shots"]], table)
@@ -215,6 +300,60 @@ def _signals(given: dict[str, Any]) -> dict[str, Any]:
         "standard_error": signals.standard_error,
         "used": signals.used.tolist(),
         "assumptions": [assumption.code for assumption in signals.assumptions],
+    }
+
+
+def _verdict(given: dict[str, Any]) -> dict[str, Any]:
+    """`camssf.verdict.judge`, and the numbers of rules 1 to 3 that it weighed."""
+    table = replace(_table(given["reflectance"], 0.0, 18), tolerance=given["chart_tolerance"])
+    used = np.array(given["used"], bool)
+    signals = Signals(
+        given["signals"], given["standard_error"], given["white"], given["white"], given["dark"], used,
+        np.array(given["white_is_patch"], bool), (),
+    )  # fmt: skip
+    lamps = [
+        Lamp("golden", values, float(tolerance), modes, "golden/spectra")
+        for values, tolerance, modes in zip(given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True)
+    ]
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    poses = [
+        Pose("classic24", square, centres[:, None] + square, 0, "by hand", score, ())
+        for centres, score in zip(given["centres"], given["scores"], strict=True)
+    ]
+    rho = np.ravel(given["white_reflectance"])
+
+    def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
+        return Ssf(
+            curves, std, code, predicted, np.zeros(3), np.zeros(3), 1.0, np.ones(3), "golden", "golden", given["lamp"]
+        )
+
+    ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
+    alone = [answer(*(resolve(a[key]) for key in ("ssf", "code", "predicted")), ssf.std) for a in given["alone"]]
+    rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
+    neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
+    shots = [_means(shot) for shot in given["shots"]]
+    verdict = weigh(
+        signals, table, shots, poses, lamps, ssf, white_reflectance=rho, white_tolerance=given["white_tolerance"],
+        rivals=rivals, neutrals=neutrals, alone=alone,
+    )  # fmt: skip
+    joint = surprise(signals, table, lamps, ssf, rho, given["white_tolerance"])
+    each = [
+        surprise(only(signals, j), table, [lamps[j]], shot_answer(a, j), rho, given["white_tolerance"], pose=poses[j])
+        for j, a in enumerate(alone or [ssf] * len(shots))
+    ]  # fmt: skip
+    found = [accused(one) for one in each]
+    return {
+        "status": verdict.status,
+        "codes": [reason.code for reason in verdict.reasons],
+        "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
+        "values": [float(reason.value or 0.0) for reason in verdict.reasons] or None,
+        "thresholds": [float(reason.threshold or 0.0) for reason in verdict.reasons] or None,
+        "named": [None if s is None else s.kind if s.patch is None else f"{s.kind} {s.patch}" for s in found],
+        "residual": joint.residual,
+        "prior": joint.prior,
+        "count": joint.count,
+        "z": np.array([joint.z, *(one.z for one in each)]),
+        "gains": np.array([suspect.gain for one in each for suspect in one.suspects]),
     }
 
 
@@ -279,4 +418,6 @@ def _frame(frame: Json | None) -> FrameMeans | None:
         return None
     mean, error, clipped = (resolve(frame[key]) for key in ("mean", "standard_error", "clipped"))
     still = np.zeros_like(mean)
-    return FrameMeans(mean, error, np.full(mean.shape, 400), clipped, still, still, mean[:, [1, 1]])
+    count = np.array(frame.get("count", np.full(mean.shape, 400)), np.int64)
+    dead, greens = (np.array(frame.get(key, other)) for key, other in (("dead", still), ("greens", mean[:, [1, 1]])))
+    return FrameMeans(mean, error, count, clipped, dead, still, greens)

@@ -21,6 +21,8 @@ NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
 GAINS = (0.55, 1.0, 0.7)
 ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
+FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
+"""Modes of a daylight and of a white LED that may be far off, as polynomials."""
 EIGHTEEN = list(range(1, 19))
 NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
@@ -211,9 +213,19 @@ def _ssf_cameras() -> Iterator[Case]:
         lamp_tolerance=0.02, rmse=0.06,
     )  # fmt: skip
     yield scene(
-        "cameras-lamp-modes", "Two modes of each lamp's logarithm, a tilt and a bow; one shot has only the first.",
+        "cameras-lamp-modes", "Two modes of each lamp, a tilt and a bow; one shot has only the first.",
         lamps=["D55", "A"], modes=[[[0.0, 0.08], [0.0, 0.0, 0.05]], [[0.0, 0.12], [0.0]]], lamp_tolerance=0.01,
         rmse=0.06,
+    )  # fmt: skip
+    yield scene(
+        "cameras-lamp-family", "D55 and LED-B3, told as flat lamps that may be far off: a second look.",
+        lamps=["D55", "LED-B3"], modes=FAMILY, lamp_tolerance=0.05, rmse=0.07,
+        change={"lamp": {"lamps": ["equal-energy"] * 2}},
+    )  # fmt: skip
+    yield scene(
+        "cameras-lamp-one-of-two", "A lamp known and one that is not: only the second takes ŷ for y in its rows.",
+        lamps=["D55", "LED-B3"], modes=[[[0.0]] * 3, FAMILY[1]], lamp_tolerance=0.05, rmse=0.07,
+        change={"lamp": {"lamps": ["D55", "equal-energy"]}},
     )  # fmt: skip
     white = {"polynomials": [[[0.9, -0.02, 0.01]]]}
     yield scene(
@@ -453,6 +465,9 @@ def _calibrate_cases() -> Iterator[Case]:
                     truth=NIKON, rmse=0.05)  # fmt: skip
     yield calibrate("modes", "A lamp of uncertain temperature: one mode.", [shot],
                     lamp_modes={"polynomials": [[[0.0, 0.1]]]}, truth=NIKON, rmse=0.08)  # fmt: skip
+    yield calibrate("families", "Two lamps known by their kind alone: predicted under the lamps as found.",
+                    _frames(NIKON, ["D55", "A"]), ["equal-energy"] * 2, lamp_modes={"polynomials": FAMILY},
+                    truth=NIKON, rmse=0.08)  # fmt: skip
     yield calibrate("paper", "The paper's basis with a given γ; no band.", [shot], basis="gaussian", gamma=1.0,
                     truth=NIKON, rmse=0.15)  # fmt: skip
     for name, comment, code, shots, _ in _faulty():
@@ -481,9 +496,11 @@ def _sensing_cases() -> Iterator[Case]:
     yield sensing("cameras-chart", "The chart's error: one a patch, the same under both lamps.", few, ["D55", "A"],
                   white_tolerance=0.0)  # fmt: skip
     yield sensing("cameras-white", "The white's error: common to all rows.", few, ["D55", "FL2"], chart_tolerance=0.0)
-    yield sensing("cameras-lamp", "Each lamp's own error: smooth, and a mode.", few, ["A", "LED-B3"],
-                  chart_tolerance=0.0, white_tolerance=0.0, lamp_tolerance=0.02,
-                  modes=[[[0.0, 0.1]], [[0.02, 0.0, -0.05]]])  # fmt: skip
+    yield sensing("cameras-lamp", "Each lamp's own error, smooth.", few, ["A", "LED-B3"],
+                  chart_tolerance=0.0, white_tolerance=0.0, lamp_tolerance=0.02)  # fmt: skip
+    yield sensing("cameras-modes", "Modes: rows about what a first look finds, each channel told by the others.", few,
+                  ["D55", "LED-B3"], modes=FAMILY, lamp_tolerance=0.02,
+                  change={"lamp": {"lamps": ["equal-energy"] * 2}})  # fmt: skip
     yield sensing("cameras-two-lamps", "Everything at once: 12 patches, two shots.", TWELVE, ["D55", "A"],
                   lamp_tolerance=0.02)  # fmt: skip
     yield sensing("gaussian-twelve", "The paper's rows F Ψ x = y, 12 patches.", TWELVE, basis="gaussian",

@@ -29,7 +29,7 @@ def write_tables() -> dict[str, Json]:
             "origin": f"{science}: BabelColor Average and ColorChecker N Ohta, by camssf.spectra.read_chart",
             "licence": "BSD-3-Clause",
             "grid": grid,
-            "values": {name: _rounded(read_chart(spec).values) for name, spec in CHARTS.items()},
+            "values": {name: _settled(name, read_chart(spec).values) for name, spec in CHARTS.items()},
         },
         "lamps": {
             "origin": f"{science}: CIE illuminants, scaled to a mean of 1, by camssf.spectra.read_lamp",
@@ -54,6 +54,16 @@ def _cameras(path: Path) -> Json:
         "grid": "380 to 720 nm every 5 nm, straight between",
         "values": {name: _rounded(curves[name]) for name in CAMERAS},
     }
+
+
+def _settled(name: str, values: Floats) -> list[list[float]] | list[float]:
+    """Rounded, but where a value lies between two roundings, its last bit shall not choose: the stored one stays."""
+    rounded = np.array(_rounded(values))
+    if (ROOT / "spectra" / "charts.json").exists():
+        stored = np.array(spectra("charts")["values"][name])
+        tie = np.abs(values - stored) < 0.5 * 10.0**-DECIMALS + 1e-14
+        rounded = np.where(tie, stored, rounded)
+    return _rounded(rounded)
 
 
 def _rounded(values: Floats) -> list[list[float]] | list[float]:

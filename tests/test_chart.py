@@ -166,6 +166,20 @@ def test_corners_by_hand_from_any_corner_either_way_around(first: int, way: int)
     assert (pose.method, pose.quarter_turns, pose.notes) == ("by hand", 1, ())
 
 
+@pytest.mark.parametrize("scene", [Scene(fill=0.5, rotation=20, tilt=15), Scene(fill=0.25, rotation=190, blur=2.0)])
+def test_corners_by_hand_half_a_patch_off(scene: Scene) -> None:
+    """All the same way, or each another way: by half the patch's edge, in eight directions."""
+    frames, photo = photo_of(scene)
+    half = np.linalg.norm(frames.pose.patches[0, 1] - frames.pose.patches[0, 0]) / 2
+    for turn in range(8):
+        angles = np.pi / 4 * (turn + np.array([[0, 0, 0, 0], [0, 3, 5, 2]]))
+        for angle in angles:
+            by_hand = frames.pose.corners + half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            pose = find_chart(photo, table(), corners=by_hand)
+            assert pose.notes == ()
+            assert worst(pose, frames.pose) < 0.03
+
+
 def test_corners_by_hand_far_from_the_borders_are_kept() -> None:
     frames, photo = photo_of(Scene())
     pitch = frames.pose.patches[1, 0, 0] - frames.pose.patches[0, 0, 0]

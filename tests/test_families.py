@@ -8,8 +8,13 @@ import pytest
 from camssf import recover
 from camssf.errors import InvalidArgument
 from camssf.families import FAMILIES, Kind, logarithm, principal_modes
+from camssf.grid import Floats
 from camssf.spectra import read_lamp, with_tolerance
 from tests.problems import chart_and_lamp, theory, toy_camera
+
+
+def floored(power: Floats) -> Floats:
+    return np.maximum(power, 1e-3 * power.max())
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -18,7 +23,8 @@ def test_a_family_is_a_mean_and_modes(name: str) -> None:
     assert lamp.values.mean() == pytest.approx(1.0)
     assert (lamp.values > 0).all()
     assert len(lamp.modes) >= 1
-    assert lamp.modes.mean(axis=1) == pytest.approx(np.zeros(len(lamp.modes)), abs=1e-12)  # a scale is no evidence
+    weight = floored(lamp.values) if isinstance(FAMILIES[name], Kind) else np.ones_like(lamp.values)
+    assert lamp.modes @ weight == pytest.approx(np.zeros(len(lamp.modes)), abs=1e-10)  # a scale is no evidence
 
 
 @pytest.mark.parametrize(
@@ -36,15 +42,17 @@ def test_one_temperature_mode_reaches_its_neighbours(family: str, warm: str, coo
 def test_modes_are_the_members_own_spread(name: str) -> None:
     family = FAMILIES[name]
     assert isinstance(family, Kind)
-    logs = logarithm(np.stack([read_lamp(member).values for member in family.members]))
-    lamp = read_lamp(name)
-    residual = logs - logs.mean(axis=0)
-    codes = np.linalg.lstsq(lamp.modes.T, residual.T, rcond=None)[0]
-    assert codes.std(axis=1, ddof=1) == pytest.approx(np.ones(len(lamp.modes)))  # one standard deviation long
-    mean, modes = principal_modes([read_lamp(m).values for m in family.members], 99)
-    assert len(modes) == len(family.members) - 1
-    everything = np.linalg.lstsq(modes.T, (logs - logarithm(mean)).T, rcond=None)[1]
-    assert np.abs(everything).max(initial=0.0) < 1e-18 * logs.size or not everything.size
+    lamps = np.stack([read_lamp(member).values for member in family.members])
+    lamps /= lamps.mean(axis=1, keepdims=True)
+    lamp, n = read_lamp(name), len(lamps)
+    assert lamp.values == pytest.approx(lamps.mean(axis=0))
+    # A sample of n tells (n - 1) / (n - 3) (1 + 1 / n) too little of the variance of one lamp more.
+    off = np.linalg.lstsq((lamp.modes * floored(lamp.values)).T, (lamps - lamp.values).T, rcond=None)[0]
+    assert off.var(axis=1, ddof=1) == pytest.approx(np.full(len(lamp.modes), (n - 3) / (n - 1) / (1 + 1 / n)))
+    mean, modes = principal_modes(list(lamps), 99)
+    assert len(modes) == n - 1
+    modes = modes * floored(mean)
+    assert np.cov(lamps.T) * (n - 1) / (n - 3) * (1 + 1 / n) == pytest.approx(modes.T @ modes)
 
 
 def test_a_temperature_tolerance_is_the_change_over_it() -> None:

@@ -14,13 +14,14 @@ from camssf.basis import interpolate, read_basis
 from camssf.engine import SHIPPED, load_model
 from camssf.grid import WAVELENGTHS
 from camssf.sensing import anchor
-from golden import compare, generate, reading
+from golden import compare, generate, poses, reading
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
-from golden.running import findings, judge, problem, run
+from golden.running import ABILITIES, findings, judge, problem, run
 
 Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 SOUND = [name for name, case in CASES.items() if case["expect"] == "success"]
+RUNNABLE = [name for name in SOUND if set(CASES[name]["requires"]) <= set(ABILITIES)]
 SOLVED = [name for name in SOUND if CASES[name]["oracle"]]
 MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 
@@ -35,6 +36,11 @@ def test_the_manifest_names_every_file() -> None:
     assert found == MANIFEST["cases"]
     tables = {f"spectra/{p.name}": reading.digest(p.read_bytes()) for p in (ROOT / "spectra").glob("*.json")}
     assert tables == MANIFEST["spectra"]
+    photos = {p.name: reading.digest(p.read_bytes()) for p in (ROOT / "dng").iterdir()}
+    assert photos == {name.removeprefix("dng/"): value for name, value in MANIFEST["dng"].items()}
+    roles = {"mosaic": ("dng",), "pose": ("dng",), "patches": ("photo", "white", "dark")}
+    used = {case["inputs"][role] for case in CASES.values() for role in roles.get(case["stage"], ())}
+    assert used - {None} == set(photos)
 
 
 def test_the_files_were_made_by_these_sources() -> None:
@@ -163,9 +169,11 @@ def test_what_the_issue_lists_is_there() -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_reference_keeps_every_limit(name: str) -> None:
+    if lacking := set(CASES[name]["requires"]) - set(ABILITIES):
+        pytest.skip(f"Python's reader lacks {', '.join(sorted(lacking))}")
     found = findings(CASES[name])
     assert found
-    assert not [finding for finding in found if not finding.holds or finding.skipped]
+    assert not [finding for finding in found if not finding.holds or finding.skipped not in ("", "needs metadata")]
 
 
 @pytest.mark.parametrize("name", SOLVED)
@@ -231,7 +239,6 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
                 A[row] = (fold - y * fold_white) @ basis.dictionary[c]
                 expected = fold @ mu
                 bend = (fold - expected * fold_white) * mu
-                modes = np.array([np.sum(bend * mode) for mode in g["lamp_modes"][j]])
                 parts.append(
                     (
                         i, j,
@@ -240,19 +247,53 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
                         g["chart_tolerance"][i] * 70 * (np.gradient(R, 0.5) * L * 0.5 / W[j] @ straight) * mu[::10],
                         g["white_tolerance"] * expected * (fold_white @ straight) * mu[::10],
                         g["lamp_tolerance"][j] * ((fold - expected * fold_white) @ straight) * mu[::10],
-                        modes,
                     )
                 )  # fmt: skip
                 noise = g["standard_error"][j, i, c] ** 2 + (g["chart_tolerance"][i] * y / 20) ** 2
                 sigma[row, row] = max(noise, 1e-8)
-        for p, (i, j, chart, floor, edge, white, lamp, modes) in enumerate(parts):
-            for q, (i2, j2, chart2, floor2, edge2, white2, lamp2, modes2) in enumerate(parts):
+        for p, (i, j, chart, floor, edge, white, lamp) in enumerate(parts):
+            for q, (i2, j2, chart2, floor2, edge2, white2, lamp2) in enumerate(parts):
                 sigma[p, q] += (i == i2) * chart @ kernel[100.0] @ chart2 + white @ kernel[100.0] @ white2
                 sigma[p, q] += (i == i2) * (floor @ kernel[25.0] @ floor2 + edge @ kernel[25.0] @ edge2)
-                sigma[p, q] += (j == j2) * (lamp @ kernel[60.0] @ lamp2 + modes @ modes2)
+                sigma[p, q] += (j == j2) * lamp @ kernel[60.0] @ lamp2
         assert compare.norm(case["outputs"]["matrix"][c], A) < 1e-11
         # sensing.py smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid
         assert compare.norm(case["outputs"]["covariance"][c], sigma) < 2e-3
+
+
+DRAWN = {f"turned-{turns}": poses.turned(24, turns) for turns in range(4)} | {
+    **{f"half-a-patch-{how}": poses.turned(24, 0) for how in ("together", "apart")},
+    "tilted": poses.TILTED,
+    "reduced-2": poses.turned(90, 1, margin=90),
+    "reduced-3": poses.turned(128, 1, margin=128),
+}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_poses_are_where_the_chart_was_drawn(name: str) -> None:
+    """To a fiftieth of the pitch; the drawing's own inverse says where."""
+    outputs, view = CASES[f"pose/{name}"]["outputs"], DRAWN[name]
+    quads = view.quads()
+    pitch = np.linalg.norm(quads[1].mean(axis=0) - quads[0].mean(axis=0))
+    assert np.linalg.norm(np.array(outputs["corners"]) - view.corners(), axis=1).max() < 0.02 * pitch
+    assert np.linalg.norm(np.array(outputs["quads"]) - quads, axis=2).max() < 0.03 * pitch
+    if name.startswith("turned"):
+        assert outputs["quarter_turns"] == int(name[-1])
+
+
+def test_patch_means_are_what_was_drawn() -> None:
+    """Nothing but the patch lies in the measured part: its level, and the mean of the unrest."""
+    outputs = CASES["patches/chart-alone"]["outputs"]
+    assert np.array(outputs["chart_mean"]) == pytest.approx(poses.levels(), abs=3.0)
+    applied, stored = (CASES[f"patches/shading-{word}"]["outputs"] for word in ("applied", "stored"))
+    above = np.array(stored["chart_mean"]) - poses.BLACK
+    gain = (np.array(applied["chart_mean"]) - poses.BLACK) / above
+    # the map of the red positions: 1 + (3 i + 2 j) / 32, i and j linear in the place of the patch's centre
+    centres = poses.turned(24, 0).quads().mean(axis=1) + 0.5
+    width, height = poses.turned(24, 0).size
+    red = 1 + (3 * 3 * centres[:, 1] / height + 2 * 4 * centres[:, 0] / width) / 32
+    assert gain[:, 0] == pytest.approx(red, rel=1e-5)
+    assert gain[:, 2] == pytest.approx(red + 3 / 32, rel=1e-5)
 
 
 def test_a_quarter_is_a_quarter() -> None:
@@ -268,12 +309,14 @@ def test_the_zero_code_is_the_basis_mean() -> None:
 # -- able to fail -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SOUND)
+@pytest.mark.parametrize("name", RUNNABLE)
 def test_a_falsified_value_breaks_its_limit(name: str) -> None:
     """Every limit by itself, with the answer just outside its bound."""
     case = CASES[name]
     outputs = run(case)
     for limit in case["limits"]:
+        if limit["requires"] == ["metadata"]:
+            continue  # Python does not read it
         false = dict(outputs)
         value, bound, metric = limit["value"], limit["bound"]["float64"], limit["metric"]
         if metric == "exact":

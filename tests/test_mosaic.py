@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, NotSensorRaw, RawError, UnreadableRaw, UnsupportedRaw
 from camssf.mosaic import Mosaic, read_dng
-from tests.make_dng import (
+from golden.dngs import (
     ASCII,
     BAD_PIXELS,
     BYTE,
@@ -100,10 +100,9 @@ def test_uncompressed_samples_come_back(tmp_path: Path, bits: int, order: str, l
 
 @pytest.mark.parametrize(
     "layout",
-    [{}, {"tile": (32, 32)}, {"tile": (32, 32), "reverse_pieces": True}, {"tile": (48, 64), "in_subifd": True}],
+    [{}, {"tile": (32, 32)}, {"tile": (32, 32), "reverse_pieces": True}, {"tile": (48, 64), "place": "sub"}],
 )
 def test_lossless_jpeg_comes_back(tmp_path: Path, layout: dict[str, Any]) -> None:
-    pytest.importorskip("imagecodecs", reason="imagecodecs writes the lossless JPEG")
     samples = ramp(70, 100)
     found = read(tmp_path, samples=samples, bits=14, compression=7, **layout)
     np.testing.assert_array_equal(found.samples, samples)
@@ -180,7 +179,7 @@ def test_what_the_file_says(tmp_path: Path) -> None:
     }
     exif = {33434: (RATIONAL, [1, 50]), 34855: (SHORT, [400])}
     tags = {51009: opcode_list(BAD_PIXELS, GAIN_MAP)}
-    path = write(tmp_path, Dng(noise(), order=">", in_subifd=True, first=first, exif=exif, tags=tags))
+    path = write(tmp_path, Dng(noise(), order=">", place="sub", first=first, exif=exif, tags=tags))
     found = read_dng(path)
     assert (found.make, found.model, found.orientation) == ("Acme", "Phone 7", 6)
     assert (found.exposure, found.iso, found.gain_map) == (0.02, 400, True)
@@ -276,6 +275,12 @@ REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
         UnreadableRaw,
         "opcode",
     ),
+    "JPEG restarts, predictor 6": (
+        of(compression=7, jpeg={"restart_rows": 4, "predictor": 6}),
+        UnsupportedRaw,
+        "predictor 6 and restart intervals",
+    ),
+    "JPEG point transform": (of(compression=7, jpeg={"transform": 2}), UnsupportedRaw, "point transform"),
     "too small for LibRaw": (Dng(noise(4, 6)).encode(), UnsupportedRaw, "LibRaw"),
 }
 
@@ -331,11 +336,11 @@ def odd_ones() -> dict[str, bytes]:
     files = {
         "plain": Dng(noise()),
         "packed": Dng(noise(bits=12), bits=12, rows_per_strip=10),
-        "rich": Dng(noise(), order=">", in_subifd=True, tags=rich, exif={33434: (RATIONAL, [1, 50])}),
+        "rich": Dng(noise(), order=">", place="sub", tags=rich, exif={33434: (RATIONAL, [1, 50])}),
     }
     encoded = {name: dng.encode() for name, dng in files.items()}
     with suppress(ImportError):
-        encoded["jpeg"] = Dng(ramp(), bits=14, compression=7, tile=(32, 32), in_subifd=True).encode()
+        encoded["jpeg"] = Dng(ramp(), bits=14, compression=7, tile=(32, 32), place="sub").encode()
     return encoded
 
 

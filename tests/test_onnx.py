@@ -12,6 +12,7 @@ import pytest
 from camssf.basis import read_basis
 from camssf.engine import SHIPPED, Model, load_model
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import read_lamp
 from camssf.ssf import Ssf, recover
 from golden.compare import norm, optimality, peak
 from golden.reading import paths, read_case
@@ -83,10 +84,27 @@ def test_seeded_problems(seed: int) -> None:
     assert reference.gap.max() <= 1e-9
     assert norm(onnx.values, reference.values) <= 1e-10
     assert norm(onnx.predicted, reference.predicted) <= 1e-10
+    assert norm(onnx.lamp, reference.lamp) <= 1e-10
     if reference.std is None:
         assert onnx.std is None
     else:
         assert norm(onnx.std, reference.std) <= 1e-10
+
+
+@pytest.mark.parametrize("seed", range(0, 24, 2))
+def test_lamps_of_a_family(seed: int) -> None:
+    """As above, told of one lamp or all that they are any white LED or daylight: two turns of the outer loop."""
+    a = seeded(seed)
+    k = len(a["lamp"])
+    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes[-1] = read_lamp("white-led").modes
+    if seed % 4:
+        modes[0, 0] = read_lamp("daylight").modes[0]
+    onnx, reference = both(a | {"lamp_modes": modes})
+    for name in ("values", "predicted", "lamp", "std"):
+        assert norm(getattr(onnx, name), getattr(reference, name)) <= 1e-10
+    assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
+    assert norm(onnx.lamp[-1], a["lamp"][-1]) > 1e-3
 
 
 @pytest.mark.parametrize("seed", range(0, 12, 3))

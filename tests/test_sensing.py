@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from camssf import recover
 from camssf.basis import NODES, interpolate, read_basis
+from camssf.families import FAMILIES, Kind, principal_modes
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.sensing import CHART_CORRELATION, Sensing, anchor, sense, smooth_errors
+from camssf.spectra import read_lamp
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 
@@ -144,3 +147,110 @@ def test_lamp_and_white_scales_leave_rows_alone() -> None:
     one, other = rows(y, reflectance, lamp[None]), rows(y, reflectance, 1e4 * STEP * lamp[None])
     assert other.matrix == pytest.approx(one.matrix)
     assert other.target == pytest.approx(one.target)
+
+
+def test_a_lamp_with_modes_is_one_unknown_of_three_channels() -> None:
+    """Small modes: each channel's posterior is that of a joint problem in three codes and u, solved by itself."""
+    basis = read_basis("cameras")
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    _, bulb = chart_and_lamp("A")
+    lamps, size = np.stack([day, bulb]), 0.01
+    modes = size * np.stack(
+        [[np.sin(WAVELENGTHS / 60), 0 * WAVELENGTHS], [WAVELENGTHS / 550 - 1, np.cos(NODES[0] + WAVELENGTHS / 40)]]
+    )
+    rng = np.random.default_rng(8)
+    code, u = 0.02 * rng.normal(size=(3, 24)), np.array([[1.0, 0.0], [-1.5, 0.7]])
+    book = anchor(basis, day)
+    camera = (book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T
+
+    def see(codes: Floats, off: Floats) -> Floats:
+        s = (book.mean + np.einsum("cmr,cr->cm", book.dictionary, codes)).T
+        return np.stack([theory(reflectance, L, s) for L in lamps * (1 + np.einsum("kq,kqm->km", off, modes))])
+
+    y, error = see(code, u), np.full((2, 24, 3), 2e-4)
+    assert y[0] == pytest.approx(theory(reflectance, lamps[0] * (1 + modes[0, 0]), camera))
+    found = rows(y, reflectance, lamps, lamp_modes=modes, standard_error=error)
+    plain = rows(y, reflectance, lamps, standard_error=error)
+    precision, pull = np.eye(3 * 24 + 4), np.zeros(3 * 24 + 4)
+    for c in range(3):
+        steps = [(see(0 * code, e) - see(0 * code, -e))[..., c].ravel() / 2 for e in np.eye(4).reshape(4, 2, 2)]
+        design = np.zeros((48, 76))
+        design[:, 24 * c : 24 * (c + 1)], design[:, 72:] = plain.matrix[c], np.stack(steps, axis=1)
+        weighted = np.linalg.solve(plain.covariance[c], design)
+        precision += design.T @ weighted
+        pull += weighted.T @ plain.target[c]
+    joint, spread = np.linalg.solve(precision, pull), np.linalg.inv(precision)
+    for c in range(3):
+        part = slice(24 * c, 24 * (c + 1))
+        weighted = np.linalg.solve(found.covariance[c], found.matrix[c])
+        own = np.linalg.inv(weighted.T @ found.matrix[c] + np.eye(24))
+        assert own @ weighted.T @ found.target[c] == pytest.approx(joint[part], abs=0.03)
+        assert np.sqrt(np.diag(own)) == pytest.approx(np.sqrt(np.diag(spread)[part]), rel=0.03)
+    bent = found.lamp / lamps - 1
+    assert bent[0] == pytest.approx(joint[72] * modes[0, 0], abs=0.1 * size)
+    assert bent[1] == pytest.approx(joint[74:] @ modes[1], abs=0.1 * size)
+
+
+def test_a_lamp_without_modes_stays_as_given() -> None:
+    reflectance, lamp = chart_and_lamp("FL2")
+    y = theory(reflectance, lamp, toy_camera())[None]
+    found = rows(y, reflectance, 3.0 * lamp[None], lamp_tolerance=np.array([0.02]))
+    assert np.array_equal(found.lamp, 3.0 * lamp[None])
+    assert not found.terms["lamp modes"].any()
+
+
+def test_a_lamp_left_out_of_its_family_is_found_out() -> None:
+    """Beside a known daylight, an LED told by the others is bent towards what it is."""
+    family = FAMILIES["white-led"]
+    assert isinstance(family, Kind)
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    seen = (WAVELENGTHS >= 420) & (WAVELENGTHS <= 680)
+    shares = {}
+    for name in family.members:
+        others = [read_lamp(member).values for member in family.members if member != name]
+        mean, directions = principal_modes(others, family.components)
+        true = read_lamp(name).values
+        modes = np.stack([0 * directions, directions])
+        y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in (day, true)])
+        found = rows(
+            y, reflectance, np.stack([day, mean]), lamp_modes=modes, lamp_tolerance=np.array([0.0, family.left])
+        )  # fmt: skip
+        off = []
+        for lamp in (mean, found.lamp[1]):
+            scale = np.sum(lamp[seen] * true[seen]) / np.sum(lamp[seen] ** 2)
+            off.append(np.sum((true - scale * lamp)[seen] ** 2))
+        shares[name] = off[1] / off[0]
+    assert all(share < 1.0 for share in shares.values()), shares  # LED-BH1's red peak is in no other
+    assert np.median(list(shares.values())) < 0.5, shares
+
+
+def test_lamps_far_off_leave_the_bands_honest() -> None:
+    """Cameras of the prior, LEDs drawn from their family's own modes: 95 % bands hold, and the LED helps a little."""
+    basis, led = read_basis("cameras"), read_lamp("white-led")
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    modes = np.stack([0 * led.modes, led.modes])
+    rng = np.random.default_rng(11)
+    held, wrong = [], []
+    while len(held) < 60:
+        camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, rng.normal(size=(3, 24)))).T
+        light = led.values * (1 + rng.normal(size=len(led.modes)) @ led.modes)
+        if camera.min() < -0.15 * camera.max() or light.min() < 0:
+            continue  # no camera, no lamp
+        y = np.stack([theory(reflectance, lamp, camera) for lamp in (day, light)])
+        error = np.hypot(0.005 * y, 0.001)
+        y = y + error * rng.normal(size=y.shape)
+        truth = camera / camera.max(axis=0)
+        errors = []
+        for k in (1, 2):
+            answer = recover(
+                y[:k], reflectance, np.stack([day, led.values])[:k], standard_error=error[:k], chart_tolerance=0.0,
+                white_tolerance=0.0, lamp_modes=modes[:k], basis=basis, engine="reference",
+            )  # fmt: skip
+            got, std = answer.peak()
+            assert std is not None
+            errors.append(np.sqrt(np.mean((got - truth)[40:641] ** 2)))
+        held.append(np.mean(np.abs(got - truth)[40:641] <= 1.96 * std[40:641]))
+        wrong.append(errors)
+    assert 0.92 <= np.mean(held) <= 0.98
+    alone, pair = np.mean(wrong, axis=0)
+    assert pair < alone

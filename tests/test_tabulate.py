@@ -25,7 +25,7 @@ Json = dict[str, Any]
 
 def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
     assert tabulate.main(["--check"]) == 0, capsys.readouterr().out
-    assert capsys.readouterr().out == "0 of 12 parts drifted\n"
+    assert capsys.readouterr().out == "0 of 13 parts drifted\n"
 
 
 def test_it_is_strict_json_of_plain_numbers() -> None:
@@ -48,6 +48,10 @@ def test_every_number_is_colour_science_s() -> None:
         nodes = table["start"] + table["step"] * np.arange(len(table["values"]))
         assert nodes.tolist() == known.wavelengths.tolist()
         assert table["values"] == known.values.tolist()
+    observer = science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    for c, name in enumerate("xyz"):
+        known = np.interp(WAVELENGTHS, observer.wavelengths, observer.values[:, c])
+        assert linear(file["observer"] | {"values": file["observer"][name]}).tolist() == known.tolist()
     for name, chart in file["tables"].items():
         known = science.SDS_COLOURCHECKERS[name]
         assert chart["patches"] == list(known)
@@ -59,8 +63,9 @@ def test_hashes_are_of_the_numbers() -> None:
     file = bundled()
     for table in (*file["lamps"].values(), *file["tables"].values()):
         assert table["sha256"] == tabulate.digest(table["values"])
-    parts = file["daylight"]
+    parts, observer = file["daylight"], file["observer"]
     assert parts["sha256"] == tabulate.digest([parts["S0"], parts["S1"], parts["S2"]])
+    assert observer["sha256"] == tabulate.digest([observer[name] for name in "xyz"])
     # 1.0 is the bytes 00 00 00 00 00 00 f0 3f
     assert tabulate.digest([1.0]) == "6c3c396ed6b5c36dcae172271f462051b1266b851e92df3deea8ac65478fd712"
 
@@ -79,12 +84,12 @@ def test_names_and_layouts_are_the_package_s() -> None:
 
 @pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if isinstance(family, Kind)])
 def test_weights_give_the_family_s_mean_and_modes(name: str) -> None:
-    """As a phone does it: sums of ln L of the members, no singular value decomposition."""
+    """As a phone does it: sums of the members, no singular value decomposition."""
     family, lamp = bundled()["families"][name], read_lamp(name)
-    logs = np.stack([logarithm(illuminant(member)) for member in family["members"]])
-    power = np.exp(logs.mean(axis=0))
+    shapes = np.stack([illuminant(member) / illuminant(member).mean() for member in family["members"]])
+    power = shapes.mean(axis=0)
     np.testing.assert_allclose(power / power.mean(), lamp.values, rtol=1e-13)
-    modes = np.array(family["weights"]) @ logs
+    modes = np.array(family["weights"]) @ shapes / np.maximum(power, family["dimmest"] * power.max())
     np.testing.assert_allclose(modes.T @ modes, lamp.modes.T @ lamp.modes, rtol=0, atol=1e-13)  # signs are free
     assert family["tolerance"] == lamp.tolerance
     low = min(illuminant(member).min() / illuminant(member).max() for member in family["members"])

@@ -25,6 +25,7 @@ from camssf.grid import STEP, WAVELENGTHS
 from camssf.sensing import (
     ABSOLUTE,
     CHART_CORRELATION,
+    DARKEST,
     EDGE,
     FLOOR,
     INDEPENDENT_SHARE,
@@ -65,9 +66,7 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
     r = basis.dictionary.shape[2]
 
     rows = _Rows(g, given)
-    A, b, sigma, curves = _cameras(g, rows, basis) if basis.prior else _paper(g, rows, basis)
-
-    A, b = _whiten(g, sigma, A, b)
+    A, b, curves = _cameras(g, rows, basis) if basis.prior else _paper(g, rows, basis)
     H = A.transpose(0, 2, 1) @ A
     pull = (A.transpose(0, 2, 1) @ b.unsqueeze(2)).squeeze(2)  # (3, r) g
     l2, gamma = given["l2"], given["gamma"]
@@ -82,7 +81,7 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
     z = _layers(g, W, pull, rho, gamma, low, r, depth)
     problem = _Problem(g, A, b, quadratic, l2, gamma, nonnegative, r)
     x = problem.finish(z)
-    ssf, std, predicted = curves(x, spread)
+    ssf, std, predicted, lamp = curves(x, spread)
     outputs = {
         "ssf": ssf,
         "ssf_std": std,
@@ -91,6 +90,7 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
         "predicted": predicted,
         "gap": problem.gap(x),
         "channel_gain": rows.gain(),
+        "lamp_estimate": lamp,
     }
     shapes: dict[str, list[str | int]] = {
         "ssf": [M, 3],
@@ -100,6 +100,7 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
         "predicted": ["k", "n", 3],
         "gap": [3],
         "channel_gain": [3],
+        "lamp_estimate": ["k", M],
     }
     for name in shapes:
         g.nodes.append(helper.make_node("Identity", [outputs[name].name], [name]))
@@ -151,7 +152,7 @@ class _Rows:
         return means / means.slice(1, 2, 0)
 
 
-def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, object]:
+def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, object]:
     """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
     scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
@@ -164,77 +165,60 @@ def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, ob
     variance = g.op("Max", error * error + tolerance * tolerance, FLOOR**2)
     sigma = variance.unsqueeze(2) * _identity(g, _size(g, b, 1))
 
-    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value]:
+    columns = _whiten(g, sigma, g.op("Concat", A, b.unsqueeze(2), axis=2))
+    r = basis.dictionary.shape[2]
+
+    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value, Value]:
         del spread  # no prior, no band
         s = atoms @ x.transpose(1, 0)  # (m, 3)
         s = s / (rows.seen_white.slice(0, 1, 0) @ s)
         predicted = (everything @ s) / (rows.seen_white @ s).unsqueeze(1)
-        return s, s * np.nan, predicted
+        return s, s * np.nan, predicted, rows.given["lamp"]
 
-    return A, b, sigma, curves
+    return columns.slice(0, r, 2), columns.slice(r, r + 1, 2).squeeze(2), curves
 
 
-def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, object]:
-    """Rows free of exposure and their full covariance, on the 5-nm nodes (sensing.py, `sense`)."""
+def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, object]:
+    """Rows free of exposure, whitened by their full covariance, on the 5-nm nodes (sensing.py, `sense`).
+
+    One Loop whose body takes the rows about a point: one turn where the lamps have no modes, else two, the first of
+    which is `_look`.
+    """
     given = rows.given
     nodes = basis.mean[:, ::10]
-    mean, column = g.constant(nodes, name="mean"), g.constant(nodes[:, :, None])  # (3, v), (3, v, 1)
+    mean = g.constant(nodes, name="mean")  # (3, v)
     atoms = g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
+    v, r = basis.dictionary[:, ::10].shape[1:]
+    k = g.op("Shape", rows.power).slice(0, 1, 0)
     given_twice = g.op("Concat", given["reflectance"], _slope(g, given["reflectance"]), axis=0)  # (2 n, m)
     folded = _fold(g, rows.power.unsqueeze(1) * given_twice)  # (k, 2 n, v)
-    parts = folded.like(g.op("Concat", g.op("Shape", rows.power).slice(0, 1, 0), g.ints(2, -1, NODES.size), axis=0))
+    parts = folded.like(g.op("Concat", k, g.ints(2, -1, v), axis=0))
     U, bends = parts.slice(0, 1, 1).squeeze(1), parts.slice(1, 2, 1).squeeze(1)  # (k, n, v) each
     whites = _fold(g, g.op("Concat", rows.seen_white, rows.power, axis=0))  # (2 k, v)
-    pair = whites.like(g.ints(2, -1, NODES.size))
+    pair = whites.like(g.ints(2, -1, v))
     V, plain = pair.slice(0, 1, 0).squeeze(0), pair.slice(1, 2, 0).squeeze(0)  # (k, v) each
-    shape = g.op("Shape", rows.y)
-    k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
-    N = k * n
-    flat = g.op("Concat", g.ints(3), N, g.ints(-1), axis=0)
-    W = mean @ V.transpose(1, 0)  # (3, k)
     first = V.slice(0, 1, 0)
-    share = (first @ atoms) / (first @ column)  # (3, 1, r)
-    atoms = atoms - column * share  # anchored to the first white
-    seen = U / W.unsqueeze(2, 3)  # (3, k, n, v)
-    seen_white = (V / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
-    expected = seen @ g.constant(nodes[:, None, :, None])  # (3, k, n, 1) ŷ
-    y = rows.y.unsqueeze(3)
-    a = (seen - y * seen_white).like(flat)  # (3, N, v)
-    A, b = a @ atoms, -(a @ column).squeeze(2)
+    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
+    atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
 
-    tolerance = given["chart_tolerance"]
-    independent = INDEPENDENT_SHARE * tolerance * rows.y
-    variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)
-    N1 = N.squeeze(0)
-    order = g.op("Range", g.constant(0, np.int64), N1, g.constant(1, np.int64))
-    sigma = variance.like(g.op("Concat", g.ints(3), N, g.ints(1), axis=0)) * _identity(g, N1)
+    scene = _Scene(g, rows, mean, atoms, U, bends, V, plain, r)
+    of_u, of_x = scene.K, np.broadcast_to(np.eye(r), (3, r, r))
+    start = [
+        mean * 1.0,
+        V * 0.0 + 1.0,
+        g.op("Expand", 0.0, g.op("Concat", of_u, g.ints(1), axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", g.ints(3), of_u, g.ints(1), axis=0)),
+        _identity(g, of_u.squeeze(0)) * np.ones((3, 1, 1)),
+        g.constant(of_x),
+    ]
+    turns = g.op("Cast", scene.any_modes, to=I64) + g.constant(1, np.int64)
+    *_, A, b, lamp = g.loop(scene.turn(turns), start, [D] * 6, turns, "look")
+    A, b, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in (A, b, lamp))  # of the last turn
 
-    chart_curves, lamp_curves, table_curves = (  # (3, 1, v, p)
-        g.constant((smooth_errors(length) * nodes[:, :, None])[:, None])
-        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
-    )
-    light = (plain / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
-    edges = EDGE * ((bends / W.unsqueeze(2, 3)) @ table_curves)  # (3, k, n, p'')
-    floor = ABSOLUTE * (light @ table_curves) + 0.0 * edges
-    parts = g.op("Concat", RELATIVE * (seen @ chart_curves), floor, edges, axis=3)
-    chart = (tolerance.unsqueeze(1) * parts).like(flat)
-    sigma = sigma + _same(g, g.op("Mod", order, n)) * _outer(chart)
-    paper = (given["white_tolerance"] * expected * (seen_white @ chart_curves)).like(flat)
-    sigma = sigma + _outer(paper)
-    a_expected = seen - expected * seen_white
-    smooth = given["lamp_tolerance"].unsqueeze(1, 2) * (a_expected @ lamp_curves)  # (3, k, n, p')
-    bent = (given["lamp_modes"] * rows.power.unsqueeze(1)).unsqueeze(0) * basis.mean[:, None, None]
-    seen_modes = given["reflectance"] @ bent.transpose(0, 1, 3, 2) / W.unsqueeze(2, 3)  # (3, k, n, q)
-    white_modes = given["white_reflectance"] @ bent.transpose(0, 1, 3, 2)  # (3, k, q)
-    modes = seen_modes - expected * (white_modes / W.unsqueeze(2)).unsqueeze(2)
-    lamp = g.op("Concat", smooth, modes, axis=3).like(flat)
-    sigma = sigma + _same(g, g.op("Div", order, n)) * _outer(lamp)
-
-    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value]:
+    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value, Value]:
         s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
         scale = (s @ V.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
         s = s / scale.unsqueeze(1)
-        v = NODES.size
         shape = s / s.max(1, keep=True)
         top = g.op("ArgMax", s, axis=1, keepdims=1)
         peak = g.op("Equal", top, g.constant(np.arange(v), np.int64)).real()  # (3, v)
@@ -251,11 +235,131 @@ def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, Value, 
         ).reshape(3, M - 1)
         variance_ = g.op("Concat", between, here.slice(v - 1, v, 1), axis=1)
         std = g.op("Sqrt", g.op("Max", variance_, 0.0)) / scale.unsqueeze(1)
-        across = s.transpose(1, 0)  # (v, 3)
-        predicted = (U @ across) / (V @ across).unsqueeze(1)
-        return _unfold(g, s).transpose(1, 0), std.transpose(1, 0), predicted
+        values = _unfold(g, s).transpose(1, 0)  # (m, 3)
+        light = given["lamp"] * _unfold(g, lamp)  # (k, m)
+        seen = (light.unsqueeze(1) * given["reflectance"]) @ values
+        predicted = seen / ((light * given["white_reflectance"]) @ values).unsqueeze(1)
+        return values, std.transpose(1, 0), predicted, light
 
-    return A, b, sigma, curves
+    return A, b, curves
+
+
+class _Scene:
+    """`_Scene`, `_rows` and `_look` of sensing.py. Shapes: channel 3, shot k, patch n, mode q, node v, atom r."""
+
+    def __init__(
+        self, g: Graph, rows: _Rows, mean: Value, atoms: Value, U: Value, bends: Value, V: Value, plain: Value, r: int
+    ) -> None:
+        self.mean, self.atoms, self.U, self.bends, self.V, self.plain, self.r = mean, atoms, U, bends, V, plain, r
+        given = rows.given
+        shape = g.op("Shape", rows.y)
+        self.k, self.n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
+        self.N = self.k * self.n
+        steps = g.constant([10], np.int64)
+        self.modes = g.op("Slice", given["lamp_modes"], g.ints(0), g.ints(M), g.ints(2), steps)  # (k, q, v)
+        sizes = g.op("ReduceMax", g.op("Abs", self.modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
+        self.loose = g.op("Greater", sizes, 0.0)
+        self.any_modes = g.op("Greater", sizes.max(0, 1, 2), 0.0)
+        self.K = self.k * g.op("Shape", self.modes).slice(1, 2, 0)
+        self.y = rows.y.unsqueeze(3)  # (3, k, n, 1)
+        self.flat = g.op("Concat", g.ints(3), self.N, g.ints(-1), axis=0)
+        N = self.N.squeeze(0)
+        order = g.op("Range", g.constant(0, np.int64), N, g.constant(1, np.int64))
+        self.same_patch, self.same_shot = (_same(g, g.op(kind, order, self.n)) for kind in ("Mod", "Div"))
+        self.tolerance = given["chart_tolerance"].unsqueeze(1)  # (n, 1)
+        self.white_tolerance = given["white_tolerance"]
+        self.lamp_tolerance = given["lamp_tolerance"].unsqueeze(1, 2)
+        independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
+        variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)
+        self.noise = variance.like(g.op("Concat", g.ints(3), self.N, g.ints(1), axis=0)) * _identity(g, N)
+        shots = _identity(g, self.k.squeeze(0))
+        self.own = shots.unsqueeze(1, 3)  # (k, 1, k, 1): a shot's errors are no other's
+        self.blocks = g.op("Concat", g.ints(3), self.N, self.K, g.ints(-1), axis=0)
+
+    def turn(self, turns: Value) -> object:
+        """The Loop's body: point → next point; leaves the whitened rows behind."""
+
+        def body(g: Graph, step: Value, state: list[Value]) -> Body:
+            here = copy(self)
+            for name, value in vars(self).items():
+                if isinstance(value, Value):
+                    setattr(here, name, value.here(g))
+            looks = g.op("Less", step + g.constant(1, np.int64), turns.here(g)).real()
+            A, b, modes, lamp = here.rows(g, state, looks)
+            return Body(here.after(g, A, b, modes), [A, b.squeeze(2), lamp])
+
+        return body
+
+    def rows(self, g: Graph, state: list[Value], looks: Value) -> tuple[Value, Value, Value, Value]:
+        """L⁻¹ A (3, N, r), L⁻¹ b (3, N, 1), L⁻¹ D (3, N, K) about a point, and that point's lamp (k, v).
+
+        Σ = L Lᵀ holds D C Dᵀ, but in a first look A Aᵀ instead.
+        """
+        curve, lamp, offset, told, of_u, of_x = state
+        errors = curve.unsqueeze(1, 3)  # (3, 1, v, 1): times smooth errors (v, p)
+        bend = lamp.unsqueeze(1)  # (k, 1, v)
+        W = curve @ (self.V * lamp).transpose(1, 0)  # (3, k)
+        seen = self.U * bend / W.unsqueeze(2, 3)  # (3, k, n, v)
+        seen_white = (self.V * lamp / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+        light = (self.plain * lamp / W.unsqueeze(2)).unsqueeze(2)
+        expected = seen @ errors  # (3, k, n, 1) ŷ
+        about = g.op("Where", self.loose, expected, self.y)
+        a = seen - about * seen_white
+        a_expected = seen - expected * seen_white
+        atoms = self.atoms.unsqueeze(1)  # (3, 1, v, r)
+        A = (a @ atoms).like(self.flat)
+        b = (self.y - about - a @ self.mean.unsqueeze(1, 3)).like(self.flat)
+
+        chart_curves, lamp_curves, table_curves = (
+            errors * smooth_errors(length) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+        )
+        edges = (EDGE * self.bends * bend / W.unsqueeze(2, 3)) @ table_curves
+        floor = ABSOLUTE * (light @ table_curves) + 0.0 * edges
+        parts = g.op("Concat", RELATIVE * (seen @ chart_curves), floor, edges, axis=3)
+        sigma = self.noise + self.same_patch * _outer((self.tolerance * parts).like(self.flat))
+        paper = self.white_tolerance * expected * (seen_white @ chart_curves)
+        sigma = sigma + _outer(paper.like(self.flat))
+        smooth = self.lamp_tolerance * (a_expected @ lamp_curves)
+        sigma = sigma + self.same_shot * _outer(smooth.like(self.flat))
+
+        relative = a_expected / bend  # the modes are relative to the lamp as given
+        across = self.modes.transpose(0, 2, 1)  # (k, v, q)
+        steps = (relative * curve.unsqueeze(1, 2)) @ across  # (3, k, n, q)
+        modes = (steps.unsqueeze(3) * self.own).like(self.blocks).squeeze(3)  # (3, N, K)
+        bent = (relative.unsqueeze(3) * self.modes.unsqueeze(1)) @ self.atoms.unsqueeze(1, 2)  # (3, k, n, q, r)
+        off = ((self.V / W.unsqueeze(2) * curve.unsqueeze(1)).unsqueeze(2) @ across).unsqueeze(4)  # (3, k, 1, q, 1)
+        bent = bent - off * (a_expected @ atoms).unsqueeze(3)
+        bent = bent - steps.unsqueeze(4) * (seen_white @ atoms).unsqueeze(3)
+        bent = (bent.unsqueeze(3) * self.own.unsqueeze(4)).like(self.blocks)  # (3, N, K, r)
+        spread = of_u.unsqueeze(1) @ (bent @ of_x.unsqueeze(1))
+        sigma = sigma + spread.like(self.flat) @ bent.like(self.flat).transpose(0, 2, 1)
+        sigma = sigma + (1.0 - looks) * (modes @ of_u @ modes.transpose(0, 2, 1)) + looks * _outer(A)
+
+        b = b + modes @ (offset - told)
+        columns = _whiten(g, sigma, g.op("Concat", A, b, modes, axis=2))
+        r = self.r
+        return columns.slice(0, r, 2), columns.slice(r, r + 1, 2), columns.slice(r + 1, 2**31, 2), lamp * 1.0
+
+    def after(self, g: Graph, A: Value, b: Value, modes: Value) -> list[Value]:
+        """`_look`: the next point, from whitened rows."""
+        turned = modes.transpose(0, 2, 1)
+        precision, pull = turned @ modes, turned @ b  # Λ (3, K, K), h (3, K, 1)
+        whole, force = precision.sum(0, keep=True), pull.sum(0, keep=True)
+        one = _identity(g, self.K.squeeze(0))
+        system = one + g.op("Concat", whole - precision, whole, axis=0)  # (4, K, K): the channels' others, all
+        forces = g.op("Concat", force - pull, force, axis=0)
+        columns = _whiten(g, system, g.op("Concat", g.op("Expand", one, g.op("Shape", system)), forces, axis=2))
+        root, right = columns.slice(0, -1, 2), columns.slice(-1, 2**31, 2)  # L⁻¹, L⁻¹ h
+        back = root.transpose(0, 2, 1)
+        solved, covariance = back @ right, (back @ root).slice(0, 3, 0)
+        offset, told = solved.slice(3, 4, 0).squeeze(0), solved.slice(0, 3, 0)  # (K, 1), (3, K, 1)
+        across = A.transpose(0, 2, 1)
+        code = across @ (b - modes @ offset)  # (3, r, 1)
+        curve = self.mean + (self.atoms @ code).squeeze(2)
+        size = g.op("Concat", self.k, g.ints(1, -1), axis=0)
+        bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
+        lamp = g.op("Max", bend, DARKEST)
+        return [curve, lamp, offset * 1.0, told * 1.0, covariance * 1.0, np.eye(self.r) - across @ A]
 
 
 def _layers(g: Graph, W: Value, pull: Value, rho: Value, gamma: Value, low: Value, r: int, depth: int) -> Value:
@@ -481,9 +585,8 @@ class _Problem:
         return g.op("Where", known, gap / g.op("Where", known, objective, 1.0), objective)
 
 
-def _whiten(g: Graph, sigma: Value, A: Value, b: Value) -> tuple[Value, Value]:
-    """L⁻¹ A (3, N, r) and L⁻¹ b (3, N) with Σ = L Lᵀ: the pivot rows of (Σ | A | b), each over its pivot's root."""
-    N = _size(g, b, 1)
+def _whiten(g: Graph, sigma: Value, columns: Value) -> Value:
+    """L⁻¹ columns (c, N, p) with Σ = L Lᵀ: the pivot rows of (Σ | columns), each over its pivot's root."""
 
     def eliminate(body: Graph, step: Value, state: list[Value]) -> Body:
         (Z,) = state
@@ -492,12 +595,10 @@ def _whiten(g: Graph, sigma: Value, A: Value, b: Value) -> tuple[Value, Value]:
         pivot = column.take(at, 1)
         return Body([Z - (column / pivot) * row], [row / body.op("Sqrt", pivot)])
 
-    system = g.op("Concat", sigma, A, b.unsqueeze(2), axis=2)
-    _, left = g.loop(eliminate, [system], [D], N, "whiten")  # (N, 3, 1, N + r + 1)
+    N = _size(g, columns, 1)
+    _, left = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], N, "whiten")  # (N, c, 1, N + p)
     rows = left.squeeze(2).transpose(1, 0, 2)
-    ends = g.ints(-1)
-    matrix = g.op("Slice", rows, N.unsqueeze(0), ends, g.ints(2))
-    return matrix, rows.slice(-1, 2**31, 2).squeeze(2)
+    return g.op("Slice", rows, N.unsqueeze(0), g.ints(2**31), g.ints(2))
 
 
 def _inverse(g: Graph, matrix: Value, size: int) -> Value:
@@ -550,11 +651,11 @@ def _slope(g: Graph, f: Value) -> Value:
 
 
 def _unfold(g: Graph, s: Value) -> Value:
-    """Curves on the nodes (3, 69), straight between them, on the grid (3, 681)."""
+    """Curves on the nodes (c, 69), straight between them, on the grid (c, 681)."""
     share = np.arange(10) / 10.0
     v = NODES.size
     between = s.slice(0, v - 1, 1).unsqueeze(2) * (1.0 - share) + s.slice(1, v, 1).unsqueeze(2) * share
-    return g.op("Concat", between.reshape(3, M - 1), s.slice(v - 1, v, 1), axis=1)
+    return g.op("Concat", between.reshape(-1, M - 1), s.slice(v - 1, v, 1), axis=1)
 
 
 def _identity(g: Graph, size: Value) -> Value:

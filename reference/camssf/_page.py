@@ -731,6 +731,12 @@ def _lines(texts: Sequence[str]) -> str:
     return "<br>".join(map(_t, texts)) or "none"
 
 
+def _shading_map(shot: Json) -> str:
+    if not shot["photo"]["gain_map"]:
+        return "none"
+    return "applied" if shot.get("lens_shading") == "apply" else "not applied"
+
+
 _DETAILS: tuple[tuple[str, Any], ...] = (
     ("Camera in the file", lambda s: _t(s["photo"]["camera"]) or "not stated"),
     ("Lamp", lambda s: _t(s["lamp"]["name"])),
@@ -743,7 +749,7 @@ _DETAILS: tuple[tuple[str, Any], ...] = (
     ("ISO", lambda s: "not stated" if s["photo"]["iso"] is None else f"{s['photo']['iso']:g}"),
     ("Active area, px", lambda s: f"{s['photo']['width']:g} × {s['photo']['height']:g}"),
     ("TIFF orientation", lambda s: f"{s['photo']['orientation']:g}"),
-    ("Unapplied shading map", lambda s: "yes" if s["photo"]["gain_map"] else "no"),
+    ("Lens-shading map", _shading_map),
     ("White level, DN", lambda s: f"{s['saturation']:g}"),
     ("Chart layout", lambda s: _t(s["pose"]["layout"]) if s["pose"] else "–"),
     (

@@ -73,10 +73,19 @@ def gaussian_basis(count: int = 18, width: float = 50.0) -> Basis:
     )
 
 
+_STRAIGHT: Floats = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) / 5.0)
+"""(681, 69) weights of the nodes in a curve that is straight between them."""
+
+
 def interpolate(nodes: Floats) -> Floats:
     """Curves on the 5-nm nodes, wavelength in axis -2, straight between them, on the grid: (..., 681, r)."""
-    weight = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) / 5.0)
-    return np.asarray(weight @ nodes)
+    return np.asarray(_STRAIGHT @ nodes)
+
+
+def fold(values: Floats) -> Floats:
+    """The adjoint of `interpolate`, (..., 681) → (..., 69): Σ f s over the grid is Σ of f folded, times s, over the
+    nodes."""
+    return np.asarray(values @ _STRAIGHT)
 
 
 @lru_cache(maxsize=8)

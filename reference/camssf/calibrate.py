@@ -17,6 +17,7 @@ from camssf.capture import (
     Json,
     PathLike,
     Progress,
+    Shot,
     evidence,
     head_document,
     listed,
@@ -24,13 +25,13 @@ from camssf.capture import (
     shot_picture,
 )
 from camssf.engine import load_model
-from camssf.errors import InvalidArgument
+from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.signals import Assumption, Signals, normalise
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera
-from camssf.ssf import Ssf, explain, recover
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_lamp
+from camssf.ssf import Ssf, explain, recover, respond
 from camssf.validate import FAINTEST, Scores, rmse, validate
-from camssf.verdict import Verdict, judge, refusal
+from camssf.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, judge, refusal, surprise
 
 FOLDS = 4
 """All patches enter the fit; each is predicted by a fit that left its quarter of the chart out."""
@@ -124,6 +125,7 @@ def calibrate(
     corners: Sequence[ArrayLike | None] | None = None,
     white_reflectance: float | None = None,
     lamp_tolerance: str | Sequence[str | None] | None = None,
+    lens_shading: str = "as-stored",
     basis: str | Basis = "cameras",
     fit: Sequence[int] | None = None,
     nonnegative: bool | None = None,
@@ -143,6 +145,7 @@ def calibrate(
         corners: for each shot None or (4, 2) corners by hand.
         white_reflectance: of the white frame's card, 0 to 1, flat; None for a perfect diffuser.
         lamp_tolerance: how well each lamp is known, `2%`, `300K` or both (`with_tolerance`); None for its default.
+        lens_shading: "as-stored", or "apply" for the gain maps in the photos' files (camssf/patches.py, rule 6).
         basis, nonnegative, l2, gamma, engine: as in `recover`.
         fit: 1-based numbers of the patches that enter the fit; None for all, validated fold by fold.
         truth: measured curves of this camera (CSV or name), to compare with.
@@ -153,7 +156,7 @@ def calibrate(
     """
     capture = measure(
         photos, lamps, white=white, dark=dark, chart=chart, corners=corners, white_reflectance=white_reflectance,
-        lamp_tolerance=lamp_tolerance, progress=progress,
+        lamp_tolerance=lamp_tolerance, lens_shading=lens_shading, progress=progress,
     )  # fmt: skip
     return solve(
         capture, basis=basis, fit=fit, nonnegative=nonnegative, l2=l2, gamma=gamma, engine=engine, truth=truth,
@@ -208,17 +211,58 @@ def solve(
             mask,
             how,
         )
-        uncertainty = None
+        uncertainty, alone = None, []
         if ssf.std is not None:
             single = np.eye(k, dtype=bool)[:, :, None] if k > 1 else np.zeros((0, 1, 1), dtype=bool)
             alone = [solution(signals.used & shot, gamma) for shot in single]
             uncertainty = _uncertainty(capture, signals, ssf, basis, alone)
         means, poses = [shot.means for shot in capture.shots], [shot.pose for shot in capture.shots]
-        verdict = judge(signals, table, means, poses, lamps, ssf)
+        rho, white_tolerance = white_reference(capture)
+        verdict = judge(
+            signals,
+            table,
+            means,
+            poses,
+            lamps,
+            ssf,
+            white_reflectance=rho,
+            white_tolerance=white_tolerance,
+            neutrals=[
+                [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
+                for shot in capture.shots
+            ],
+            alone=alone,
+            rivals=_rivals(
+                capture,
+                signals,
+                ssf,
+                lambda other: _recover(other, signals, signals.used, basis, nonnegative, l2, gamma, engine),
+            ),
+        )
         if verdict.status == "refused":
             raise refusal(verdict)
     assumptions = signals.assumptions + _assumptions(capture, ssf, k)
     return Calibration(capture, signals, ssf, unseen, scores, verdict, known, assumptions, uncertainty)
+
+
+def _rivals(capture: Capture, signals: Signals, ssf: Ssf, solution: Callable[[Capture], Ssf]) -> tuple[Rival, ...]:
+    """How well the same signals fit with other lamps, one shot at a time: rule 4 of `camssf.verdict`."""
+    if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
+        return ()
+    rho, tolerance = white_reference(capture)
+    found = []
+    for j, shot in enumerate(capture.shots):
+        for name in RIVALS:
+            shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
+            other = replace(capture, shots=shots)
+            try:
+                answer = solution(other)
+            except (LampUnfit, NotConverged):  # then it is no rival
+                continue
+            lamps = [each.lamp for each in shots]
+            fit = surprise(signals, capture.chart, lamps, answer, rho, tolerance)
+            found.append(Rival(j, name, fit.weighted))
+    return tuple(found)
 
 
 def _recover(
@@ -242,8 +286,7 @@ def _recover(
         frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
         engine=engine,
     )
-    lamps, rho = arguments["lamp"], arguments["white_reflectance"]
-    predicted = ((lamps[:, None] * capture.chart.values) @ ssf.values) / ((lamps * rho) @ ssf.values)[:, None]
+    predicted = respond(ssf.values, capture.chart.values, ssf.lamp, arguments["white_reflectance"])
     return replace(ssf, predicted=predicted)
 
 
@@ -358,22 +401,23 @@ def _assumptions(capture: Capture, ssf: Ssf, k: int) -> tuple[Assumption, ...]:
             )
         )
         if shot.photo.gain_map:
-            found.append(
-                Assumption(
-                    "lens_shading",
-                    f"{where}{shot.photo.name} holds a lens-shading map; it was not applied"
-                    + (
-                        ", the white frame corrects the shading."
-                        if shot.white
-                        else " and no white frame corrects it."
-                    ),
-                )
-            )
+            found.append(Assumption("lens_shading", where + _shading(shot)))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
         found.append(Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1)."))
     if paper:
         found.append(Assumption("no_band", "the paper's basis has no prior, so this answer carries no error band."))
     return tuple(found)
+
+
+def _shading(shot: Shot) -> str:
+    """What became of the lens-shading map in a shot's file, in words."""
+    map_of = f"{shot.photo.name} holds a lens-shading map;"
+    if shot.lens_shading == "apply":
+        return f"{map_of} it was applied to the patches' signals" + (
+            " of every frame, so that it cancels against the white frame." if shot.white else "."
+        )
+    rest = ", the white frame corrects the shading." if shot.white else " and no white frame corrects it."
+    return f"{map_of} it was not applied{rest}"
 
 
 def _curves(values: Floats) -> Json:

@@ -19,13 +19,15 @@ from camssf.chart import LAYOUTS, Pose, find_chart
 from camssf.errors import CalibrationError, FramesDiffer, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.mosaic import Mosaic, read_dng
-from camssf.patches import FrameMeans, PatchMeans, measure_patches
+from camssf.patches import LENS_SHADING, FrameMeans, PatchMeans, measure_patches
 from camssf.signals import Assumption, normalise
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp, with_tolerance
 from camssf.validate import reflectance_srgb
 from camssf.verdict import Reason, Verdict
 
 MOST_SHOTS, MOST_PATCHES = 64, 1000
+LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
+"""CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them."""
 PREVIEW = 1200
 """Longest side of a preview, px."""
 
@@ -36,7 +38,10 @@ PathLike: TypeAlias = str | Path
 
 @dataclass(frozen=True)
 class Photo:
-    """What a frame's file says, without its samples."""
+    """What a frame's file says, without its samples.
+
+    `neutrals`: the camera's white (R, G, B) under the CIE illuminant of each of the file's colour matrices.
+    """
 
     name: str
     width: int
@@ -48,6 +53,7 @@ class Photo:
     make: str
     model: str
     sha256: str
+    neutrals: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,7 @@ class Shot:
         pose: where the chart lies in the photo.
         means: the patch statistics of all frames.
         thumbnail: (h, w, 3) DN, a sparse sample of the active area for the report; None where it did not travel.
+        lens_shading: what was done about the shading that the file describes, of `camssf.patches.LENS_SHADING`.
     """
 
     lamp: Lamp
@@ -69,6 +76,7 @@ class Shot:
     pose: Pose
     means: PatchMeans
     thumbnail: NDArray[np.uint16] | None
+    lens_shading: str = "as-stored"
 
 
 @dataclass
@@ -117,6 +125,7 @@ class Capture:
                     "white": vars(shot.white) if shot.white else None,
                     "dark": vars(shot.dark) if shot.dark else None,
                     "pose": _plain(vars(shot.pose)),
+                    "lens_shading": shot.lens_shading,
                     "saturation": shot.means.saturation,
                     "black": shot.means.black.tolist(),
                     "means": {
@@ -164,6 +173,7 @@ def measure(
     corners: Sequence[ArrayLike | None] | None = None,
     white_reflectance: float | None = None,
     lamp_tolerance: str | Sequence[str | None] | None = None,
+    lens_shading: str = "as-stored",
     progress: Progress | None = None,
 ) -> Capture:
     """Read the photos, find the chart and measure its patches; arguments as in `calibrate`."""
@@ -203,7 +213,7 @@ def measure(
             tell(f"reading photo{at}", j / k)
             begun.lamp, begun.photo, begun.pose = lights[j], None, None
             photo = read_dng(files[j])
-            begun.photo, begun.saturation = _facts(photo), photo.white
+            begun.photo, begun.saturation = photo_of(photo), photo.white
             tell(f"looking for the chart{at}", (j + 0.4) / k)
             try:
                 begun.pose = pose = find_chart(photo, table, corners=places[j])
@@ -211,7 +221,7 @@ def measure(
                 white_file, dark_file = whites[j], darks[j]
                 white_frame = None if white_file is None else read_dng(white_file)
                 dark_frame = None if dark_file is None else read_dng(dark_file)
-                means = measure_patches(photo, pose, white=white_frame, dark=dark_frame)
+                means = measure_patches(photo, pose, white=white_frame, dark=dark_frame, lens_shading=lens_shading)
             except CalibrationError:
                 begun.picture = preview(photo)
                 raise
@@ -219,11 +229,12 @@ def measure(
                 Shot(
                     lights[j],
                     begun.photo,
-                    _facts(white_frame) if white_frame else None,
-                    _facts(dark_frame) if dark_frame else None,
+                    photo_of(white_frame) if white_frame else None,
+                    photo_of(dark_frame) if dark_frame else None,
                     pose,
                     means,
                     _thumbnail(photo),
+                    lens_shading,
                 )
             )
             begun.lamp = begun.photo = None
@@ -298,7 +309,7 @@ def _begun_document(begun: Begun, photo: Photo, lamp: Lamp) -> Json:
 
 
 def _photo_document(photo: Photo) -> Json:
-    facts = {key: value for key, value in vars(photo).items() if key not in ("make", "model")}
+    facts = {key: value for key, value in vars(photo).items() if key not in ("make", "model", "neutrals")}
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
 
 
@@ -320,6 +331,7 @@ def _shot_document(shot: Shot, table: ChartTable) -> Json:
         "photo": _photo_document(shot.photo),
         "white": {"name": shot.white.name, "sha256": shot.white.sha256} if shot.white else None,
         "dark": {"name": shot.dark.name, "sha256": shot.dark.sha256} if shot.dark else None,
+        "lens_shading": shot.lens_shading,
         "pose": _plain(vars(shot.pose)),
         "saturation": means.saturation,
         "patches": [
@@ -380,7 +392,9 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
         tuple(_text(note, "pose.notes") for note in pose["notes"]),
     )
     means = PatchMeans(chart, frames["white"], frames["dark"], black, saturation)
-    return Shot(light, photo, photos["white"], photos["dark"], place, means, None)
+    shading = entry.get("lens_shading", LENS_SHADING[0])
+    _need(shading in LENS_SHADING, "lens_shading", f"must be {' or '.join(LENS_SHADING)}")
+    return Shot(light, photo, photos["white"], photos["dark"], place, means, None, shading)
 
 
 def _table_from(plain: Mapping[str, Any]) -> ChartTable:
@@ -432,10 +446,19 @@ def _photo_from(plain: Mapping[str, Any] | None, role: str) -> Photo | None:
         height=plain["height"],
         orientation=plain["orientation"],
         gain_map=bool(plain["gain_map"]),
+        neutrals=tuple(
+            (_light_source(name), tuple(_numbers(white, f"{role}.neutrals", (3,), least=1e-6).tolist()))
+            for name, white in plain.get("neutrals", ())
+        ),
         exposure=exposure,
         iso=iso,
         **texts,
     )
+
+
+def _light_source(name: Any) -> str:
+    _need(name in LIGHT_SOURCES.values(), "neutrals", f"must be of one of {', '.join(LIGHT_SOURCES.values())}")
+    return str(name)
 
 
 def _numbers(
@@ -465,11 +488,13 @@ def _plain(fields: Mapping[str, Any]) -> Json:
     }
 
 
-def _facts(mosaic: Mosaic) -> Photo:
+def photo_of(mosaic: Mosaic) -> Photo:
+    """What the file of a photo says, without its samples."""
     height, width = mosaic.samples.shape
     return Photo(
         Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
         mosaic.make, mosaic.model, mosaic.sha256,
+        tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
     )  # fmt: skip
 
 

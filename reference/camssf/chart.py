@@ -22,7 +22,10 @@ ACCEPT_BY_HAND = 0.6
 WINDOWS = (0.40, 0.25, 0.15, 0.10, 0.10)
 """How far from the expected place each round of `refine_corners` looks for a border, in pitches."""
 
-NEAR = 0.35
+WINDOWS_BY_HAND = (0.50, 0.25, 0.15, 0.10, 0.10)
+"""The same for corners given by hand: a tap may be off by half a patch; beyond half a pitch the next patch begins."""
+
+NEAR = 0.55
 """How far `refine_corners` may move a corner given by hand, in pitches."""
 
 LOCKED = 0.6
@@ -103,7 +106,8 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
         mosaic: the photo.
         table: of the chart that is looked for; its layout is a key of LAYOUTS.
         corners: (4, 2) outer corners of the block of patches by hand, one after the other around the block
-            from any of them, px of the active area. Refined where the borders lie near, else kept.
+            from any of them, px of the active area, off by half a patch at most. Refined where the borders lie
+            near, else kept.
 
     Raises:
         ChartNotFound: nothing looks like this chart, or it is mirrored.
@@ -123,7 +127,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
             value=float(min(height, width)),
             threshold=float(SMALLEST),
         )
-    expected = _expected(table)
+    expected = plain_signals(table)
     if corners is not None:
         return _by_hand(mosaic, layout, expected, _checked(corners, mosaic))
     matches: list[_Match] = []
@@ -459,7 +463,7 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
         for first in (0, 1)
     ]
     best = max(tries, key=lambda m: m.score)
-    refined, side, locked = refine_corners(_brightness(view), best.corners, layout)
+    refined, side, locked = refine_corners(_brightness(view), best.corners, layout, windows=WINDOWS_BY_HAND)
     moved = np.linalg.norm(refined - best.corners, axis=1).max() / _pitch(best.corners, layout)
     notes: tuple[str, ...] = ()
     if locked >= LOCKED and moved <= NEAR:
@@ -527,7 +531,7 @@ def _pose(match: _Match, layout: ChartLayout, method: str, notes: tuple[str, ...
     return Pose(layout.name, match.corners, patches, turns, method, score, notes)
 
 
-def _expected(table: ChartTable) -> Floats:
+def plain_signals(table: ChartTable) -> Floats:
     """(n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a flat lamp."""
     curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
     return np.asarray(table.values @ (curves / curves.sum(axis=0)))

@@ -20,10 +20,11 @@ import typer
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
 
-BATCH_FAILED = 1
+BATCH_FAILED = PARTED = 1
 INTERRUPTED = 130
 BUG = 70
-"""Exit statuses beside those of `camssf.errors`: a batch with failures, Ctrl-C, and sysexits' EX_SOFTWARE."""
+"""Exit statuses beside those of `camssf.errors`: a batch with failures or two results that differ, Ctrl-C, and
+sysexits' EX_SOFTWARE."""
 
 PROGRESS_AFTER = 2.0
 """Seconds of silence before a progress bar appears."""
@@ -31,6 +32,12 @@ PROGRESS_AFTER = 2.0
 PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
 """The formats of the documents that travel down a pipe."""
 
+_FAULTS = (
+    "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
+    "faded, glare, hot-pixels, mirrored, motion, printed, shading, shadow, specular, swapped, tone-mapped, "
+    "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
+)
+"""Those of `camssf.faults`, which is not loaded to print the help."""
 DEMO_SIZE = (1800, 1350)
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
@@ -101,6 +108,13 @@ LampTolerances: TypeAlias = Annotated[
         metavar="2%|300K",
         show_default=False,
         help="How well the lamp is known, one standard deviation: 2%, 300K, or 300K,2%. In the photos' order.",
+    ),
+]
+LensShading: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="WORD",
+        help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
     ),
 ]
 BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
@@ -241,6 +255,7 @@ def calibrate(
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
     lamp_tolerance: LampTolerances = None,
+    lens_shading: LensShading = "as-stored",
     basis: BasisName = "cameras",
     fit: Fit = None,
     signed: Signed = False,
@@ -265,6 +280,7 @@ def calibrate(
                 corners=_corners(corners),
                 white_reflectance=_share(white_reflectance),
                 lamp_tolerance=lamp_tolerance,
+                lens_shading=lens_shading,
                 basis=basis,
                 fit=_numbers(fit),
                 nonnegative=False if signed else None,
@@ -295,6 +311,7 @@ def batch(
     out: OutFolder = Path("out"),
     basis: BasisName = "cameras",
     engine: Engine = "onnx",
+    lens_shading: LensShading = "as-stored",
     jobs: Annotated[
         int | None, typer.Option(min=1, show_default=False, help="Processes; all cores unless given.")
     ] = None,
@@ -308,7 +325,9 @@ def batch(
     from camssf.batch import run_batch
 
     with _progress() as progress:
-        outcomes = run_batch(manifest, out, basis=basis, engine=engine, jobs=jobs, progress=progress)
+        outcomes = run_batch(
+            manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
+        )
     table = Table("name", "status", "reason")
     for outcome in outcomes:
         colour = {"accepted": "green", "doubtful": "yellow"}.get(outcome.status, "red")
@@ -342,11 +361,19 @@ def simulate(
     fill: Annotated[float, typer.Option(help="Chart's width as a share of the picture's.")] = 0.6,
     blur: Annotated[float, typer.Option(help="Standard deviation, px.")] = 0.0,
     glare: Annotated[float, typer.Option(help="Veil over the chart, as a share of white.")] = 0.0,
+    fault: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", show_default=False, help=f"What goes wrong with the last lamp's shot: {_FAULTS}."
+        ),
+    ] = None,
+    severity: Annotated[int, typer.Option(help="Of the fault: 1, 2 or 3, the worst.")] = 2,
 ) -> None:
     """Write DNG files of a simulated camera.
 
     For each lamp a chart, a white and a dark frame; and truth.csv.
     """
+    from camssf.faults import strike
     from camssf.simulate import simulate as photograph
 
     with _progress() as progress:
@@ -369,8 +396,12 @@ def simulate(
             fill=fill,
             blur=blur,
             glare=glare,
+            change=None if fault is None else strike(fault, severity),
         )
-    shots = [{"lamp": s.lamp, "chart": str(s.chart), "white": str(s.white), "dark": str(s.dark)} for s in scene.shots]
+    shots = [
+        {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}
+        for s in scene.shots
+    ]
     _emit({"camera": scene.camera, "chart": scene.chart, "shots": shots, "truth": str(scene.truth)})
 
 
@@ -384,6 +415,7 @@ def patches(
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
     lamp_tolerance: LampTolerances = None,
+    lens_shading: LensShading = "as-stored",
 ) -> None:
     """Measure the patches: JSON for `solve`."""
     from camssf.capture import measure
@@ -398,6 +430,7 @@ def patches(
             corners=_corners(corners),
             white_reflectance=_share(white_reflectance),
             lamp_tolerance=lamp_tolerance,
+            lens_shading=lens_shading,
             progress=progress,
         )
     _emit(capture.document())
@@ -477,6 +510,131 @@ def report(
         render(result, _previews(result, photo or [])).save(out)
     _summary(result, out)
     _finish(result)
+
+
+@app.command(epilog="Example: camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/")
+def direct(
+    frames: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FRAME...",
+            help="Sunlight's spectrum by the colour camera (DNG, or CSV pixel,red,green,blue) and by the mono camera "
+            "(TIFF, DNG, or CSV pixel,signal); or one monochromator sweep (CSV wavelength_nm,red,green,blue,power).",
+        ),
+    ],
+    dark: Annotated[
+        str | None,
+        typer.Option(metavar="DNG", show_default=False, help="The colour camera's frame with the slit closed."),
+    ] = None,
+    mono_dark: Annotated[
+        str | None, typer.Option(metavar="FILE", show_default=False, help="The mono camera's frame, slit closed.")
+    ] = None,
+    response: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CSV",
+            show_default=False,
+            help="The mono camera's response, wavelength_nm,response; flat unless given.",
+        ),
+    ] = None,
+    truth: Truth = None,
+    out: Out = None,
+) -> None:
+    """Measure the curves with a spectrograph or a monochromator.
+
+    The frames' wavelengths come from the Fraunhofer lines in them.
+    """
+    from camssf.direct import divide, sweep
+
+    paths = _paths("FRAME", frames)
+    known = None
+    if truth is not None:
+        from camssf.spectra import read_camera
+
+        known = read_camera(truth)
+    if len(paths) > 2 or (len(paths) == 1 and any((dark, mono_dark, response))):
+        raise InvalidArgument(
+            f"{len(paths)} frame(s) do not fit this call.",
+            "Give the colour and the mono camera's frame, or a sweep alone.",
+        )
+    with _progress() as progress:
+        if len(paths) == 2:
+            found = divide(paths[0], paths[1], dark=dark, mono_dark=mono_dark, response=response, progress=progress)
+        else:
+            found = sweep(paths[0])
+        if out is None:
+            _emit(found.document())
+        else:
+            found.save(out)
+    for role, dispersion in found.dispersions.items():
+        names = " ".join(line.name for line in dispersion.lines)
+        _say("", f"{role}: {len(dispersion.lines)} lines ({names}), residual {dispersion.residual:.2f} nm")
+    if known is not None:
+        from camssf.validate import rmse
+
+        errors = " ".join(f"{value:.4f}" for value in rmse(found.values, known.values))
+        _say("", f"RMSE against the truth, red green blue: {errors}")
+    if out is not None:
+        _say("", f"curves: {out / 'ssf.csv'}")
+
+
+@app.command(epilog="Example: camssf parity phone.json photo.dng --white white.dng")
+def parity(
+    document: Annotated[str, typer.Argument(metavar="JSON", help="The result to compare: a file, or - for stdin.")],
+    photos: Photos,
+    lamp: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", show_default=False, help="Instead of the result's, where that was a file."),
+    ] = None,
+    white: Whites = None,
+    dark: Darks = None,
+    chart: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", show_default=False, help="Instead of the result's, where that was a file."),
+    ] = None,
+    white_reflectance: WhiteReflectance = None,
+    fit: Fit = None,
+    signed: Signed = False,
+) -> None:
+    """Compare a phone's result with this computer's.
+
+    Says which stage differs first; exits with 1 where one does.
+    """
+    from camssf.parity import cause, first
+    from camssf.parity import parity as compare
+
+    with _progress() as progress:
+        findings = compare(
+            _result(document),
+            _paths("PHOTO", photos),
+            white=_frames("--white", white),
+            dark=_frames("--dark", dark),
+            lamps=lamp or (),
+            chart=chart,
+            white_reflectance=_share(white_reflectance),
+            fit=_numbers(fit),
+            nonnegative=False if signed else None,
+            progress=progress,
+        )
+    for each in findings:
+        bound = f" ({each.measured:.2g}, bound {each.bound:.2g})" if each.bound else ""
+        mark = "[green]agrees[/]" if each.agrees else "[bold red]differs[/]"
+        _say(f"{each.stage:<12}{mark}: ", f"{each.words}{bound}")
+    one = first(findings)
+    _emit(
+        {
+            "format": "camssf-parity/1",
+            "agrees": one is None,
+            "first": None if one is None else one.stage,
+            "stages": [
+                vars(each) | {"measured": each.measured if each.measured < float("inf") else None}
+                for each in findings
+            ],
+        }
+    )
+    if one is not None:
+        _say("[bold]first difference[/]: ", f"{one.stage}. {cause(one)}")
+        raise typer.Exit(PARTED)
 
 
 @app.command(epilog="Example: camssf lamps | grep LED")

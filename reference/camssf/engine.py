@@ -15,7 +15,7 @@ from camssf.grid import Floats
 
 SHIPPED = ("cameras", "gaussian")
 VOCABULARY = "1"
-OUTPUTS = ("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain")
+OUTPUTS = ("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain", "lamp_estimate")
 
 
 @dataclass(frozen=True)

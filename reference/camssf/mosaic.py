@@ -18,6 +18,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf._opcodes import GainMap, read_gain_maps
 from camssf.errors import NotSensorRaw, UnreadableRaw, UnsupportedRaw
 from camssf.grid import Floats
 
@@ -64,6 +65,15 @@ _TYPES = {  # TIFF's field types
     13: "u4",
 }
 _RATIONALS = (5, 10)
+_WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
+    17: (0.44758, 0.40745),
+    18: (0.34842, 0.35161),
+    19: (0.31006, 0.31616),
+    20: (0.33243, 0.34744),
+    21: (0.31272, 0.32903),
+    22: (0.29903, 0.31488),
+    23: (0.34567, 0.35851),
+}
 
 
 @dataclass(frozen=True)
@@ -81,10 +91,12 @@ class Mosaic:
         exposure: seconds; None where the file is silent.
         iso: sensitivity; None where the file is silent.
         orientation: the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
-        gain_map: the file holds a lens-shading GainMap that is not applied to the samples.
+        gain_maps: of the file's lens shading, in the order they act; not applied to the samples (`shading`).
         color_matrix1, color_matrix2: (3, 3) XYZ to camera, or None.
         as_shot_neutral: (3,) or None.
         sha256: of the file, hex.
+        neutrals: the camera's white (3,), green 1, under the light that each colour matrix was made for, by its Exif
+            LightSource code.
     """
 
     path: str
@@ -97,11 +109,17 @@ class Mosaic:
     exposure: float | None
     iso: float | None
     orientation: int
-    gain_map: bool
+    gain_maps: tuple[GainMap, ...]
     color_matrix1: Floats | None
     color_matrix2: Floats | None
     as_shot_neutral: Floats | None
     sha256: str
+    neutrals: tuple[tuple[int, Floats], ...] = ()
+
+    @property
+    def gain_map(self) -> bool:
+        """True if the file holds lens shading that is not applied to the samples."""
+        return bool(self.gain_maps)
 
 
 def read_dng(path: str | Path) -> Mosaic:
@@ -130,6 +148,31 @@ def read_dng(path: str | Path) -> Mosaic:
         reason = getattr(error, "strerror", None) or error
         raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
     return replace(found, samples=_decode(file, frame), sha256=sha256)
+
+
+def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
+    """The file's own lens shading correction at a place, as (2, 2) factors for the positions of the CFA cell.
+
+    The product of the gain maps that cover a position there. Maps of list 2 act on plane 0, those of list 3 on the
+    planes R, G, B. Coordinates are px of the active area, (0, 0) the centre of its first sample.
+
+    Raises:
+        UnsupportedRaw: a map of list 1, which acts before linearisation, or one of a net coarser than the CFA cell.
+    """
+    height, width = mosaic.samples.shape
+    factors = np.ones((2, 2))
+    for gains in mosaic.gain_maps:
+        if gains.stage == 1 or max(gains.row_pitch, gains.column_pitch) > 2:
+            raise UnsupportedRaw(
+                f"{mosaic.path} holds a lens-shading map that camssf does not apply (opcode list {gains.stage}, "
+                f"every {gains.row_pitch} rows and {gains.column_pitch} columns).",
+                "Leave the samples as stored, and take a white frame.",
+            )
+        for row, column in np.ndindex(2, 2):
+            plane = "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
+            if gains.covers(x, y, row, column, plane):
+                factors[row, column] *= gains.at(x, y, width, height, plane)
+    return factors
 
 
 @dataclass(frozen=True)
@@ -285,11 +328,12 @@ def _parse(tiff: _Tiff) -> tuple[Mosaic, _Frame]:
         exposure=_positive(tiff, (first, raw, exif), 33434),
         iso=_positive(tiff, (first, raw, exif), 34855),
         orientation=orientation if 1 <= orientation <= 8 else 1,
-        gain_map=any(9 in _opcodes(tiff, raw, tag) for tag in (51008, 51009, 51022)),
+        gain_maps=_gain_maps(tiff, raw),
         color_matrix1=_matrix(tiff, first, 50721),
         color_matrix2=_matrix(tiff, first, 50722),
         as_shot_neutral=_neutral(tiff, first),
         sha256="",
+        neutrals=_neutrals(tiff, first),
     )
     return mosaic, frame
 
@@ -369,15 +413,16 @@ def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
 
 
 def _check_jpeg(tiff: _Tiff, at: int, count: int, samples: int) -> None:
-    """Only a whole lossless JPEG (ITU-T T.81, SOF3) of just so many samples passes.
+    """Only a whole lossless JPEG (ITU-T T.81, SOF3) of just so many samples passes, in a form that LibRaw decodes.
 
-    LibRaw takes damage inside the coded samples in silence, and so it passes here.
+    LibRaw takes damage inside the coded samples in silence, and so it passes here. After a restart it goes on
+    predicting from the line above, which only predictor 1 forgives, and it knows no point transform.
     """
     some = min(count, 4096)
     head, tail = tiff.bytes_at(at, some), tiff.bytes_at(at + count - some, some)
     if head[:2] != b"\xff\xd8" or b"\xff\xd9" not in tail:  # begin and end of image; padding may follow
         raise tiff.damaged("a tile is no whole JPEG")
-    place = 2
+    place, restart, framed = 2, 0, False
     while place + 4 <= len(head) and head[place] == 0xFF:
         marker, length = struct.unpack_from(">xBH", head, place)
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
@@ -388,6 +433,17 @@ def _check_jpeg(tiff: _Tiff, at: int, count: int, samples: int) -> None:
             precision, lines, columns, components = struct.unpack_from(">BHHB", head, place + 4)
             if lines * columns * components != samples or not 2 <= precision <= 16:
                 raise tiff.damaged(f"a JPEG of {columns} × {lines} × {components} in a tile of {samples} samples")
+            framed = True
+        elif marker == 0xDD and place + 6 <= len(head):
+            restart = int(struct.unpack_from(">H", head, place + 4)[0])
+        elif marker == 0xDA and framed and place + 2 + length <= len(head) and length >= 6:
+            predictor, _, transform = head[place + length - 1 : place + length + 2]
+            if transform & 15 or (restart and predictor != 1):
+                raise UnsupportedRaw(
+                    f"{tiff.file} stores lossless JPEG with "
+                    + (f"predictor {predictor} and restart intervals." if restart else "a point transform."),
+                    CONVERT,
+                )
             return
         place += 2 + length
     raise tiff.damaged("a tile's JPEG has no header")
@@ -434,22 +490,15 @@ def _white(tiff: _Tiff, raw: _Directory, frame: _Frame) -> float:
     return white
 
 
-def _opcodes(tiff: _Tiff, raw: _Directory, tag: int) -> list[int]:
-    """Numbers of the operations in an opcode list, which is big-endian in every file."""
-    data = tiff.raw_bytes(raw, tag)
-    if not data:
-        return []
-    found, place = [], 4
-    try:
-        for _ in range(struct.unpack_from(">I", data)[0]):
-            number, _version, _flags, length = struct.unpack_from(">4I", data, place)
-            found.append(number)
-            place += 16 + length
-    except struct.error as error:
-        raise tiff.damaged(f"opcode list {tag} ends early") from error
-    if place > len(data):
-        raise tiff.damaged(f"opcode list {tag} ends early")
-    return found
+def _gain_maps(tiff: _Tiff, raw: _Directory) -> tuple[GainMap, ...]:
+    """The lens shading of the three opcode lists."""
+    found: list[GainMap] = []
+    for stage, tag in enumerate((51008, 51009, 51022), 1):
+        try:
+            found += read_gain_maps(tiff.raw_bytes(raw, tag), stage)
+        except ValueError as error:
+            raise tiff.damaged(f"opcode list {tag} {error}") from error
+    return tuple(found)
 
 
 def _positive(tiff: _Tiff, directories: tuple[_Directory, ...], tag: int) -> float | None:
@@ -466,6 +515,23 @@ def _matrix(tiff: _Tiff, first: _Directory, tag: int) -> Floats | None:
     if values is None or values.size != 9 or not np.isfinite(values).all():
         return None
     return values.reshape(3, 3)
+
+
+def _neutrals(tiff: _Tiff, first: _Directory) -> tuple[tuple[int, Floats], ...]:
+    """Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6)."""
+    found = []
+    balance = tiff.numbers(first, 50727)
+    gains = balance if balance is not None and balance.size == 3 and np.isfinite(balance).all() else np.ones(3)
+    for matrix, calibration, light in ((50721, 50723, 50778), (50722, 50724, 50779)):
+        to_camera, own = _matrix(tiff, first, matrix), _matrix(tiff, first, calibration)
+        xy = _WHITE_POINTS.get(tiff.one(first, light, 0))
+        if to_camera is None or xy is None:
+            continue
+        x, y = xy
+        white = gains * ((np.eye(3) if own is None else own) @ to_camera @ np.array([x / y, 1.0, (1.0 - x - y) / y]))
+        if np.isfinite(white).all() and white.min() > 1e-3 * white.max():
+            found.append((tiff.one(first, light, 0), white / white[1]))
+    return tuple(found)
 
 
 def _neutral(tiff: _Tiff, first: _Directory) -> Floats | None:

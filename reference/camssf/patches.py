@@ -19,7 +19,13 @@ The rule, in numbers, since Kotlin repeats it bit for bit (all sums are integers
    e = v - (Σ v div n), X and Y the sample's column and row div 2, less the smallest of the patch, and
    C_ab = Σab - Σa Σb / n: slopes a, b from C_XX, C_XY, C_YY, C_Xe, C_Ye (0 where the determinant is not positive);
    variance = max(0, C_ee - a C_Xe - b C_Ye) / (n - 3) + 1/12 (the rounding to whole DN); se = √(variance / n).
-6. Green is the mean of its two positions' means, its standard error half of their root sum of squares; shares
+6. Lens shading, where it shall be applied: g, one for each position, is the product of the chart photo's gain maps
+   that cover it, at c of rule 1 (`camssf.mosaic.shading`). The net's point i <= v = ((c_y + 0.5) / height - origin)
+   / spacing and the next, with p = v - i; likewise j, q of c_x: bilinear, down both columns first, then across;
+   constant beyond the ends. In every frame mean <- black + g (mean - black) and se <- g se (nothing changes where
+   g = 1); so the sums stay whole, a white frame takes g out again, and counts, shares, gradients and the white
+   level remain those of the samples.
+7. Green is the mean of its two positions' means, its standard error half of their root sum of squares; shares
    are of both positions' samples, gradients their mean.
 """
 
@@ -32,9 +38,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.chart import Pose
-from camssf.errors import ChartNotFound, FramesDiffer
+from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
 from camssf.grid import Floats
-from camssf.mosaic import Mosaic
+from camssf.mosaic import Mosaic, shading
 
 SHRINK = 0.5
 """Part of each patch edge that is measured."""
@@ -44,6 +50,8 @@ FLOOR = 2
 """DN that are always allowed: whole numbers have a MAD of zero where there is no noise."""
 FEWEST = 16
 """Samples that each position of the CFA cell must have in every patch."""
+LENS_SHADING = ("as-stored", "apply")
+"""What can be done about the lens shading that a file describes: nothing, or rule 6."""
 ALIKE = 0.01
 """Relative difference up to which two exposures are the same: files round them."""
 
@@ -90,7 +98,12 @@ class PatchMeans:
 
 
 def measure_patches(
-    chart: Mosaic, pose: Pose, *, white: Mosaic | None = None, dark: Mosaic | None = None
+    chart: Mosaic,
+    pose: Pose,
+    *,
+    white: Mosaic | None = None,
+    dark: Mosaic | None = None,
+    lens_shading: str = "as-stored",
 ) -> PatchMeans:
     """Measure the same samples of every patch in all frames of one shot.
 
@@ -99,11 +112,21 @@ def measure_patches(
         pose: where the chart lies in it.
         white: the white frame, taken like the chart photo; None if there is none.
         dark: the dark frame, likewise.
+        lens_shading: "as-stored" takes the samples as they are, "apply" multiplies what lies above black by the gain
+            maps in the chart photo's file. With a white frame it is unnecessary.
 
     Raises:
+        InvalidArgument: another word, or a file without gain maps to apply.
+        UnsupportedRaw: gain maps that camssf does not apply.
         FramesDiffer: size, CFA, camera, levels, exposure or ISO of a frame differ from the chart photo's.
         ChartNotFound: a patch leaves the photo, or holds fewer than 16 samples of a colour.
     """
+    if lens_shading not in LENS_SHADING:
+        raise InvalidArgument(f"Lens shading {lens_shading!r} is unknown.", f"Say {' or '.join(LENS_SHADING)}.")
+    if lens_shading == "apply" and not chart.gain_maps:
+        raise InvalidArgument(
+            f"{chart.path} holds no lens-shading map to apply.", "Leave the samples as stored, or take a white frame."
+        )
     frames = [chart]
     for word, frame in (("white", white), ("dark", dark)):
         if frame is not None:
@@ -115,7 +138,13 @@ def measure_patches(
     )  # (n, 4 positions: R, green of R's rows, green of B's rows, B; frame; numbers)
     black = np.array([chart.black[cell] for cell in cells])
     scale = chart.white - black
-    measured = [_join(raw[:, :, f], black, scale) for f in range(len(frames))]
+    gains = np.ones((len(pose.patches), 4))
+    if lens_shading == "apply":
+        for patch, quad in enumerate(pose.patches):
+            x, y = _centre(quad)
+            factors = shading(chart, float(x), float(y))
+            gains[patch] = [factors[cell] for cell in cells]
+    measured = [_join(raw[:, :, f], black, scale, gains) for f in range(len(frames))]
     rest = iter(measured[1:])
     return PatchMeans(
         chart=measured[0],
@@ -194,7 +223,7 @@ def _select(
     quad: Floats, cell: tuple[int, int], shape: tuple[int, ...], patch: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns of the cell's samples in the shrunk quad: rule 1 and 2."""
-    centre = ((quad[0] + quad[1]) + (quad[2] + quad[3])) * 0.25
+    centre = _centre(quad)
     moved = 16 * (centre + SHRINK * (quad - centre))
     limit = 16 * np.array([shape[1] - 1, shape[0] - 1])
     if not all(isfinite(v) for v in moved.flat) or np.any(moved < 0) or np.any(moved > limit):
@@ -211,6 +240,10 @@ def _select(
         inside &= (b[0] - a[0]) * (16 * rows[:, None] - a[1]) >= (b[1] - a[1]) * (16 * columns - a[0])
     y, x = np.nonzero(inside)
     return rows[y], columns[x]
+
+
+def _centre(quad: Floats) -> Floats:
+    return np.asarray(((quad[0] + quad[1]) + (quad[2] + quad[3])) * 0.25)
 
 
 def _too_small(frame: Mosaic, patch: int, count: int) -> None:
@@ -251,10 +284,12 @@ def _mean(v: NDArray[np.int32], x: NDArray[np.int64], y: NDArray[np.int64]) -> l
     return [total / n, (variance / n) ** 0.5, n, change]
 
 
-def _join(raw: Floats, black: Floats, scale: Floats) -> FrameMeans:
-    """(n, 4 positions, 7 numbers) of one frame → its statistics by colour, the two greens joined."""
+def _join(raw: Floats, black: Floats, scale: Floats, gains: Floats) -> FrameMeans:
+    """(n, 4 positions, 7 numbers) of one frame → its statistics by colour: rules 6 and 7."""
     mean, error, count, change, clipped, rejected, total = np.moveaxis(raw, 2, 0)
     gradient = change / np.maximum(np.abs(mean - black), 0.01 * scale)  # 1 % of the range: dark frames
+    shaded = gains != 1.0
+    mean, error = np.where(shaded, black + gains * (mean - black), mean), gains * error
 
     def colours(v: Floats, green: Floats) -> Floats:
         return np.stack([v[:, 0], green, v[:, 3]], axis=1)

@@ -33,7 +33,7 @@ class Lamp:
         name: as asked for.
         values: (681,) on the grid, any scale, ≥ 0.
         tolerance: one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
-        modes: (q, 681) directions in which ln L may be off, each one standard deviation long.
+        modes: (q, 681) directions in which L may be off, relative to it, each one standard deviation long.
         source: table, formula or file it came from, in words for the report.
     """
 
@@ -137,7 +137,7 @@ def read_lamp(spec: str) -> Lamp:
       The D illuminants were named when c₂ was 1.4380e-2: D55 is `D:5503`, D65 is `D:6504`.
     - `equal-energy`: exactly 1 with tolerance 0, the paper's own assumption.
     - A family whose member is not known: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and
-      modes of ln L in which it may be off.
+      modes in which it may be off.
     - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most.
       Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
       grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
@@ -304,7 +304,7 @@ def _family(name: str) -> Lamp:
         source = f"{'CIE daylight' if name == 'daylight' else 'Planck'}, {family.centre:g} ± {family.spread:g} K"
     else:
         power, modes = principal_modes([illuminant(member) for member in family.members], family.components)
-        source = f"mean and {len(modes)} principal components of ln L of {len(family.members)} CIE lamps"
+        source = f"mean and {len(modes)} principal components of {len(family.members)} CIE lamps"
     tolerance = family.left if isinstance(family, Kind) else NAMED_LAMP
     return Lamp(name, _frozen(power / power.mean()), tolerance, _frozen(modes), source)
 

@@ -34,13 +34,14 @@ class Ssf:
         std: (681, 3) posterior standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself;
             None where the basis has no prior.
         code: (r, 3) coefficients x.
-        predicted: (k, n, 3) the signals that these curves give, 1.
+        predicted: (k, n, 3) the signals that these curves give under `lamp`, 1.
         gap: (3,) relative duality gap of each channel's problem.
         gamma: (3,) the l1 penalty of each channel's problem.
         l2: the quadratic penalty.
         channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
         basis: its name.
         engine: "onnx" or "reference".
+        lamp: (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes.
     """
 
     values: Floats
@@ -53,6 +54,7 @@ class Ssf:
     channel_gain: Floats
     basis: str
     engine: str
+    lamp: Floats
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""
@@ -108,7 +110,7 @@ def recover(
         white_reflectance: (681,) of the white reference; None for a perfect diffuser.
         white_tolerance: its relative error.
         lamp_tolerance: (k,) or one number, the smooth relative error of each lamp.
-        lamp_modes: (k, q, 681) directions in which ln L may be off, each one standard deviation long.
+        lamp_modes: (k, q, 681) directions in which L may be off, relative to it, each one standard deviation long.
         basis: a name, a file, or a Basis.
         l2, gamma: the penalties λ₂ and γ (one number or one a channel). On a basis with a prior they default to
             1 and 0.05; on the paper's to 0 and to the discrepancy principle: the largest γ whose residual is not
@@ -159,8 +161,9 @@ def recover(
         )
     if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
         return _run(load_model(basis), evidence, book, weight, sparsity, positive, raw)
-    code = solve(_sense(evidence, book), weight, sparsity, nonnegative=positive)
-    return _curves(evidence, book, code, weight, sparsity, raw)
+    sensing = _sense(evidence, book)
+    code = solve(sensing, weight, sparsity, nonnegative=positive)
+    return _curves(evidence, book, sensing.lamp, code, weight, sparsity, raw)
 
 
 def _sense(evidence: _Evidence, book: Basis) -> Sensing:
@@ -223,7 +226,9 @@ def explain(
     return {source: np.array(share) for source, share in shares.items()}
 
 
-def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floats, raw: _Frames | None) -> Ssf:
+def _curves(
+    evidence: _Evidence, book: Basis, lamp: Floats, code: Code, l2: float, gamma: Floats, raw: _Frames | None
+) -> Ssf:
     """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
     _believe(code.gap)
     book = anchor(book, evidence.white_reflectance * evidence.lamp[0])
@@ -237,14 +242,18 @@ def _curves(evidence: _Evidence, book: Basis, code: Code, l2: float, gamma: Floa
         variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0)
         std = (np.sqrt(variance) / scale[:, None]).T
     values = (curves / scale[:, None]).T
-    seen = evidence.lamp[:, None, :] * evidence.reflectance
-    seen_white = evidence.lamp * evidence.white_reflectance
-    predicted = (seen @ values) / (seen_white @ values)[:, None, :]
+    predicted = respond(values, evidence.reflectance, lamp, evidence.white_reflectance)
     gain = np.ones(3)
     if raw is not None:
         means = (raw[1] - raw[2])[0].mean(axis=0)
         gain = means / means[1]
-    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, "reference")
+    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, book.name, "reference", lamp)
+
+
+def respond(values: Floats, reflectance: Floats, lamp: Floats, white_reflectance: Floats) -> Floats:
+    """Signals (k, n, 3) that curves (681, 3) of any scale give of patches (n, 681) under lamps (k, 681), Eq. (5)."""
+    seen = (lamp[:, None, :] * reflectance) @ values
+    return np.asarray(seen / ((lamp * white_reflectance) @ values)[:, None, :])
 
 
 def _moves(book: Basis, curves: Floats) -> Floats:
@@ -281,15 +290,19 @@ def _run(
         "nonnegative": np.array(float(nonnegative)),
     }
     answers = {value: model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)}
+    lamp = answers[gamma[0]]["lamp_estimate"]  # γ has no part in it
     out = {
-        name: np.stack([answers[value][name][..., c] for c, value in enumerate(gamma)], axis=-1) for name in OUTPUTS
+        name: np.stack([answers[value][name][..., c] for c, value in enumerate(gamma)], axis=-1)
+        for name in OUTPUTS
+        if name != "lamp_estimate"
     }
     _believe(out["gap"])
     _respond(out["ssf"].max(axis=0))
     std = out["ssf_std"] if book.prior else None
     return Ssf(
-        out["ssf"], std, out["code"], out["predicted"], out["gap"], gamma, l2, out["channel_gain"], book.name, "onnx"
-    )
+        out["ssf"], std, out["code"], out["predicted"], out["gap"], gamma, l2, out["channel_gain"], book.name, "onnx",
+        lamp,
+    )  # fmt: skip
 
 
 def _believe(gap: Floats) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from camssf._bundled import FORMAT
 from camssf.chart import LAYOUTS
-from camssf.families import DIMMEST, FAMILIES, Kind, logarithm, principal_modes
+from camssf.families import DIMMEST, FAMILIES, Kind, principal_modes
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import (
     MEASURED_CHART,
@@ -94,6 +94,7 @@ def tabulate() -> Json:
         "lamps": {name: _even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
         "kelvin": KELVIN,
         "daylight": _daylight(daylight),
+        "observer": _observer(science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]),
         "families": {name: _family(name, science) for name in FAMILIES},
         "charts": {"names": list(CHARTS), "tables": TABLES},
         "tables": {name: _chart(science.SDS_COLOURCHECKERS[name]) for name in TABLES.values()},
@@ -155,6 +156,14 @@ def _daylight(parts: Any) -> Json:
     return {"start": start, "step": step, "sha256": digest(list(values.values()))} | values
 
 
+def _observer(table: Any) -> Json:
+    """The colour-matching functions from 380 to 720 nm."""
+    rows = [i for i, nm in enumerate(table.wavelengths) if WAVELENGTHS[0] <= nm <= WAVELENGTHS[-1]]
+    start, after = (float(table.wavelengths[i]) for i in rows[:2])
+    values = {name: np.asarray(table.values)[rows, c].tolist() for c, name in enumerate("xyz")}
+    return {"start": start, "step": after - start, "sha256": digest(list(values.values()))} | values
+
+
 def _chart(table: Any) -> Json:
     rows = [_even(each) for each in table.values()]
     names = [str(name) for name in table]
@@ -172,8 +181,8 @@ def _chart(table: Any) -> Json:
 def _family(name: str, science: Any) -> Json:
     """A family as its definition; of one made of tables also what makes its modes of them.
 
-    With g_i = ln L_i about its mean over the grid (families.logarithm): the mean power is exp(mean g_i), mode k is
-    Σ_i weights[k][i] g_i.
+    With L_i divided by its mean over the grid: the mean lamp is the mean of L_i, mode k is Σ_i weights[k][i] L_i over
+    the larger of the mean lamp and `dimmest` times its peak.
     """
     family = FAMILIES[name]
     if not isinstance(family, Kind):
@@ -183,12 +192,13 @@ def _family(name: str, science: Any) -> Json:
     for member in family.members:
         table = science.SDS_ILLUMINANTS[member]
         lamps.append(np.interp(WAVELENGTHS, table.wavelengths, table.values))
-    _, modes = principal_modes(lamps, family.components)
-    logs = logarithm(np.stack(lamps))
-    weights = modes @ np.linalg.pinv(logs - logs.mean(axis=0))
+    mean, modes = principal_modes(lamps, family.components)
+    modes = modes * np.maximum(mean, DIMMEST * mean.max())
+    shapes = np.stack([lamp / lamp.mean() for lamp in lamps])
+    weights = modes @ np.linalg.pinv(shapes - mean)
     weights *= np.sign(np.take_along_axis(weights, np.abs(weights).argmax(axis=1)[:, None], axis=1))
-    if np.abs(np.abs(weights @ logs) - np.abs(modes)).max() > EXACT:
-        raise ValueError(f"{name}: the modes are no sums of the members' ln L")
+    if np.abs(np.abs(weights @ shapes) - np.abs(modes)).max() > EXACT:
+        raise ValueError(f"{name}: the modes are no sums of the members")
     return {
         "members": list(family.members),
         "dimmest": DIMMEST,

@@ -1,0 +1,240 @@
+"""The cases of the stage `verdict`: one a rule of `camssf.verdict`, in plain numbers.
+
+No solution is behind them: the answer is a measured camera, the predictions are its signals, and the signals differ
+from them as the case says. So every number comes from a formula or a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from camssf.grid import Floats
+from golden.reading import Json, camera, chart, lamp
+
+CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
+BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
+"""Black level and range of the white, DN; electrons at full range; samples a patch."""
+COLUMNS = 6
+
+
+def verdicts() -> Iterator[Json]:
+    """Every case."""
+    y = predicted()
+    yield case("clean", "Nothing is wrong: accepted, no reasons.", y)
+    yield case(
+        "clean-white-patch",
+        "No white frame: the white patch's row is out, ρ is its reflectance.",
+        predicted(white=18),
+        white=18,
+    )
+    yield case(
+        "two-shots", "Two clean shots of one chart: Σ holds its errors as the same in both.", predicted(k=2), k=2
+    )
+    yield case("no-prior", "Without a band there is no prior: xᵀ x counts nothing.", y, code=40.0, std=None)
+    yield case("modes", "A lamp's modes are in Σ.", y * (1 + 0.03 * np.sin(np.arange(24.0)))[:, None], modes=True)
+    # rule 3
+    yield case("veil", "3 % of white over the chart photo: glare.", 0.97 * y + 0.03)
+    yield case("bright-dark", "3 % of white in the dark frame: frames_differ.", (y - 0.03) / 0.97)
+    yield case(
+        "white-colour",
+        "The white frame of another light: each channel by its own factor.",
+        y * np.array([1.2, 1.0, 0.85]),
+    )
+    yield case("light", "Light that falls off along the rows, in spite of a white frame.", y * slope(0.3)[:, None])
+    yield case(
+        "light-white-patch",
+        "The same without one: the level is free.",
+        predicted(white=18) * slope(0.3)[:, None] / slope(0.3)[18],
+        white=18,
+    )
+    yield case("tone", "A tone curve, y^0.9: not_sensor_raw.", y**0.9)
+    yield case("patch", "One wrong patch is named.", y * spike(13, 1.4))
+    yield case(
+        "no-single-cause",
+        "All patches off, by no pattern: chart_unfit.",
+        y * (1 + 0.12 * np.sin(5.0 * np.arange(24.0)))[:, None],
+    )
+    yield case(
+        "hopeless", "Ten times the expected χ²: refused.", y * (1 + 0.5 * np.sin(5.0 * np.arange(24.0)))[:, None]
+    )
+    spoilt = np.stack([predicted(k=2)[0], predicted(k=2)[1] * np.array([1.2, 1.0, 0.85])])
+    yield case(
+        "second-of-two", "Of two shots the second one's white frame is of another light: it is named.", spoilt, k=2
+    )
+    yield case(
+        "contradiction",
+        "Each shot alone fits, together they do not.",
+        predicted(k=2) * np.array([1.06, 0.94])[:, None, None],
+        k=2,
+        forgiven=True,
+    )
+    # rule 2
+    yield case("strange", "Curves unlike a camera's.", y, code=20.0)
+    yield case("alien", "Curves that no camera has: refused.", y, code=80.0)
+    # rules 4 and 5
+    yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", 5.0], [0, "A", -20.0]])
+    yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", -5.0], [0, "FL2", 0.0]])
+    yield case(
+        "rival-condemned", "Another lamp fits so much better that the named one is out.", y, rivals=[[0, "A", -300.0]]
+    )
+    yield case(
+        "rival-of-two",
+        "The rival of one of two shots is named with its shot.",
+        predicted(k=2),
+        k=2,
+        rivals=[[0, "A", -1.0], [1, "D55", -40.0]],
+    )
+    yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
+    yield case("tint-other-matrix", "One of two matrices agrees: that is enough.", y, tint=1.3, second=True)
+    # rule 6 and the rest
+    yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
+    yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
+    yield case("greens", "Two greens that differ.", y, greens=1.1)
+    yield case("dirt", "A patch of outliers.", y, dead=(4, 0.2))
+    yield case("dim", "A white at 5 % of the range.", y, level=0.05)
+    yield case("fog", "A quarter of white in the darkest patch: refused.", 0.7 * y + 0.3)
+    yield case("few", "Nine patches, the others clipped.", y, used=9, clipped=0.5)
+    yield case("few-dark", "Nine patches, the others lost in noise.", y, used=9)
+    yield case("pose", "Patches that hardly agree with the chart's colours.", y, score=0.8)
+    yield case("kind", "A lamp known by its kind alone, in three directions.", y, modes=True, directions=3)
+    yield case("vague", "A band of ±0.15 of the peak.", y, std=0.0765)
+
+
+def predicted(k: int = 1, white: int | None = None) -> Floats:
+    """(24, 3) or (k, 24, 3): Eq. (5) by its integrals, to seven digits."""
+    R, s = chart("babelcolor"), camera(CAMERA)
+    rho = np.ones(R.shape[1]) if white is None else R[white]
+    found = np.stack([((R * lamp(name)) @ s) / ((rho * lamp(name)) @ s) for name in LAMPS[:k]])
+    return np.round(found if k > 1 else found[0], 7)
+
+
+def slope(fall: float) -> Floats:
+    """Light along the rows, 1 in the middle."""
+    return np.asarray(1.0 + fall * ((np.arange(24) % COLUMNS) / (COLUMNS - 1.0) - 0.5))
+
+
+def spike(i: int, factor: float) -> Floats:
+    """(24, 1): a factor on one patch."""
+    return np.where(np.arange(24)[:, None] == i, factor, 1.0)
+
+
+def case(
+    name: str,
+    comment: str,
+    signals: Floats,
+    *,
+    k: int = 1,
+    white: int | None = None,
+    code: float = 2.0,
+    std: float | None = 0.02,
+    modes: bool = False,
+    directions: int = 1,
+    rivals: list[list[Any]] | None = None,
+    tint: float = 0.0,
+    second: bool = False,
+    noise: float = 1.0,
+    texture: float = 0.0,
+    greens: float = 1.0,
+    dead: tuple[int, float] = (0, 0.0),
+    level: float = 1.0,
+    used: int = 24,
+    clipped: float = 0.0,
+    score: float = 0.97,
+    forgiven: bool = False,
+) -> Json:
+    """The inputs of `judge`; what is not named is as in a clean capture.
+
+    `code` is xᵀ x, all of it in one entry; `std` the band's, in parts of the peak, everywhere. `forgiven`: the
+    answers to each shot alone predict its signals exactly.
+    """
+    y = np.round(signals if k > 1 else signals[None], 7)
+    told = predicted(k, white)
+    told = told if k > 1 else told[None]
+    span = level * SPAN
+    frame = {
+        "chart": statistics(y, span, noise, texture),
+        "white": statistics(np.ones_like(y), span),
+        "dark": statistics(np.zeros_like(y), span),
+    }
+    taken = np.ones((k, 24), dtype=bool)
+    taken[:, used:] = False
+    if white is not None:
+        taken[:, white] = False
+    shots = []
+    for j in range(k):
+        chart_means = {key: value[j].tolist() for key, value in frame["chart"].items()}
+        chart_means["greens"] = [[upper, greens * lower] for upper, lower in chart_means["greens"]]
+        chart_means["dead"] = np.where(np.arange(24)[:, None] == dead[0], dead[1], np.zeros((24, 3))).tolist()
+        chart_means["clipped"] = np.where(np.arange(24)[:, None] >= used, clipped, np.zeros((24, 3))).tolist()
+        rest = {role: {key: value[j].tolist() for key, value in frame[role].items()} for role in ("white", "dark")}
+        shots.append({"chart": chart_means, "white": rest["white"] if white is None else None, "dark": rest["dark"],
+                      "black": [BLACK] * 3, "saturation": 16383.0})  # fmt: skip
+    place = [[100.0 * (i % COLUMNS), 100.0 * (i // COLUMNS)] for i in range(24)]
+    codes = [[0.0] * 3 for _ in range(24)]
+    codes[0][0] = float(np.sqrt(code))
+    curves = {"camera": CAMERA}
+    peaks = camera(CAMERA).max(axis=0)
+    band = None if std is None else {"bells": [[[float(std * peak), 550.0, 1e9]] for peak in peaks]}
+    alone = [{"ssf": curves, "code": codes, "predicted": (y if forgiven else told).tolist()} for _ in range(k)]
+    neutral = [[{"lamps": ["D55"]}, white_under("D55", tint)]] if tint else []
+    if second:
+        neutral.append([{"lamps": ["A"]}, white_under("A", 1.0)])
+    inputs: Json = {
+        "reflectance": {"chart": "babelcolor", "patches": list(range(1, 25))},
+        "chart_tolerance": {"constant": 0.03, "shape": [24]},
+        "white_reflectance": {"constant": 1.0, "shape": [681]}
+        if white is None
+        else {"chart": "babelcolor", "patches": [white + 1]},
+        "white_tolerance": 0.01 if white is None else 0.03,
+        "lamp": {"lamps": list(LAMPS[:k])},
+        "lamp_tolerance": [0.02] * k,
+        "lamp_modes": {"polynomials": [[[0.0, 0.05, 0.01 * q] for q in range(directions)] if modes else []] * k},
+        "signals": y.tolist(),
+        "standard_error": np.round(0.002 * y + 1e-4, 9).tolist(),
+        "used": taken.tolist(),
+        "white_is_patch": [white is not None] * k,
+        "white": np.broadcast_to(raw_white(level) if tint else [BLACK + span] * 3, y.shape).tolist(),
+        "dark": np.full(y.shape, BLACK).tolist(),
+        "shots": shots,
+        "centres": [place] * k,
+        "scores": [score] * k,
+        "ssf": curves,
+        "ssf_std": band,
+        "code": codes,
+        "predicted": told.tolist(),
+        "alone": alone if k > 1 else [],
+        "rivals": rivals or [],
+        "neutrals": [neutral] * k,
+    }
+    return {"case": f"verdict/{name}", "comment": comment, "expect": "success", "inputs": inputs, "truth": None}
+
+
+def raw_white(level: float) -> list[float]:
+    """The white's level in DN under the first lamp, as the camera sees it."""
+    seen = lamp(LAMPS[0]) @ camera(CAMERA)
+    return np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
+
+
+def white_under(light: str, tint: float) -> list[float]:
+    """What a colour matrix tells of the camera's white, its red off by a factor."""
+    seen = lamp(light) @ camera(CAMERA) * np.array([tint, 1.0, 1.0])
+    return np.round(seen / seen[1], 9).tolist()
+
+
+def statistics(y: Floats, span: float, noise: float = 1.0, texture: float = 0.0) -> dict[str, Floats]:
+    """A frame of a photon counter, (k, 24, 3): V = noise² (span² (y / WELL + 9 / WELL²) + (texture span y)²)."""
+    variance = span**2 * (np.maximum(y, 0.0) / WELL + 9.0 / WELL**2)
+    error = noise * np.sqrt((variance + (texture * span * y) ** 2) / COUNT)
+    mean = np.round(BLACK + span * y, 6)
+    still = np.zeros_like(mean)
+    return {
+        "mean": mean,
+        "standard_error": np.round(error, 9),
+        "count": np.full(mean.shape, COUNT),
+        "clipped": still,
+        "dead": still,
+        "greens": mean[..., [1, 1]],
+    }

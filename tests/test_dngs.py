@@ -1,0 +1,100 @@
+"""The writer of DNG files and its golden files: judged by LibRaw, by tifffile and by libjpeg-turbo."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+import tifffile
+
+from golden.dngs import JPEG, Dng, lossless_jpeg
+from golden.mosaics import chaos, extremes, slope
+from golden.reading import ROOT, read_case
+from golden.running import LACKING
+
+CASES: dict[str, dict[str, Any]] = {
+    path.stem: case
+    for path in sorted((ROOT / "cases" / "mosaic").glob("*.json"))
+    if (case := read_case(path))["expect"] == "success"
+}
+BY_LIBRAW = [name for name, case in CASES.items() if not LACKING & set(case["requires"])]
+
+
+def digest(samples: np.ndarray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(samples, dtype="<u2").tobytes()).hexdigest()
+
+
+def area(content: bytes) -> tuple[slice, slice]:
+    """The active area, by tifffile."""
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        tags = raw_page(file).tags
+        top, left, bottom, right = tags[50829].value if 50829 in tags else (0, 0, None, None)
+    return slice(top, bottom), slice(left, right)
+
+
+def raw_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
+    def walk(pages: Any) -> Any:
+        for page in pages:
+            yield page
+            yield from walk(page.pages or [])
+
+    (found,) = [page for page in walk(file.pages) if page.photometric == 32803]
+    return found
+
+
+@pytest.mark.parametrize("name", BY_LIBRAW)
+def test_libraw_finds_the_same_samples(name: str) -> None:
+    content = (ROOT / "dng" / f"{name}.dng").read_bytes()
+    with rawpy.imread(io.BytesIO(content)) as raw:
+        found = digest(raw.raw_image[area(content)])
+    assert found == CASES[name]["outputs"]["samples_sha256"]
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in BY_LIBRAW])
+def test_tifffile_finds_the_same_samples(name: str) -> None:
+    """What LibRaw does not decode: tifffile with imagecodecs does."""
+    pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
+    content = (ROOT / "dng" / f"{name}.dng").read_bytes()
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        page = raw_page(file)
+        if page.compression == JPEG:  # tifffile takes two components for two samples a pixel
+            import imagecodecs
+
+            pieces = [content[at : at + n] for at, n in zip(page.dataoffsets, page.databytecounts, strict=True)]
+            found = np.concatenate([imagecodecs.jpeg_decode(piece).ravel() for piece in pieces])
+        else:
+            found = page.asarray().ravel()
+    assert digest(found) == CASES[name]["outputs"]["samples_sha256"]
+
+
+def test_what_libraw_lacks_is_tested_elsewhere() -> None:
+    assert set().union(*(CASES[name]["requires"] for name in CASES)) - {"mosaic"} == LACKING - {"metadata"}
+    assert len(BY_LIBRAW) >= 35
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_lossless_jpeg_by_libjpeg(bits: int) -> None:
+    imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
+    for samples in (chaos(bits), slope(bits), *([extremes()] if bits == 16 else [])):
+        for components, predictor, restart in itertools.product((1, 2, 4), range(1, 8), (0, 1, 7)):
+            coded = lossless_jpeg(samples, bits, components=components, predictor=predictor, restart_rows=restart)
+            found = imagecodecs.jpeg_decode(coded).reshape(samples.shape)
+            np.testing.assert_array_equal(found, samples, err_msg=f"{components} {predictor} {restart}")
+
+
+def test_a_point_transform_drops_low_bits() -> None:
+    imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
+    found = imagecodecs.jpeg_decode(lossless_jpeg(chaos(12), 12, predictor=4, transform=3))
+    np.testing.assert_array_equal(found.reshape(chaos(12).shape), chaos(12) >> 3 << 3)
+
+
+def test_strips_and_tiles_by_tifffile() -> None:
+    for how in ({}, {"rows_per_strip": 7}, {"tile": (16, 32)}):
+        for order in "<>":
+            with tifffile.TiffFile(io.BytesIO(Dng(chaos(16), order=order, **how).encode())) as file:
+                np.testing.assert_array_equal(file.pages[0].asarray(), chaos(16))
