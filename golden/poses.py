@@ -276,6 +276,12 @@ def _patches() -> Iterator[Json]:
         "dust", "Hot pixels in the chart photo, dust in the white frame: one mask for all frames.",
         {"photo": ("patches-hot.dng", file(dusty)), "white": ("patches-dust.dng", file(dusty_flat))} | black,
     )  # fmt: skip
+    lot = (29 * x + 37 * y + x * y) % 97
+    tails = (photo + np.where(lot < 80, lot % 8, 2 * (lot - 80))).astype(np.uint16)
+    yield patches(
+        "tails", "Noise with long tails: which samples go hangs on both middle values of the sorted ones.",
+        {"photo": ("patches-tails.dng", file(tails))},
+    )  # fmt: skip
     bright = np.minimum(BLACK + (photo.astype(np.int64) - BLACK) * 3 // 2, WHITE + (x + y) % 3).astype(np.uint16)
     yield patches(
         "clipped", "The white patch at the ceiling in green.", {"photo": ("patches-clipped.dng", file(bright))}

@@ -41,7 +41,7 @@ class Job:
         name: as written; folder: the one safe component it gets below the output folder.
         photos, lamps, white, dark: one a shot, in the manifest's order; white and dark may be None.
         chart: for all shots.
-        basis, engine: as in `camssf.calibrate`.
+        basis, engine, lens_shading: as in `camssf.calibrate`.
         fault: why this job cannot run, "" when it can.
     """
 
@@ -55,6 +55,7 @@ class Job:
     basis: str
     engine: str
     fault: str = ""
+    lens_shading: str = "as-stored"
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def run_batch(
     *,
     basis: str = "cameras",
     engine: str = "onnx",
+    lens_shading: str = "as-stored",
     jobs: int | None = None,
     work: Callable[[Job, Path], Outcome] | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -102,7 +104,7 @@ def run_batch(
         manifest: CSV with a header (COLUMNS); rows of one name are its shots; paths are relative to it.
         out: folder; made where it is missing.
         basis: as in `camssf.calibrate`, for all.
-        engine: likewise.
+        engine, lens_shading: likewise.
         jobs: processes; all cores unless given.
         work: what to do with one job, importable by a new process; `calibrate_job` unless given.
         progress: called with words and a fraction.
@@ -113,7 +115,8 @@ def run_batch(
     Raises:
         InvalidArgument: the manifest cannot be read or has no rows, or `out` cannot be written to.
     """
-    todo = read_manifest(manifest, basis=basis, engine=engine)
+    found = read_manifest(manifest, basis=basis, engine=engine)
+    todo = tuple(replace(job, lens_shading=lens_shading) for job in found)
     folder = Path(out)
     count = max(1, jobs if jobs is not None else _cores())
     try:
@@ -172,6 +175,7 @@ def calibrate_job(job: Job, folder: Path) -> Outcome:
             chart=job.chart,
             basis=job.basis,
             engine=job.engine,
+            lens_shading=job.lens_shading,
         )
         report(result.document(), result.previews).save(folder)
     except CalibrationError as error:

@@ -90,11 +90,17 @@ public class Photo internal constructor(
     public val make: String,
     public val model: String,
     public val sha256: String,
+    internal val neutrals: List<NamedNeutral> = emptyList(),
 ) {
     internal companion object {
+        /** CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them. */
+        private val LIGHT_SOURCES =
+            mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
+
         fun of(mosaic: Mosaic): Photo = Photo(
             mosaic.name, mosaic.width, mosaic.height, mosaic.orientation, mosaic.exposure, mosaic.iso,
             mosaic.gainMaps.isNotEmpty(), mosaic.make, mosaic.model, mosaic.sha256.ifEmpty { hash(mosaic) },
+            mosaic.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
         )
 
         /** Of the samples, row by row, where there was no file (Camera2). */
@@ -113,6 +119,9 @@ public class Photo internal constructor(
         }
     }
 }
+
+/** The camera's white (3) under a CIE illuminant, as the file's colour matrix tells it. */
+internal class NamedNeutral(val light: String, val white: DoubleArray)
 
 /**
  * One measured shot: small, so that an app may measure right after the photo and solve later.

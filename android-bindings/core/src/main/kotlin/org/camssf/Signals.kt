@@ -100,6 +100,22 @@ public class Signals internal constructor(
         )
     }
 
+    /** Shot j alone. */
+    internal fun only(j: Int): Signals {
+        fun part(all: DoubleArray) = all.copyOfRange(3 * patches * j, 3 * patches * (j + 1))
+        return Signals(
+            1,
+            patches,
+            part(values),
+            part(standardError),
+            part(chart),
+            part(white),
+            part(dark),
+            used.copyOfRange(patches * j, patches * (j + 1)),
+            assumptions,
+        )
+    }
+
     private fun fill(shot: Int, means: PatchMeans, w: Int) {
         val number = shot + 1
         val size = 3 * patches

@@ -49,16 +49,33 @@ internal class Solve(
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen[3 * i + it].isFinite() } }
         val predicted = DoubleArray(unseen.size) { if (counts[it / 3]) unseen[it] else ssf.predicted[it] }
         val scores = Scores.of(signals, predicted, table, lamps, counts, how)
-        val alone = if (ssf.std == null) {
-            null
-        } else {
-            capture.shots.indices.filter { k > 1 }.map { shot ->
-                halfWidth(fit(BooleanArray(k * n) { signals.used[it] && it / n == shot }, gamma))
+        val alone = capture.shots.indices.filter { k > 1 && ssf.std != null }.map { shot ->
+            fit(BooleanArray(k * n) { signals.used[it] && it / n == shot }, gamma)
+        }
+        val (rho, tolerance) = whiteReference()
+        val told = Told(signals, table, lamps, ssf, rho, tolerance)
+        val verdict = Judge.judge(Case(told, capture.shots, alone, rivals(ssf, gamma)))
+        val widths = alone.map { halfWidth(it) }.takeIf { ssf.std != null }
+        return Solution(capture, signals, ssf, unseen, scores, verdict, signals.assumptions + assumptions(), widths)
+    }
+
+    /** How well the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
+    private fun rivals(ssf: Ssf, gamma: DoubleArray?): List<Rival> {
+        if (ssf.std == null || k > Judge.MOST_RIVALLED) return emptyList()
+        val (rho, tolerance) = whiteReference()
+        return capture.shots.indices.flatMap { j ->
+            Judge.RIVALS.mapNotNull { name ->
+                val others = lamps.toMutableList().also { it[j] = rival(name) }
+                val answer = try {
+                    fit(signals.used, gamma, others)
+                } catch (_: LampUnfit) {
+                    return@mapNotNull null // then it is no rival
+                } catch (_: NotConverged) {
+                    return@mapNotNull null
+                }
+                Rival(j, name, Told(signals, table, others, answer, rho, tolerance).surprise().weighted)
             }
         }
-        val verdict = Judge.judge(signals, table, capture.shots, ssf)
-        val assumptions = signals.assumptions + assumptions()
-        return Solution(capture, signals, ssf, unseen, scores, verdict, assumptions, alone)
     }
 
     private fun asked(): BooleanArray {
@@ -77,7 +94,7 @@ internal class Solve(
         (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
 
     /** The curves of the used patches; they predict all of them. */
-    private fun fit(used: BooleanArray, gamma: DoubleArray?): Ssf {
+    private fun fit(used: BooleanArray, gamma: DoubleArray?, lamps: List<Lamp> = this.lamps): Ssf {
         tell("solving", 0.9)
         val taken = taken(used)
         val t = taken.size
@@ -220,6 +237,9 @@ internal class Solve(
         /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
         private const val HIDDEN = 1e3
         private const val WHITE_TOLERANCE = 0.01
+        private val rivals = HashMap<String, Lamp>()
+
+        private fun rival(name: String): Lamp = synchronized(rivals) { rivals.getOrPut(name) { Lamp.read(name) } }
 
         /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak. */
         fun halfWidth(ssf: Ssf): Double {

@@ -48,6 +48,20 @@ public class Ssf internal constructor(
         return (0 until Grid.SIZE).maxOf { values[3 * it + channel] }
     }
 
+    /** What this answer says of shot j alone, of n patches. */
+    internal fun only(j: Int, n: Int): Ssf = Ssf(
+        values,
+        std,
+        code,
+        predicted.copyOfRange(3 * n * j, 3 * n * (j + 1)),
+        gap,
+        gamma,
+        l2,
+        channelGain,
+        basis,
+        lamp.copyOfRange(Grid.SIZE * j, Grid.SIZE * (j + 1)),
+    )
+
     internal fun predicting(predicted: DoubleArray): Ssf =
         Ssf(values, std, code, predicted, gap, gamma, l2, channelGain, basis, lamp)
 }

@@ -1,7 +1,7 @@
 package org.camssf
 
 import kotlin.math.abs
-import kotlin.math.hypot
+import kotlin.math.expm1
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
@@ -32,18 +32,53 @@ public class Reason internal constructor(
  */
 public class Verdict internal constructor(public val status: String, public val reasons: List<Reason>)
 
-/** Evidence → verdict. RMSRE has no say: the same lamp stands on both of its sides, so it stays small when it is wrong. */
+/** T₄ with another lamp in place of a shot's own. */
+internal class Rival(val shot: Int, val lamp: String, val weighted: Double)
+
+/** What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and the rivals. */
+internal class Case(val told: Told, val shots: List<MeasuredShot>, val alone: List<Ssf>, val rivals: List<Rival>)
+
+/**
+ * Evidence → verdict, by the numbered rules of Python's `camssf.verdict`. RMSRE has no say: the same lamp stands on both
+ * of its sides, so it stays small when the lamp is wrong.
+ */
 internal object Judge {
-    /** Root mean square residual in units of its expected size from which the evidence contradicts itself. */
-    private const val MISFIT = 3.0
-    private const val IMPOSSIBLE = 10.0
+    /** z(T) from which the evidence contradicts itself; T / N from which nothing is left of it. */
+    private const val SURPRISE = 3.5
+    private const val HOPELESS = 10.0
+
+    /** xᵀ x of the three channels from which the curves are unlike a camera's, and from which they are none. */
+    private const val STRANGE = 13.0
+    private const val ALIEN = 60.0
+
+    /** Added to both for each further shot: with more evidence the code is less bound to its prior. */
+    private const val FREER = 7.0
+
+    /** dT₄ from which another lamp explains the photo better, and from which the named one is out of the question. */
+    private const val RIVAL = 15.0
+    private const val CONDEMNED = 200.0
+
+    /** Lamps tried in the place of the named one. */
+    val RIVALS = listOf(
+        "2300K", "2856K", "3500K", "D:4300", "D:5000", "D:6500", "D:10000", "LED-B1", "LED-B3", "LED-B5", "LED-V1",
+        "FL2", "FL7", "FL11",
+    )
+
+    /** Shots of a capture beyond which rivals are not tried: each costs a solution a rival. */
+    const val MOST_RIVALLED = 4
+
+    /** What a suspect may explain by chance and by the chart's own error. */
+    private const val SUSPECT = 32.0
+
+    /** Of the surprise beyond N that a suspect must explain to be named for it. */
+    private const val SHARE = 0.4
+
+    /** ln by which the raw white may differ from what the file's colour matrix foretells. */
+    private const val TINTED = 0.20
 
     /** Share of white that the darkest patch may give before light lies over the chart, and before it hides it. */
     private const val VEIL = 0.10
     private const val FOG = 0.25
-
-    /** Residual of one patch, likewise. */
-    private const val STRANGE_PATCH = 5.0
 
     /** The paper's number of colours; fewer carry less than its accuracy. */
     private const val FEW_PATCHES = 12
@@ -51,75 +86,62 @@ internal object Judge {
     /** Share of the sensor's range below which the white leaves the dark patches to noise. */
     private const val DARK_WHITE = 0.10
 
-    /** Change of the light across the chart, as residuals that follow the patches' places tell it. */
-    private const val UNEVEN = 0.05
-
     /** Agreement of the patches with the chart's own colours below which the corners deserve a look. */
     private const val POOR_POSE = 0.90
+
+    /** Grain below which noise is missing, texture above which a patch is not flat. */
+    private const val SMOOTH = 0.6
+    private const val ROUGH = 0.015
+
+    /** Relative difference of the two greens above which they are not both green. */
+    private const val GREENS = 0.06
+
+    /** Share of outliers among a patch's samples above which something lies on it. */
+    private const val DIRTY = 0.06
 
     /** Most directions in which a lamp may be off. */
     private const val LOOSE = 2
 
     /** Widest mean 95 % half-width, in parts of the peak, that still tells cameras apart. */
     private const val VAGUE = 0.10
-    private const val LAMP_UNFIT = "lamp_unfit"
 
-    /**
-     * Weighs the evidence behind an answer.
-     *
-     * The expected size of a residual is the root sum of squares of the signal's standard error and the chart's
-     * tolerance; the lamp's own tolerance is left out, so a wrong lamp shows.
-     */
-    fun judge(signals: Signals, table: ChartTable, shots: List<MeasuredShot>, ssf: Ssf): Verdict {
-        val n = signals.patches
-        val misfit = DoubleArray(signals.values.size) {
-            val expected = hypot(signals.standardError[it], table.tolerance[it / 3 % n] * signals.values[it])
-            (signals.values[it] - ssf.predicted[it]) / max(expected, 1e-4)
+    private class Limit(val name: String, val code: String, val advice: String)
+
+    fun judge(case: Case): Verdict {
+        val told = case.told
+        val signals = told.signals
+        val found = told.surprise()
+        val each = case.shots.mapIndexedNotNull { j, shot ->
+            if (used(signals, j).size < 3) {
+                null
+            } else {
+                told.only(j, case.alone.getOrNull(j) ?: told.ssf).surprise(shot.pose, shot.means.white == null)
+            }
         }
         val reasons = ArrayList<Reason>()
-        shots.forEachIndexed { j, shot ->
+        reasons += surprises(found, each, told.table)
+        case.shots.forEachIndexed { j, shot ->
             val name = "shot ${j + 1}"
-            val used = (0 until n).filter { signals.used[j * n + it] }
             reasons += exposure(name, signals, j, shot.means)
-            if (used.size < FEW_PATCHES) reasons += few(name, signals, j, used, shot.means)
-            val unevenness = if (shot.means.white == null) fallOff(shot.pose, signals, j, ssf, used) else 0.0
-            if (unevenness > UNEVEN) {
-                reasons += Reason(
-                    "uneven_light",
-                    "$name: the light changes by ${percent(unevenness, 0)} across the chart and no white frame " +
-                        "corrects it.",
-                    "Add a white frame, or light the chart evenly and keep it in the middle of the photo.",
-                    unevenness,
-                    UNEVEN,
-                )
-            }
+            reasons += few(name, signals, j, shot.means)
+            reasons += samples(name, signals, j, shot.means, told.table)
             if (shot.pose.score < POOR_POSE) {
                 reasons += Reason(
                     "chart_unfit",
                     "$name: the patches agree only ${fixed(shot.pose.score, 2)} with the chart's own colours.",
-                    "Look at the outlines in the report, check the chart's name, or give the corners by hand.",
+                    "Look at the outlines in the report, check the chart's name, or give the corners anew.",
                     shot.pose.score,
                     POOR_POSE,
                 )
             }
-            if (unevenness <= UNEVEN) { // else residuals accuse neither lamp nor chart
-                reasons += residuals(name, misfit, j * n, used, table.patches)
-            }
         }
-        shots.forEachIndexed { j, shot ->
-            if (shot.lamp.modes.size > LOOSE) {
-                reasons += Reason(
-                    LAMP_UNFIT,
-                    "shot ${j + 1}: ${shot.lamp.name} is known by its kind alone, in ${shot.lamp.modes.size} " +
-                        "directions: the bands hold the truth less often than they say.",
-                    "Measure the lamp, or photograph the chart in daylight or under a bulb.",
-                    shot.lamp.modes.size.toDouble(),
-                    LOOSE.toDouble(),
-                )
-            }
+        case.shots.forEachIndexed { j, shot ->
+            reasons += kind("shot ${j + 1}", shot.lamp)
+            reasons += tint("shot ${j + 1}", shot, signals, j, told.ssf)
         }
-        if (ssf.std != null) {
-            val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
+        if (case.shots.size == 1 || each.none { accused(it) != null }) reasons += rival(case, found.weighted)
+        if (told.ssf.std != null) {
+            val width = (0..2).sumOf { told.ssf.band(it)!!.average() } / 3
             if (width > VAGUE) {
                 reasons += Reason(
                     "underexposed",
@@ -137,23 +159,280 @@ internal object Judge {
     /** The error that a refused verdict raises: its gravest reason's. */
     fun refusal(verdict: Verdict): CalibrationException {
         val reason = verdict.reasons.first { it.fatal }
-        return if (reason.code == LAMP_UNFIT) {
-            LampUnfit(reason.message, reason.advice, reason.value, reason.threshold)
-        } else {
-            Glare(reason.message, reason.advice, reason.value, reason.threshold)
+        val (message, advice) = reason.message to reason.advice
+        return when (reason.code) {
+            "glare" -> Glare(message, advice, reason.value, reason.threshold)
+            "chart_unfit" -> ChartUnfit(message, advice, reason.value, reason.threshold)
+            "frames_differ" -> FramesDiffer(message, advice, reason.value, reason.threshold)
+            "uneven_light" -> UnevenLight(message, advice, reason.value, reason.threshold)
+            "not_sensor_raw" -> NotSensorRaw(message, advice, reason.value, reason.threshold)
+            "lamp_unfit" -> LampUnfit(message, advice, reason.value, reason.threshold)
+            else -> error("no verdict refuses for ${reason.code}")
         }
     }
 
-    private fun few(name: String, signals: Signals, shot: Int, used: List<Int>, means: PatchMeans): Reason {
+    private fun used(signals: Signals, shot: Int): List<Int> =
+        (0 until signals.patches).filter { signals.used[shot * signals.patches + it] }
+
+    /**
+     * The strongest suspect of a shot, a veil counted 1.2-fold (a tone curve looks much like it), if it explains enough:
+     * [SHARE] of a surprise, else [SUSPECT].
+     */
+    private fun accused(one: Surprise): Suspect? {
+        val strongest = one.suspects.maxByOrNull { it.gain * if (it.kind == "veil") 1.2 else 1.0 } ?: return null
+        val enough = if (one.z > SURPRISE) SHARE * (one.total - one.count) else SUSPECT
+        return strongest.takeIf { it.gain > enough }
+    }
+
+    /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
+    private fun surprises(found: Surprise, each: List<Surprise>, table: ChartTable): List<Reason> {
+        val reasons = ArrayList<Reason>()
+        val hopeless = found.total > HOPELESS * found.count
+        each.forEachIndexed { j, one ->
+            val suspect = accused(one) ?: return@forEachIndexed
+            val limit = accusation(suspect, table)
+            val value = if (hopeless) found.total / found.count else suspect.gain
+            val bound = if (hopeless) HOPELESS else SUSPECT
+            reasons += Reason(limit.code, "shot ${j + 1}: ${limit.name}", limit.advice, value, bound, hopeless)
+        }
+        val worst = each.maxOfOrNull { it.z } ?: found.z
+        if (reasons.isEmpty() && (hopeless || max(found.z, worst) > SURPRISE)) {
+            val size = fixed(sqrt(found.total / found.count), 1)
+            val together = each.size > 1 && worst <= SURPRISE
+            reasons += Reason(
+                "chart_unfit",
+                if (together) {
+                    "the shots contradict each other: together they are off by $size times what was to be " +
+                        "expected, each alone is not."
+                } else {
+                    "the patches are off by $size times what was to be expected, and no single cause explains it."
+                },
+                "Check that the chart named is the one in the photo and the lamp its light; a printed copy or a " +
+                    "faded chart has other spectra than the table.",
+                if (hopeless) found.total / found.count else max(found.z, worst),
+                if (hopeless) HOPELESS else SURPRISE,
+                hopeless,
+            )
+        }
+        val (strange, alien) = listOf(STRANGE, ALIEN).map { it + FREER * (each.size - 1) }
+        if (found.prior > strange) {
+            reasons += Reason(
+                "lamp_unfit",
+                "the curves are unlike any camera's (${fixed(found.prior, 0)}, where cameras stay below " +
+                    "${fixed(strange, 0)}).",
+                "Check the lamp, and that neither the photo nor the white frame went through a converter.",
+                found.prior,
+                if (found.prior > alien) alien else strange,
+                found.prior > alien,
+            )
+        }
+        return reasons
+    }
+
+    /** Words, code and advice for a suspect. */
+    private fun accusation(suspect: Suspect, table: ChartTable): Limit = when (suspect.kind) {
+        "patch" -> Limit(
+            "patch ${table.patches[suspect.patch!!]} is not what the chart's table says.",
+            "chart_unfit",
+            "Look for a reflection, dirt or a finger on it, leave it out of the fit, or give the chart's own " +
+                "measured table.",
+        )
+
+        "veil" -> if (suspect.amount > 0) {
+            Limit(
+                "dark patches are too bright, as if ${percent(suspect.amount, 1)} of white lay over all.",
+                "glare",
+                "Shade the lens, turn the chart away from reflections, and add a dark frame: the black level may " +
+                    "be off.",
+            )
+        } else {
+            Limit(
+                "dark patches are too dark, as if the dark frame held ${percent(-suspect.amount, 1)} of white.",
+                "frames_differ",
+                "Take the dark frame again, lens cap on, with the photo's own exposure time and ISO.",
+            )
+        }
+
+        "white" -> Limit(
+            "all patches are off by a factor of their own in each channel: the white frame is not of this light.",
+            "frames_differ",
+            "Take the white frame again, in the chart's place, under the same lamp, with the same exposure.",
+        )
+
+        "light" -> Limit(
+            "the patches' errors follow their places: the light changes across the chart.",
+            "uneven_light",
+            "Light the chart evenly, without shadows, keep it in the middle of the photo, and add a white frame.",
+        )
+
+        else -> Limit(
+            "the signals are not linear: they follow a tone curve, about y^${fixed(1 + suspect.amount, 2)}.",
+            "not_sensor_raw",
+            "Photograph in the camera's plain RAW (DNG) mode; a converter or a merged photo bends them.",
+        )
+    }
+
+    /** Lamps known by kind alone. */
+    private fun kind(name: String, lamp: Lamp): List<Reason> {
+        if (lamp.modes.size <= LOOSE) return emptyList()
+        return listOf(
+            Reason(
+                "lamp_unfit",
+                "$name: ${lamp.name} is known by its kind alone, in ${lamp.modes.size} directions: the bands hold " +
+                    "the truth less often than they say.",
+                "Measure the lamp, or photograph the chart in daylight or under a bulb.",
+                lamp.modes.size.toDouble(),
+                LOOSE.toDouble(),
+            ),
+        )
+    }
+
+    /** Rule 4: of all shots and lamps the one that fits best. */
+    private fun rival(case: Case, weighted: Double): List<Reason> {
+        val best = case.rivals.minByOrNull { it.weighted } ?: return emptyList()
+        val gain = weighted - best.weighted
+        if (gain <= RIVAL) return emptyList()
+        val told = case.shots[best.shot].lamp.name
+        return listOf(
+            Reason(
+                "lamp_unfit",
+                "shot ${best.shot + 1}: the photo fits ${best.lamp} far better than $told.",
+                "Check the lamp; the light is more like ${best.lamp}. If it is not, measure it.",
+                gain,
+                if (gain > CONDEMNED) CONDEMNED else RIVAL,
+                gain > CONDEMNED,
+            ),
+        )
+    }
+
+    /** Rule 5. */
+    private fun tint(name: String, shot: MeasuredShot, signals: Signals, j: Int, ssf: Ssf): List<Reason> {
+        val patches = used(signals, j)
+        val raw = DoubleArray(3) { c ->
+            patches.sumOf {
+                val at = 3 * (j * signals.patches + it) + c
+                signals.white[at] - signals.dark[at]
+            } / patches.size
+        }
+        fun seen(light: DoubleArray, c: Int, from: Int = 0) =
+            (0 until Grid.SIZE).sumOf { light[from + it] * ssf.values[3 * it + c] }
+        val off = shot.photo.neutrals.minOfOrNull { neutral ->
+            val light = Lamp.read(neutral.light).values
+            val ratio = DoubleArray(3) { c ->
+                ln(raw[c] / (neutral.white[c] * seen(ssf.lamp, c, j * Grid.SIZE) / seen(light, c)))
+            }
+            max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
+        }
+        if (off == null || off <= TINTED) return emptyList()
+        return listOf(
+            Reason(
+                "lamp_unfit",
+                "$name: the white is off by ${percent(expm1(off), 0)} in red or blue from what the file's own " +
+                    "colour matrix foretells under ${shot.lamp.name}.",
+                "Check the lamp, look for a second light and for coloured walls, and measure the light at the chart.",
+                off,
+                TINTED,
+            ),
+        )
+    }
+
+    private fun few(name: String, signals: Signals, shot: Int, means: PatchMeans): List<Reason> {
+        val used = used(signals, shot)
+        if (used.size >= FEW_PATCHES) return emptyList()
         val unused = (0 until signals.patches).filter { it !in used }
         val clipped = unused.any { i -> (0..2).any { means.chart.clipped[3 * i + it] > 0 } }
-        return Reason(
-            if (clipped) "overexposed" else "underexposed",
-            "$name: only ${used.size} of ${signals.patches} patches carry a signal.",
-            if (clipped) "Take the photo again with less exposure." else "Take the photo again with more light.",
-            used.size.toDouble(),
-            FEW_PATCHES.toDouble(),
+        return listOf(
+            Reason(
+                if (clipped) "overexposed" else "underexposed",
+                "$name: only ${used.size} of ${signals.patches} patches carry a signal.",
+                if (clipped) "Take the photo again with less exposure." else "Take the photo again with more light.",
+                used.size.toDouble(),
+                FEW_PATCHES.toDouble(),
+            ),
         )
+    }
+
+    /** Rule 6, and outliers. */
+    private fun samples(
+        name: String,
+        signals: Signals,
+        shot: Int,
+        means: PatchMeans,
+        table: ChartTable,
+    ): List<Reason> {
+        val used = used(signals, shot)
+        val reasons = ArrayList<Reason>()
+        val chart = means.chart
+        val dirt = List(signals.patches) { i -> (0..2).maxOf { chart.dead[3 * i + it] } }
+        val share = dirt.max()
+        if (share > DIRTY) {
+            reasons += Reason(
+                "chart_unfit",
+                "$name: ${percent(share, 0)} of the samples of patch ${table.patches[dirt.indexOf(share)]} do not " +
+                    "belong to the others.",
+                "Look for a reflection, dirt or a finger on it.",
+                share,
+                DIRTY,
+            )
+        }
+        val greens = median(
+            used.map { i ->
+                val (first, second) = chart.greens[2 * i] to chart.greens[2 * i + 1]
+                abs(first - second) / max((first + second) / 2 - means.black[1], 1.0)
+            }.toDoubleArray(),
+        )
+        if (greens > GREENS) {
+            reasons += Reason(
+                "not_sensor_raw",
+                "$name: the two greens differ by ${percent(greens, 0)}.",
+                "The file may name a wrong order of the colour filters: photograph with another app or camera mode.",
+                greens,
+                GREENS,
+            )
+        }
+        if (means.white == null || means.dark == null) return reasons
+        val (grain, texture) = noise(chart, means.white, means.dark, used)
+        if (grain < SMOOTH) {
+            reasons += Reason(
+                "not_sensor_raw",
+                "$name: the samples have ${percent(grain, 0)} of the noise that light must have.",
+                "Photograph in the camera's plain RAW (DNG) mode, without noise reduction or 8-bit storage.",
+                grain,
+                SMOOTH,
+            )
+        }
+        if (texture > ROUGH) {
+            reasons += Reason(
+                "blurred",
+                "$name: the patches vary by ${percent(texture, 1)} inside: neighbours or shadows run into them.",
+                "Focus on the chart, keep the camera still, and let the chart fill more of the frame.",
+                texture,
+                ROUGH,
+            )
+        }
+        return reasons
+    }
+
+    /** Grain and texture: rule 6. */
+    private fun noise(
+        chart: FrameMeans,
+        white: FrameMeans,
+        dark: FrameMeans,
+        used: List<Int>,
+    ): Pair<Double, Double> {
+        fun variance(frame: FrameMeans, i: Int) = frame.standardError[i] * frame.standardError[i] * frame.count[i]
+        val at = used.flatMap { i -> (0..2).map { 3 * i + it } }
+        val expected = DoubleArray(at.size) {
+            val i = at[it]
+            val share = (chart.mean[i] - dark.mean[i]) / (white.mean[i] - dark.mean[i])
+            max(variance(dark, i) + (variance(white, i) - variance(dark, i)) * share, 1.0 / 12.0)
+        }
+        val grain = DoubleArray(at.size) { variance(chart, at[it]) / expected[it] }
+        val texture = DoubleArray(at.size) {
+            val signal = max(chart.mean[at[it]] - dark.mean[at[it]], 1.0)
+            sqrt(max(variance(chart, at[it]) - expected[it], 0.0)) / signal
+        }
+        return median(grain) to median(texture)
     }
 
     /** The white's level, and light where there should be none. */
@@ -187,74 +466,5 @@ internal object Judge {
             )
         }
         return reasons
-    }
-
-    /**
-     * Range over the chart of the smooth part of ln(y / ŷ), a plane and a bowl; 0 where it explains less than half.
-     * Only light acts on all three channels alike by place: the channels' mean is taken first.
-     */
-    private fun fallOff(pose: ChartPose, signals: Signals, shot: Int, ssf: Ssf, used: List<Int>): Double {
-        val from = 3 * shot * signals.patches
-        val seen = used.filter { i ->
-            (0..2).all { signals.values[from + 3 * i + it] > 0 && ssf.predicted[from + 3 * i + it] > 0 }
-        }
-        if (seen.size < 8) return 0.0
-        val places = List(2) { axis -> seen.map { i -> (0..3).sumOf { pose.quads[8 * i + 2 * it + axis] } / 4 } }
-        val size = max(places.maxOf { it.max() - it.min() }, 1.0)
-        val (x, y) = places.map { axis -> axis.average().let { middle -> axis.map { (it - middle) / size } } }
-        val excess = DoubleArray(seen.size) { s ->
-            (0..2).sumOf { ln(signals.values[from + 3 * seen[s] + it] / ssf.predicted[from + 3 * seen[s] + it]) } / 3
-        }
-        val middle = excess.average()
-        for (i in excess.indices) excess[i] -= middle
-        val design = Array(seen.size) { doubleArrayOf(1.0, x[it], y[it], x[it] * x[it] + y[it] * y[it]) }
-        val weights = LeastSquares.solve(design, excess) ?: return 0.0
-        val smooth = DoubleArray(seen.size) { i -> (0..3).sumOf { design[i][it] * weights[it] } }
-        val explained = smooth.sumOf { it * it } / max(excess.sumOf { it * it }, 1e-300)
-        return if (explained > 0.5) smooth.max() - smooth.min() else 0.0
-    }
-
-    /** Residuals of the used patches against their expected size. */
-    private fun residuals(
-        name: String,
-        misfit: DoubleArray,
-        from: Int,
-        used: List<Int>,
-        patches: List<String>,
-    ): List<Reason> {
-        val worst = used.map { i -> (0..2).maxOf { abs(misfit[3 * (from + i) + it]) } }
-        val strangest = worst.indexOf(worst.max())
-        fun size(of: List<Int>) = sqrt(
-            of.sumOf { i ->
-                (0..2).sumOf { misfit[3 * (from + i) + it].let { m -> m * m } }
-            } / (3 * of.size),
-        )
-        val overall = size(used)
-        val others = size(used.filterIndexed { at, _ -> at != strangest })
-        if (others > MISFIT) {
-            return listOf(
-                Reason(
-                    LAMP_UNFIT,
-                    "$name: the curves leave ${fixed(overall, 1)} times the expected residual.",
-                    "Check that the lamp is the light of this photo and the chart the one in it.",
-                    overall,
-                    if (others > IMPOSSIBLE) IMPOSSIBLE else MISFIT,
-                    others > IMPOSSIBLE,
-                ),
-            )
-        }
-        if (worst[strangest] > STRANGE_PATCH) {
-            return listOf(
-                Reason(
-                    "chart_unfit",
-                    "$name: patch ${patches[used[strangest]]} is off by ${fixed(worst[strangest], 1)} times its " +
-                        "expected error.",
-                    "Look for a reflection, dirt or a finger on it, or give the chart's own measured table.",
-                    worst[strangest],
-                    STRANGE_PATCH,
-                ),
-            )
-        }
-        return emptyList()
     }
 }

@@ -5,10 +5,14 @@ import org.camssf.DngReader
 import org.camssf.DngSource
 import org.camssf.Mosaic
 import org.camssf.Region
+import org.camssf.UnreadableRaw
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.assertThrows
 import java.lang.management.ManagementFactory
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
 
 /** All that a read allocates, garbage included: the samples, one piece of the file, and little else. */
 class MemoryTest {
@@ -49,15 +53,34 @@ class MemoryTest {
         }
     }
 
-    /** Directories that overlap cost no more memory than one. */
+    /** 64 directories of 65,535 entries, one inside the other, each with an entry that is wanted. */
     @Test
     fun manyLargeDirectories() {
-        val bytes = ByteArray(900_000)
-        "II*\u0000".toByteArray().copyInto(bytes)
-        bytes[4] = 8
-        bytes[8] = -1
-        bytes[9] = -1
-        val error = runCatching { allocated(bytes) }.exceptionOrNull()
-        assertEquals("unreadable_raw", (error as? org.camssf.RawError)?.code)
+        val length = 12 * 65535
+        val bytes = ByteBuffer.allocate(8 + 64 * 12 + 2 + length + 4).order(ByteOrder.LITTLE_ENDIAN)
+        bytes.put("II*\u0000".toByteArray()).putInt(8)
+        for (at in 8 until bytes.capacity() - 12 step 12) { // as a directory: 65,535 entries; as an entry: tag 65535
+            bytes.putShort(at, -1)
+            bytes.putShort(at + 2, 256)
+            bytes.putShort(at + 4, 4)
+        }
+        for (number in 0 until 64) {
+            bytes.putInt(
+                8 + 12 * number + 2 + length,
+                if (number <
+                    63
+                ) {
+                    20 + 12 * number
+                } else {
+                    0
+                },
+            )
+        }
+        val bean = ManagementFactory.getThreadMXBean() as ThreadMXBean
+        val before = bean.getThreadAllocatedBytes(Thread.currentThread().id)
+        val error = assertThrows<UnreadableRaw> { allocated(bytes.array()) }
+        assertTrue("TIFF picture" in error.message, error.message)
+        val whole = bean.getThreadAllocatedBytes(Thread.currentThread().id) - before
+        assertTrue(whole < 64L * 65535 * (12 + 32) + megabyte, "$whole bytes") // an entry, two boxed numbers
     }
 }

@@ -1,0 +1,423 @@
+"""A result from elsewhere against Python's own on the same photos: which stage differs first, and by how much.
+
+Each stage runs on what the stages before it gave here, except that the pose is the other side's own: so the first
+difference names the stage where the two part.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf.calibrate import calibrate, solve
+from camssf.capture import Capture, PathLike, Progress, Shot, photo_of
+from camssf.chart import Pose, find_chart
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import Floats
+from camssf.mosaic import Mosaic, read_dng
+from camssf.patches import LENS_SHADING, measure_patches
+from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp, with_tolerance
+
+Json: TypeAlias = dict[str, Any]
+
+STAGES = (
+    "file", "photo", "pose", "patch means", "signals", "inputs", "curve", "band", "gap", "scores", "verdict",
+)  # fmt: skip
+"""In the order in which a difference spreads."""
+POSE = 0.02
+"""Of the patch pitch: refining a refined pose once more moves it by less."""
+MEANS = 1e-12
+"""Of the white level, and of the largest signal: the rule is whole sums, only last bits may differ."""
+CURVES = 1e-9
+"""Of the peak: another processor rounds differently (measured bounds: docs/solver.md)."""
+GAP = 1e-9
+"""Largest duality gap of either answer."""
+COLOURS = 1e-6
+"""Of a display colour, which says what reflectances were taken."""
+
+_CAUSES = {
+    "file": "These are not the photos that the result was made from. Give the same files.",
+    "photo": "The two readers understand the file's tags differently (sizes, levels, exposure).",
+    "pose": "The chart lies elsewhere, or another way up. Look at the corners in the report.",
+    "patch means": "The two read other samples, or measure other ones: the DNG reader, black level, active area, CFA "
+    "order, lens shading, or the rule of camssf/patches.py.",
+    "signals": "The samples agree, Eq. (5) does not: the white or dark reference, or the rule for usable patches.",
+    "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
+    "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or what was fed into it. "
+    "If the result was made with --fit, --signed or a white card, say so here too.",
+    "band": "The curve agrees, its standard deviation does not.",
+    "gap": "One of the two has not converged.",
+    "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
+    "verdict": "All numbers agree, the conclusion does not: compare the versions of camssf on both sides.",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One stage compared.
+
+    Attributes:
+        stage: one of STAGES.
+        agrees: True within the bound.
+        measured: the largest difference in the stage's own measure; 0 or infinity where things are equal or not.
+        bound: that it must keep.
+        words: what was compared, and the worst place.
+    """
+
+    stage: str
+    agrees: bool
+    measured: float
+    bound: float
+    words: str
+
+
+def parity(
+    document: Json,
+    photos: PathLike | Sequence[PathLike],
+    *,
+    white: Sequence[PathLike | None] = (),
+    dark: Sequence[PathLike | None] = (),
+    lamps: Sequence[str] = (),
+    chart: str | None = None,
+    white_reflectance: float | None = None,
+    fit: Sequence[int] | None = None,
+    nonnegative: bool | None = None,
+    progress: Progress | None = None,
+) -> tuple[Finding, ...]:
+    """Compare a "camssf-result/1" document with what Python makes of the same photos.
+
+    Pose, lamp, chart, tolerances, basis and penalties are those that the document states. What it does not state has
+    to be given again: files of lamps and charts, the white card, the patches to fit, signed coefficients.
+
+    Args:
+        document: the result, checked against its schema.
+        photos: DNG of each shot, in the shots' order.
+        white, dark: the frames that the document says were used.
+        lamps, chart: instead of the document's, where those are files that lie elsewhere here.
+        white_reflectance, fit, nonnegative: as in `calibrate`.
+        progress: called with a stage in words and the part done, 0 to 1.
+
+    Returns:
+        A finding for each stage that could be compared, in order.
+
+    Raises:
+        InvalidArgument: not the photos and frames that the document asks for, or an unknown lamp or chart.
+        RawError: a file cannot be read.
+    """
+    tell = progress or (lambda stage, part: None)
+    files = [photos] if isinstance(photos, str | Path) else list(photos)
+    shots = document["shots"]
+    whites, darks = _frames(shots, files, "white", white), _frames(shots, files, "dark", dark)
+    if lamps and len(lamps) != len(shots):
+        raise InvalidArgument(f"{len(lamps)} lamps for {len(shots)} shots.", "Give one --lamp a photo, or none.")
+    specs = list(lamps) or [shot["lamp"]["name"] for shot in shots]
+    lights = [_light(spec, shot["lamp"]) for spec, shot in zip(specs, shots, strict=True)]
+    table = read_chart(chart or document["chart"]["name"])
+    found = [_files(shots, files, whites, darks)]
+    if not found[0].agrees:
+        return tuple(found)
+    tell("reading photos", 0.1)
+    frames = [[None if path is None else read_dng(path) for path in each] for each in (files, whites, darks)]
+    found += _photos(document, frames[0])
+    refused = document["verdict"]["status"] == "refused"
+    if any(shot["pose"] is None or not shot["patches"] for shot in shots):
+        tell("calibrating", 0.5)
+        made = _refusal(files, lights, whites, darks, table, white_reflectance)
+        return (*found, *_verdicts(document, made))
+    tell("looking at the pose", 0.3)
+    found += _poses(shots, frames[0], table)
+    tell("measuring", 0.5)
+    try:
+        capture = _measure(shots, frames, lights, table, white_reflectance)
+    except CalibrationError as error:
+        words = f"here the measurement is refused: {error.code}, {error.message}"
+        return (*found, Finding("patch means", False, np.inf, MEANS, words))
+    tell("solving", 0.7)
+    basis = document["basis"] if document["basis"] != "none" else "cameras"
+    try:
+        done = solve(
+            capture, basis=basis, fit=fit, nonnegative=nonnegative, l2=document.get("l2"),
+            gamma=document.get("gamma"),
+        )  # fmt: skip
+        made = done.document()
+    except CalibrationError as error:
+        if error.evidence is None:
+            raise
+        made = error.evidence
+    found += _measured(document, made)
+    found += _inputs(document, made, specs, chart or document["chart"]["name"])
+    if not refused and made["verdict"]["status"] != "refused":
+        found += _answers(document, made)
+    return (*found, *_verdicts(document, made))
+
+
+def first(findings: Sequence[Finding]) -> Finding | None:
+    """The first stage that differs, None where all agree."""
+    return next((finding for finding in findings if not finding.agrees), None)
+
+
+def cause(finding: Finding) -> str:
+    """What such a difference usually means, and what to look at."""
+    return _CAUSES[finding.stage]
+
+
+def _frames(
+    shots: Sequence[Json], files: Sequence[PathLike], role: str, given: Sequence[PathLike | None]
+) -> list[PathLike | None]:
+    """The frames' files, one a shot, just where the document names a frame."""
+    if len(files) != len(shots):
+        raise InvalidArgument(
+            f"{len(files)} photo(s) for a result of {len(shots)} shot(s).", "Give the photos in the shots' order."
+        )
+    frames = list(given) or [None] * len(shots)
+    if len(frames) != len(shots):
+        raise InvalidArgument(f"{len(frames)} {role} frames for {len(shots)} shots.", "Give one a photo, or none.")
+    for number, (shot, frame) in enumerate(zip(shots, frames, strict=True), 1):
+        if (shot[role] is None) != (frame is None):
+            named = f"used the {role} frame {shot[role]['name']}" if shot[role] else f"used no {role} frame"
+            raise InvalidArgument(f"Shot {number} of the result {named}.", f"Give just that by --{role}.")
+    return frames
+
+
+def _light(spec: str, stated: Json) -> Lamp:
+    """The lamp of that name or file, known as well as the document says."""
+    lamp = read_lamp(spec)
+    kelvin = re.search(r", ± ([0-9.]+) K", stated["source"])
+    if kelvin:
+        lamp = with_tolerance(lamp, f"{kelvin[1]}K")
+    return replace(lamp, name=stated["name"], tolerance=float(stated["tolerance"]))
+
+
+def _files(
+    shots: Sequence[Json],
+    files: Sequence[PathLike],
+    whites: Sequence[PathLike | None],
+    darks: Sequence[PathLike | None],
+) -> Finding:
+    """Whether these are the files, by SHA-256."""
+    other = []
+    for number, (shot, *paths) in enumerate(zip(shots, files, whites, darks, strict=True), 1):
+        for role, path in zip(("photo", "white", "dark"), paths, strict=True):
+            if path is None:
+                continue
+            try:
+                with Path(path).open("rb") as stream:
+                    sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            except (OSError, ValueError) as error:
+                reason = getattr(error, "strerror", None) or error
+                raise InvalidArgument(f"{path} cannot be read: {reason}.", "Check the path.") from error
+            if sha256 != shot[role]["sha256"]:
+                stated = shot[role]["sha256"]
+                other.append(f"shot {number}, {role}: {sha256[:12]}... here, {stated[:12]}... in the result")
+    words = "; ".join(other) or f"SHA-256 of {len(shots)} shot(s)"
+    return Finding("file", not other, float(len(other)), 0.0, words)
+
+
+def _photos(document: Json, photos: Sequence[Mosaic | None]) -> Iterator[Finding]:
+    """What each side read of the files beside the samples."""
+    other = []
+    for number, (shot, photo) in enumerate(zip(document["shots"], photos, strict=True), 1):
+        assert photo is not None
+        ours: Json = vars(photo_of(photo)) | {"saturation": photo.white}
+        theirs: Json = shot["photo"] | {"saturation": shot["saturation"]}
+        for key in ("width", "height", "orientation", "exposure", "iso", "gain_map", "saturation"):
+            if ours[key] != theirs[key]:
+                other.append(f"shot {number}: {key} {theirs[key]} there, {ours[key]} here")
+    words = "; ".join(other) or "size, orientation, exposure, ISO, white level"
+    yield Finding("photo", not other, float(len(other)), 0.0, words)
+
+
+def _poses(shots: Sequence[Json], photos: Sequence[Mosaic | None], table: ChartTable) -> Iterator[Finding]:
+    """Python's refinement from the other side's corners must stay where it is, and the same way up."""
+    worst, words = 0.0, "the corners refine to themselves, the same way up"
+    for number, (shot, photo) in enumerate(zip(shots, photos, strict=True), 1):
+        assert photo is not None
+        stated = shot["pose"]
+        try:
+            pose = find_chart(photo, table, corners=stated["corners"])
+        except CalibrationError as error:
+            yield Finding("pose", False, np.inf, POSE, f"shot {number}: here it is {error.code}, {error.message}")
+            return
+        quads = np.array(stated["patches"], float)
+        if quads.shape != pose.patches.shape or pose.quarter_turns != stated["quarter_turns"]:
+            turns = f"{90 * stated['quarter_turns']}° there, {90 * pose.quarter_turns}° here"
+            yield Finding("pose", False, np.inf, POSE, f"shot {number}: {len(quads)} patches, turned by {turns}")
+            return
+        middle = pose.patches.mean(axis=1)
+        pitch = float(np.linalg.norm(middle[1] - middle[0]))
+        apart = np.linalg.norm(quads - pose.patches, axis=2)
+        moved = max(float(apart.max()), float(np.abs(pose.corners - np.array(stated["corners"])).max())) / pitch
+        if moved >= worst:
+            patch = int(apart.max(axis=1).argmax())
+            worst = moved
+            words = f"shot {number}: patch {patch + 1} lies {apart.max():.3g} px from where it is found here"
+    yield Finding("pose", worst <= POSE, worst, POSE, f"{words} (in pitches)")
+
+
+def _measure(
+    shots: Sequence[Json],
+    frames: Sequence[Sequence[Mosaic | None]],
+    lights: Sequence[Lamp],
+    table: ChartTable,
+    card: float | None,
+) -> Capture:
+    """The capture measured here in the other side's poses."""
+    measured = []
+    for shot, lamp, photo, white, dark in zip(shots, lights, *frames, strict=True):
+        assert photo is not None
+        stated = shot["pose"]
+        pose = Pose(
+            stated["layout"], np.array(stated["corners"], float), np.array(stated["patches"], float),
+            stated["quarter_turns"], stated["method"], stated["score"], tuple(stated["notes"]),
+        )  # fmt: skip
+        shading = shot.get("lens_shading", LENS_SHADING[0])
+        means = measure_patches(photo, pose, white=white, dark=dark, lens_shading=shading)
+        white_photo, dark_photo = (None if frame is None else photo_of(frame) for frame in (white, dark))
+        measured.append(Shot(lamp, photo_of(photo), white_photo, dark_photo, pose, means, None, shading))
+    return Capture(tuple(measured), table, card)
+
+
+def _refusal(
+    files: Sequence[PathLike],
+    lights: Sequence[Lamp],
+    whites: Sequence[PathLike | None],
+    darks: Sequence[PathLike | None],
+    table: ChartTable,
+    card: float | None,
+) -> Json:
+    """The result document of the whole way, for a result that was refused before its patches were measured."""
+    try:
+        return calibrate(
+            files, lights, white=list(whites), dark=list(darks), chart=table, white_reflectance=card
+        ).document()
+    except CalibrationError as error:
+        if error.evidence is None:
+            raise
+        return error.evidence
+
+
+def _patches(document: Json, key: str) -> Floats:
+    """(k, n, 3) of all patches."""
+    return np.array([[patch[key] for patch in shot["patches"]] for shot in document["shots"]], float)
+
+
+def _worst(document: Json, key: str, made: Json, scale: Any) -> tuple[float, str]:
+    """Largest difference of a patch number in units of `scale`, and where in words."""
+    theirs, ours = _patches(document, key), _patches(made, key)
+    if theirs.shape != ours.shape:
+        return np.inf, f"{key}: {theirs.shape[1]} patches there, {ours.shape[1]} here"
+    apart = np.abs(theirs - ours) / scale
+    j, i, c = np.unravel_index(int(apart.argmax()), apart.shape)
+    name = document["shots"][j]["patches"][i]["name"]
+    where = f"{key}, shot {j + 1}, patch {i + 1} ({name}), {('red', 'green', 'blue')[c]}"
+    return float(apart.max()), f"{where}: {theirs[j, i, c]:.9g} there, {ours[j, i, c]:.9g} here"
+
+
+def _compare(stage: str, bound: float, parts: Sequence[tuple[float, str]]) -> Finding:
+    measured, words = max(parts, key=lambda part: part[0])
+    if measured == 0.0:
+        words = "equal to the bit"
+    return Finding(stage, measured <= bound, measured, bound, words)
+
+
+def _measured(document: Json, made: Json) -> Iterator[Finding]:
+    """Patch statistics and signals."""
+    white = max(shot["saturation"] for shot in made["shots"])
+    scales = {"chart": white, "white": white, "dark": white, "clipped": 1.0, "dead": 1.0, "gradient": 1.0}
+    yield _compare("patch means", MEANS, [_worst(document, key, made, by) for key, by in scales.items()])
+    parts = [
+        _worst(document, key, made, np.abs(_patches(made, key)).max() or 1.0) for key in ("signal", "standard_error")
+    ]
+    yield _compare("signals", MEANS, parts)
+
+
+def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Iterator[Finding]:
+    """What goes into the equations beside the signals: table, lamps' files, basis, model, patches used."""
+    other = []
+    for name, theirs, ours in (
+        ("table", document["chart"]["table"], made["chart"]["table"]),
+        ("layout", document["chart"]["layout"], made["chart"]["layout"]),
+        ("basis", document["basis"], made["basis"]),
+        ("model", document["hashes"]["model"], made["hashes"]["model"]),
+    ):
+        if theirs != ours and not (name in ("basis", "model") and "none" in (document["engine"], made["engine"])):
+            other.append(f"{name} {theirs} there, {ours} here")
+    stated: Mapping[str, str] = document["hashes"]["inputs"]
+    for role, spec in (("chart table", chart), *((f"shot {j}, lamp", lamp) for j, lamp in enumerate(specs, 1))):
+        known = {sha256 for key, sha256 in stated.items() if key.startswith(f"{role}:")}
+        path = next((Path(name) for name in (spec, spec.partition(":")[2]) if name and Path(name).is_file()), None)
+        if known and path is not None and hashlib.sha256(path.read_bytes()).hexdigest() not in known:
+            other.append(f"{role}: {path.name} is another file")
+    used = [
+        f"shot {j + 1}, patch {i + 1} ({theirs['name']}) {'used' if theirs['used'] else 'not used'} there"
+        for j, (shot, mine) in enumerate(zip(document["shots"], made["shots"], strict=True))
+        for i, (theirs, ours) in enumerate(zip(shot["patches"], mine["patches"], strict=True))
+        if theirs["used"] != ours["used"]
+    ]
+    colours, where = _worst(document, "reflectance_srgb", made, 1.0)
+    if colours > COLOURS:
+        other.append(f"reflectances: {where}")
+    words = "; ".join(other + used[:3]) or "table, lamps, basis, model, patches used"
+    differ = bool(other or used)
+    yield Finding("inputs", not differ, max(colours, np.inf if differ else 0.0), COLOURS, words)
+
+
+def _curve(document: Json, key: str) -> Floats | None:
+    found = document.get(key)
+    return None if found is None else np.stack([found[colour] for colour in ("red", "green", "blue")], axis=1)
+
+
+def _curves(document: Json, made: Json, key: str) -> tuple[float, str]:
+    theirs, ours = _curve(document, key), _curve(made, key)
+    if theirs is None or ours is None:
+        return (0.0, "no band on either side") if theirs is ours else (np.inf, f"{key} is missing on one side")
+    apart = np.abs(theirs - ours)
+    g, c = np.unravel_index(int(apart.argmax()), apart.shape)
+    nm = made["ssf"]["wavelength_nm"][int(g)]
+    place = f"{key}, {('red', 'green', 'blue')[c]} at {nm:g} nm"
+    return float(apart.max()), f"{place}: {theirs[g, c]:.9g} there, {ours[g, c]:.9g} here"
+
+
+def _triple(document: Json, made: Json, key: str) -> tuple[float, str]:
+    theirs, ours = np.array(document[key], float), np.array(made[key], float)
+    apart = np.abs(theirs - ours) / np.maximum(np.abs(ours), 1e-300)
+    return float(apart.max()), f"{key}: {theirs.tolist()} there, {ours.tolist()} here"
+
+
+def _answers(document: Json, made: Json) -> Iterator[Finding]:
+    """Curves, bands, gaps, scores."""
+    parts = [
+        _curves(document, made, "ssf"),
+        _triple(document, made, "channel_gain"),
+        _worst(document, "predicted", made, 1.0),
+    ]
+    yield _compare("curve", CURVES, parts)
+    yield _compare("band", CURVES, [_curves(document, made, "ssf_std")])
+    gaps = [("there", max(document["gap"])), ("here", max(made["gap"]))]
+    yield _compare("gap", GAP, [(gap, f"largest {where} {gap:.2g}") for where, gap in gaps])
+    yield _compare("scores", CURVES, [_triple(document["scores"], made["scores"], "rmsre_percent")])
+
+
+def _verdicts(document: Json, made: Json) -> Iterator[Finding]:
+    """Status and codes of the reasons and assumptions."""
+    theirs, ours = (
+        (
+            each["verdict"]["status"],
+            sorted({reason["code"] for reason in each["verdict"]["reasons"]}),
+            sorted({assumption["code"] for assumption in each["assumptions"]}),
+        )
+        for each in (document, made)
+    )
+    if document["verdict"]["status"] == made["verdict"]["status"] == "refused":
+        theirs, ours = theirs[:2], ours[:2]  # type: ignore[assignment]
+    shown = [f"{each[0]} ({', '.join(each[1]) or 'no reasons'})" for each in (theirs, ours)]
+    words = f"{shown[0]} there, {shown[1]} here"
+    if theirs[:2] == ours[:2] and theirs != ours:
+        words = f"assumptions {', '.join(theirs[2])} there, {', '.join(ours[2])} here"
+    yield Finding("verdict", theirs == ours, float(theirs != ours), 0.0, words)

@@ -1,0 +1,226 @@
+"""`camssf parity`: a result falsified at each stage is found at that stage."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import cli
+from camssf.errors import InvalidArgument
+from camssf.mosaic import read_dng
+from camssf.parity import CURVES, MEANS, POSE, STAGES, cause, first, parity
+
+Json = dict[str, Any]
+SIZE = "900x675"
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shots")
+    assert cli.main(["simulate", "--lamp", "D55", "--size", SIZE, "-o", str(folder), "--seed", "3"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(shots: Path, tmp_path_factory: pytest.TempPathFactory) -> Json:
+    out = tmp_path_factory.mktemp("out")
+    frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]
+    arguments = ["calibrate", str(shots / "chart.dng"), "--lamp", "D55", *frames, "--lamp-tolerance", "3%,200K"]
+    assert cli.main([*arguments, "-o", str(out)]) == 0
+    document: Json = json.loads((out / "result.json").read_text("utf-8"))
+    return document
+
+
+def compared(document: Json, shots: Path, **more: Any) -> Any:
+    more = {"white": [shots / "white.dng"], "dark": [shots / "dark.dng"]} | more
+    return parity(document, shots / "chart.dng", **more)
+
+
+def test_a_result_agrees_with_itself(result: Json, shots: Path) -> None:
+    """Tolerance and mode of the lamp come from the document; another pose of the same chart would not."""
+    findings = compared(result, shots)
+    assert tuple(finding.stage for finding in findings) == STAGES
+    assert first(findings) is None, first(findings)
+    by_stage = {finding.stage: finding for finding in findings}
+    assert by_stage["patch means"].measured == by_stage["signals"].measured == 0
+    assert by_stage["curve"].measured <= 1e-12
+    assert 0 < by_stage["pose"].measured < POSE
+
+
+def shot(document: Json) -> Json:
+    found: Json = document["shots"][0]
+    return found
+
+
+def shift(document: Json, part: float) -> None:
+    """The whole pose, by a part of the pitch."""
+    pose = shot(document)["pose"]
+    quads = np.array(pose["patches"])
+    pitch = np.linalg.norm(quads[1].mean(axis=0) - quads[0].mean(axis=0))
+    pose["patches"] = (quads + part * pitch).tolist()
+    pose["corners"] = (np.array(pose["corners"]) + part * pitch).tolist()
+
+
+def patch(document: Json, number: int) -> Json:
+    found: Json = shot(document)["patches"][number - 1]
+    return found
+
+
+def scale(values: list[float], at: int, by: float) -> None:
+    values[at] *= 1 + by
+
+
+REASON = {"code": "glare", "message": "m", "advice": "a", "value": None, "threshold": None}
+FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
+    ("file", "photo", lambda d: shot(d)["photo"].update(sha256="0" * 64)),
+    ("file", "white", lambda d: shot(d)["white"].update(sha256="1" * 64)),
+    ("photo", "saturation 15000", lambda d: shot(d).update(saturation=15000.0)),
+    ("photo", "exposure", lambda d: shot(d)["photo"].update(exposure=0.5)),
+    ("photo", "gain_map True there", lambda d: shot(d)["photo"].update(gain_map=True)),
+    ("pose", "patch", lambda d: shift(d, 0.05)),
+    ("pose", "90° there", lambda d: shot(d)["pose"].update(quarter_turns=1)),
+    ("patch means", "patch", lambda d: shift(d, 0.005)),
+    ("patch means", "chart, shot 1, patch 7", lambda d: scale(patch(d, 7)["chart"], 1, 1e-9)),
+    ("patch means", "dark, shot 1, patch 3", lambda d: scale(patch(d, 3)["dark"], 2, 1e-9)),
+    ("patch means", "clipped", lambda d: patch(d, 2).update(clipped=[0.0, 0.25, 0.0])),
+    ("signals", "signal, shot 1, patch 19", lambda d: scale(patch(d, 19)["signal"], 0, 1e-9)),
+    ("signals", "standard_error", lambda d: scale(patch(d, 1)["standard_error"], 0, 0.5)),
+    ("inputs", "table Ohta", lambda d: d["chart"].update(table="Ohta")),
+    ("inputs", "model", lambda d: d["hashes"].update(model="2" * 64)),
+    ("inputs", "patch 5", lambda d: patch(d, 5).update(used=False)),
+    ("inputs", "reflectance_srgb", lambda d: patch(d, 5).update(reflectance_srgb=[0.1, 0.1, 0.1])),
+    ("curve", "green at 540 nm", lambda d: scale(d["ssf"]["green"], 320, 1e-6)),
+    ("curve", "channel_gain", lambda d: scale(d["channel_gain"], 2, 1e-6)),
+    ("curve", "predicted", lambda d: scale(patch(d, 8)["predicted"], 2, 1e-4)),
+    ("band", "blue at 450 nm", lambda d: scale(d["ssf_std"]["blue"], 140, 1e-3)),
+    ("band", "missing", lambda d: d.update(ssf_std=None)),
+    ("gap", "there", lambda d: d.update(gap=[1e-15, 1e-3, 1e-15])),
+    ("scores", "rmsre", lambda d: scale(d["scores"]["rmsre_percent"], 1, 1e-3)),
+    ("verdict", "glare", lambda d: d["verdict"]["reasons"].append(REASON)),
+    ("verdict", "refused", lambda d: d["verdict"].update(status="refused")),
+    ("verdict", "assumptions", lambda d: d["assumptions"].pop()),
+]
+
+
+@pytest.mark.parametrize(("stage", "words", "falsify"), FALSE, ids=[f"{s}-{w[:12]}" for s, w, _ in FALSE])
+def test_the_first_difference_is_named(
+    result: Json, shots: Path, stage: str, words: str, falsify: Callable[[Json], object]
+) -> None:
+    document = copy.deepcopy(result)
+    falsify(document)
+    found = first(compared(document, shots))
+    assert found is not None
+    assert found.stage == stage
+    assert words in found.words
+    assert found.measured > found.bound
+    assert len(cause(found)) > 20
+
+
+def test_bounds_are_those_of_last_bits(result: Json, shots: Path) -> None:
+    document = copy.deepcopy(result)
+    scale(patch(document, 7)["chart"], 1, MEANS / 10)
+    scale(document["ssf"]["green"], 320, CURVES / 10)
+    assert first(compared(document, shots)) is None
+
+
+def test_another_lamp_there_is_another_curve(result: Json, shots: Path) -> None:
+    """Named D55, solved with D65: only the curve can tell."""
+    found = first(compared(result, shots, lamps=["D65"]))
+    assert found is not None
+    assert found.stage == "curve"
+
+
+def test_another_tolerance_there(result: Json, shots: Path) -> None:
+    document = copy.deepcopy(result)
+    shot(document)["lamp"]["source"] = shot(document)["lamp"]["source"].partition(", ±")[0]
+    found = first(compared(document, shots))
+    assert found is not None
+    assert found.stage == "curve"
+
+
+def test_frames_are_asked_for(result: Json, shots: Path) -> None:
+    for more, words in (({"white": []}, "used the white frame"), ({"dark": [None]}, "used the dark frame")):
+        with pytest.raises(InvalidArgument, match=words):
+            compared(result, shots, **more)
+    with pytest.raises(InvalidArgument, match="2 photo"):
+        parity(result, [shots / "chart.dng"] * 2)
+    with pytest.raises(InvalidArgument, match="2 lamps"):
+        compared(result, shots, lamps=["D55", "A"])
+    with pytest.raises(InvalidArgument, match="cannot be read"):
+        compared(result, shots, white=[shots / "none.dng"])
+    alone = copy.deepcopy(result)
+    shot(alone)["white"] = None
+    with pytest.raises(InvalidArgument, match="used no white frame"):
+        compared(alone, shots)
+
+
+def test_files_of_lamps_and_charts(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A lamp by file: the document knows its hash, and the file is given again."""
+    from camssf.spectra import read_lamp
+
+    def write(name: str, power: np.ndarray) -> str:
+        rows = zip(np.arange(380, 720.5, 0.5).tolist(), power.tolist(), strict=True)
+        (tmp_path / name).write_text("".join(f"{nm},{value!r}\n" for nm, value in rows), "utf-8")
+        return str(tmp_path / name)
+
+    lamp, other = write("lamp.csv", read_lamp("A").values), write("other.csv", read_lamp("B").values)
+    assert cli.main(["calibrate", str(shots / "chart.dng"), "--lamp", lamp]) in (0, 6)
+    document = json.loads(capsys.readouterr().out)
+    assert first(parity(document, shots / "chart.dng", lamps=[lamp])) is None
+    found = first(parity(document, shots / "chart.dng", lamps=[other]))
+    assert found is not None
+    assert (found.stage, "other.csv is another file" in found.words) == ("inputs", True)
+
+
+def test_a_refusal_agrees_with_a_refusal(shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The white frame for the dark one: refused here and there, by the same code."""
+    frames = ["--white", str(shots / "dark.dng"), "--dark", str(shots / "white.dng")]
+    assert cli.main(["calibrate", str(shots / "chart.dng"), "--lamp", "D55", *frames]) == 5
+    document = json.loads(capsys.readouterr().out)
+    more = {"white": [shots / "dark.dng"], "dark": [shots / "white.dng"]}
+    findings = parity(document, shots / "chart.dng", **more)
+    assert first(findings) is None
+    document["verdict"]["reasons"][0]["code"] = "blurred"
+    found = first(parity(document, shots / "chart.dng", **more))
+    assert found is not None
+    assert found.stage == "verdict"
+
+
+def test_a_refusal_before_any_patch(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No chart in the white frame: pose and patches are missing on both sides."""
+    photo = str(shots / "white.dng")
+    assert cli.main(["calibrate", photo, "--lamp", "D55"]) == 4
+    document = json.loads(capsys.readouterr().out)
+    findings = parity(document, photo)
+    assert [finding.stage for finding in findings] == ["file", "photo", "verdict"]
+    assert first(findings) is None
+    assert read_dng(photo).sha256 == document["shots"][0]["photo"]["sha256"]
+
+
+def test_the_command(result: Json, shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "phone.json"
+    path.write_text(json.dumps(result), "utf-8")
+    arguments = ["parity", str(path), str(shots / "chart.dng")]
+    frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]
+    assert cli.main([*arguments, *frames]) == 0
+    out, err = capsys.readouterr()
+    answer = json.loads(out)
+    assert (answer["agrees"], answer["first"], len(answer["stages"])) == (True, None, len(STAGES))
+    assert err.count("agrees") == len(STAGES)
+    false = copy.deepcopy(result)
+    scale(false["ssf"]["green"], 320, 1e-6)
+    path.write_text(json.dumps(false), "utf-8")
+    assert cli.main([*arguments, *frames]) == 1
+    out, err = capsys.readouterr()
+    assert json.loads(out)["first"] == "curve"
+    assert "first difference: curve. The inputs agree, the solution does not" in " ".join(err.split())
+    assert cli.main(arguments) == 2
+    assert "Give just that by --white" in capsys.readouterr().err
+    path.write_text("{}", "utf-8")
+    assert cli.main(arguments) == 2
