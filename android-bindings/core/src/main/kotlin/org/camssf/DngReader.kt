@@ -10,6 +10,7 @@ import org.camssf.dng.finite
 import org.camssf.dng.frame
 import org.camssf.dng.linearization
 import org.camssf.dng.maskedAreas
+import org.camssf.dng.neutrals
 import org.camssf.dng.noiseProfile
 import org.camssf.dng.positive
 import org.camssf.dng.rawDirectory
@@ -90,6 +91,7 @@ public object DngReader {
             asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
             asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
             noiseProfile = noiseProfile(tiff, raw),
+            neutrals = neutrals(tiff, first),
             maskedAreas = maskedAreas(tiff, raw, frame),
             sha256 = sha256(tiff),
         )

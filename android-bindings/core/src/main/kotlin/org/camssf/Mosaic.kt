@@ -51,6 +51,7 @@ public data class Region(
  * @property noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null.
  * @property maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area).
  * @property sha256 of the file, lower-case hex; "" where there was no file.
+ * @property neutrals the camera's white under the light that each colour matrix was made for.
  */
 public class Mosaic(
     public val name: String,
@@ -76,6 +77,7 @@ public class Mosaic(
     public val noiseProfile: DoubleArray? = null,
     public val maskedAreas: List<Region> = emptyList(),
     public val sha256: String = "",
+    public val neutrals: List<Neutral> = emptyList(),
 ) {
     init {
         val whole = region.left >= 0 && region.top >= 0 && region.right <= width && region.bottom <= height
@@ -114,6 +116,14 @@ public class Mosaic(
         public val CFA_ORDERS: List<String> = listOf("RGGB", "GRBG", "GBRG", "BGGR")
     }
 }
+
+/**
+ * The camera's white under a light, as the file's colour matrix tells it.
+ *
+ * @property illuminant the light, an Exif LightSource code: 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
+ * @property white (3) R, G, B, green 1.
+ */
+public class Neutral(public val illuminant: Int, public val white: DoubleArray)
 
 /**
  * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.

@@ -54,7 +54,10 @@ internal class Solve(
         }
         val (rho, tolerance) = whiteReference()
         val told = Told(signals, table, lamps, ssf, rho, tolerance)
-        val verdict = Judge.judge(Case(told, capture.shots, alone, rivals(ssf, gamma)))
+        val foretold = capture.shots.map { shot ->
+            shot.photo.neutrals.map { Foretold(lamp(it.light).values, it.white) }
+        }
+        val verdict = Judge.judge(Case(told, capture.shots, alone, rivals(ssf, gamma), foretold))
         val widths = alone.map { halfWidth(it) }.takeIf { ssf.std != null }
         return Solution(capture, signals, ssf, unseen, scores, verdict, signals.assumptions + assumptions(), widths)
     }
@@ -65,7 +68,7 @@ internal class Solve(
         val (rho, tolerance) = whiteReference()
         return capture.shots.indices.flatMap { j ->
             Judge.RIVALS.mapNotNull { name ->
-                val others = lamps.toMutableList().also { it[j] = rival(name) }
+                val others = lamps.toMutableList().also { it[j] = lamp(name) }
                 val answer = try {
                     fit(signals.used, gamma, others)
                 } catch (_: LampUnfit) {
@@ -237,9 +240,11 @@ internal class Solve(
         /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
         private const val HIDDEN = 1e3
         private const val WHITE_TOLERANCE = 0.01
-        private val rivals = HashMap<String, Lamp>()
 
-        private fun rival(name: String): Lamp = synchronized(rivals) { rivals.getOrPut(name) { Lamp.read(name) } }
+        /** Lamps by name, which every verdict asks for. */
+        private val known = HashMap<String, Lamp>()
+
+        private fun lamp(name: String): Lamp = synchronized(known) { known.getOrPut(name) { Lamp.read(name) } }
 
         /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak. */
         fun halfWidth(ssf: Ssf): Double {

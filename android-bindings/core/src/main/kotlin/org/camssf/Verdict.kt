@@ -35,8 +35,36 @@ public class Verdict internal constructor(public val status: String, public val 
 /** T₄ with another lamp in place of a shot's own. */
 internal class Rival(val shot: Int, val lamp: String, val weighted: Double)
 
-/** What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and the rivals. */
-internal class Case(val told: Told, val shots: List<MeasuredShot>, val alone: List<Ssf>, val rivals: List<Rival>)
+/** The camera's white (3) under a light of power (681), as a file's colour matrix tells it. */
+internal class Foretold(val light: DoubleArray, val white: DoubleArray)
+
+/**
+ * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), the rivals, and for each shot
+ * what its file foretells of its white.
+ */
+internal class Case(
+    val told: Told,
+    val shots: List<MeasuredShot>,
+    val alone: List<Ssf>,
+    val rivals: List<Rival>,
+    val foretold: List<List<Foretold>>,
+) {
+    /** What is told of each shot alone, and the answer to it. */
+    val single: List<Told> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
+
+    /** Rules 2 and 3 of each shot alone; below three patches nothing is suspected. */
+    fun each(): List<Surprise> = shots.mapIndexed { j, shot ->
+        if (single[j].signals.used.count { it } < FEWEST) {
+            Surprise(0.0, 0.0, FEWEST, emptyList())
+        } else {
+            single[j].surprise(shot.pose, shot.means.white == null)
+        }
+    }
+
+    private companion object {
+        const val FEWEST = 3
+    }
+}
 
 /**
  * Evidence → verdict, by the numbered rules of Python's `camssf.verdict`. RMSRE has no say: the same lamp stands on both
@@ -99,9 +127,6 @@ internal object Judge {
     /** Share of outliers among a patch's samples above which something lies on it. */
     private const val DIRTY = 0.06
 
-    /** Most directions in which a lamp may be off. */
-    private const val LOOSE = 2
-
     /** Widest mean 95 % half-width, in parts of the peak, that still tells cameras apart. */
     private const val VAGUE = 0.10
 
@@ -111,13 +136,7 @@ internal object Judge {
         val told = case.told
         val signals = told.signals
         val found = told.surprise()
-        val each = case.shots.mapIndexedNotNull { j, shot ->
-            if (used(signals, j).size < 3) {
-                null
-            } else {
-                told.only(j, case.alone.getOrNull(j) ?: told.ssf).surprise(shot.pose, shot.means.white == null)
-            }
-        }
+        val each = case.each()
         val reasons = ArrayList<Reason>()
         reasons += surprises(found, each, told.table)
         case.shots.forEachIndexed { j, shot ->
@@ -136,8 +155,7 @@ internal object Judge {
             }
         }
         case.shots.forEachIndexed { j, shot ->
-            reasons += kind("shot ${j + 1}", shot.lamp)
-            reasons += tint("shot ${j + 1}", shot, signals, j, told.ssf)
+            reasons += tint("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
         }
         if (case.shots.size == 1 || each.none { accused(it) != null }) reasons += rival(case, found.weighted)
         if (told.ssf.std != null) {
@@ -178,7 +196,7 @@ internal object Judge {
      * The strongest suspect of a shot, a veil counted 1.2-fold (a tone curve looks much like it), if it explains enough:
      * [SHARE] of a surprise, else [SUSPECT].
      */
-    private fun accused(one: Surprise): Suspect? {
+    fun accused(one: Surprise): Suspect? {
         val strongest = one.suspects.maxByOrNull { it.gain * if (it.kind == "veil") 1.2 else 1.0 } ?: return null
         val enough = if (one.z > SURPRISE) SHARE * (one.total - one.count) else SUSPECT
         return strongest.takeIf { it.gain > enough }
@@ -272,21 +290,6 @@ internal object Judge {
         )
     }
 
-    /** Lamps known by kind alone. */
-    private fun kind(name: String, lamp: Lamp): List<Reason> {
-        if (lamp.modes.size <= LOOSE) return emptyList()
-        return listOf(
-            Reason(
-                "lamp_unfit",
-                "$name: ${lamp.name} is known by its kind alone, in ${lamp.modes.size} directions: the bands hold " +
-                    "the truth less often than they say.",
-                "Measure the lamp, or photograph the chart in daylight or under a bulb.",
-                lamp.modes.size.toDouble(),
-                LOOSE.toDouble(),
-            ),
-        )
-    }
-
     /** Rule 4: of all shots and lamps the one that fits best. */
     private fun rival(case: Case, weighted: Double): List<Reason> {
         val best = case.rivals.minByOrNull { it.weighted } ?: return emptyList()
@@ -305,21 +308,18 @@ internal object Judge {
         )
     }
 
-    /** Rule 5. */
-    private fun tint(name: String, shot: MeasuredShot, signals: Signals, j: Int, ssf: Ssf): List<Reason> {
-        val patches = used(signals, j)
+    /** Rule 5, by the answer to that shot alone. */
+    private fun tint(name: String, lamp: String, foretold: List<Foretold>, told: Told): List<Reason> {
+        val signals = told.signals
+        val patches = used(signals, 0)
+        val curves = told.ssf
         val raw = DoubleArray(3) { c ->
-            patches.sumOf {
-                val at = 3 * (j * signals.patches + it) + c
-                signals.white[at] - signals.dark[at]
-            } / patches.size
+            patches.sumOf { signals.white[3 * it + c] - signals.dark[3 * it + c] } / patches.size
         }
-        fun seen(light: DoubleArray, c: Int, from: Int = 0) =
-            (0 until Grid.SIZE).sumOf { light[from + it] * ssf.values[3 * it + c] }
-        val off = shot.photo.neutrals.minOfOrNull { neutral ->
-            val light = Lamp.read(neutral.light).values
+        fun seen(light: DoubleArray, c: Int) = (0 until Grid.SIZE).sumOf { light[it] * curves.values[3 * it + c] }
+        val off = foretold.minOfOrNull { neutral ->
             val ratio = DoubleArray(3) { c ->
-                ln(raw[c] / (neutral.white[c] * seen(ssf.lamp, c, j * Grid.SIZE) / seen(light, c)))
+                ln(raw[c] / (neutral.white[c] * seen(curves.lamp, c) / seen(neutral.light, c)))
             }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
         }
@@ -328,7 +328,7 @@ internal object Judge {
             Reason(
                 "lamp_unfit",
                 "$name: the white is off by ${percent(expm1(off), 0)} in red or blue from what the file's own " +
-                    "colour matrix foretells under ${shot.lamp.name}.",
+                    "colour matrix foretells under $lamp.",
                 "Check the lamp, look for a second light and for coloured walls, and measure the light at the chart.",
                 off,
                 TINTED,

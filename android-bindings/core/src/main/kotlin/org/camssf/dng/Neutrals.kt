@@ -2,12 +2,6 @@ package org.camssf.dng
 
 import org.camssf.Neutral
 
-private const val CALIBRATION_1 = 50723
-private const val CALIBRATION_2 = 50724
-private const val ANALOG_BALANCE = 50727
-private const val ILLUMINANT_1 = 50778
-private const val ILLUMINANT_2 = 50779
-
 /** CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15). */
 private val WHITE_POINTS = mapOf(
     17L to doubleArrayOf(0.44758, 0.40745),
@@ -21,10 +15,10 @@ private val WHITE_POINTS = mapOf(
 
 /** Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6). */
 internal fun neutrals(tiff: Tiff, first: Directory): List<Neutral> {
-    val gains = finite(tiff, first, ANALOG_BALANCE, 3) ?: doubleArrayOf(1.0, 1.0, 1.0)
+    val gains = finite(tiff, first, Tag.ANALOG_BALANCE, 3) ?: doubleArrayOf(1.0, 1.0, 1.0)
     return listOf(
-        Triple(Tag.COLOR_MATRIX_1, CALIBRATION_1, ILLUMINANT_1),
-        Triple(Tag.COLOR_MATRIX_2, CALIBRATION_2, ILLUMINANT_2),
+        Triple(Tag.COLOR_MATRIX_1, Tag.CALIBRATION_1, Tag.ILLUMINANT_1),
+        Triple(Tag.COLOR_MATRIX_2, Tag.CALIBRATION_2, Tag.ILLUMINANT_2),
     ).mapNotNull { (matrix, calibration, light) ->
         val toCamera = finite(tiff, first, matrix, 9)
         val own = finite(tiff, first, calibration, 9)

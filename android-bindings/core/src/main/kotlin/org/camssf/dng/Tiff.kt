@@ -16,7 +16,16 @@ internal const val RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, 
 /** One directory entry, not yet read: TIFF type, count, and where its value lies. */
 internal class Field(val kind: Int, val count: Long, val at: Long)
 
-internal typealias Directory = Map<Int, Field>
+/** The entries of a directory whose tags are known. */
+internal class Directory(private val fields: Map<Int, Field>) {
+    /** The entry, null where the file is silent. Only what [Tag] names can be asked for: the rest was not kept. */
+    operator fun get(tag: Int): Field? {
+        check(tag in Tag.KNOWN) { "tag $tag is not in Tag.KNOWN" }
+        return fields[tag]
+    }
+
+    operator fun contains(tag: Int): Boolean = get(tag) != null
+}
 
 /**
  * The directories of a TIFF file; values are read when asked for, within the file's bounds and no longer than wanted.
@@ -84,16 +93,17 @@ internal class Tiff(val source: DngSource) {
         seen.add(at)
         val count = buffer(at, 2).getShort().toInt() and 0xffff
         val entries = buffer(at + 2, 12L * count)
-        val directory = HashMap<Int, Field>()
+        val fields = HashMap<Int, Field>()
         for (number in 0 until count) {
             val tag = entries.getShort(12 * number).toInt() and 0xffff
             val kind = entries.getShort(12 * number + 2).toInt() and 0xffff
             // TIFF 6.0, page 16: skip fields of an unknown type
-            if (tag !in Tag.KNOWN || kind !in 1 until WIDTHS.size || tag in directory) continue
+            if (tag !in Tag.KNOWN || kind !in 1 until WIDTHS.size || tag in fields) continue
             val length = entries.getInt(12 * number + 4).toLong() and 0xffffffffL
             val value = entries.getInt(12 * number + 8).toLong() and 0xffffffffL
-            directory[tag] = Field(kind, length, if (length * WIDTHS[kind] <= 4) at + 10 + 12 * number else value)
+            fields[tag] = Field(kind, length, if (length * WIDTHS[kind] <= 4) at + 10 + 12 * number else value)
         }
+        val directory = Directory(fields)
         into.add(directory)
         all.add(directory)
         val children = directory[Tag.SUB_IFDS]
@@ -106,7 +116,7 @@ internal class Tiff(val source: DngSource) {
 
     /** The Exif directory, empty where there is none. */
     fun exif(): Directory {
-        if (Tag.EXIF !in main[0]) return emptyMap()
+        if (Tag.EXIF !in main[0]) return Directory(emptyMap())
         val found = ArrayList<Directory>(1)
         directory(whole(main[0], Tag.EXIF, 1)[0], 1, found)
         return found[0]

@@ -108,6 +108,7 @@ class RefusalsTest {
         "0 pieces" to mapOf(273 to null),
         "ends at byte" to mapOf(273 to Value.long(100_000)).mapKeys { 273 },
         "too short" to mapOf(279 to Value.long(100)),
+        "overlap" to mapOf(278 to Value.long(10), 273 to Value.long(8, 8), 279 to Value.long(700, 700)),
         "active area" to mapOf(50829 to Value.long(0, 0, 21, 24)),
         "active area" to mapOf(50829 to Value.long(5, 0, 6, 24)),
         "tag 50829" to mapOf(50829 to Value.long(0, 0, 20)),
@@ -204,8 +205,11 @@ class RefusalsTest {
         refused<UnreadableRaw>(plainJpeg.with(end + 1, 0xd0), "no proper end")
         refused<UnreadableRaw>(plainJpeg.with(end - 9, 0xff, 0xd9), "early")
         refused<UnreadableRaw>(plainJpeg.with(scan + 30, *IntArray(40)), "JPEG data")
-        // all differences +2047: far beyond 12 bits before long
-        refused<UnreadableRaw>(plainJpeg.with(scan + 12, *IntArray(24) { 0x5f }), "JPEG data")
+        val wide = DngWriter(24, 20, Variants.smooth(14, 24, 20), 12, compression = 7).encode()
+        refused<UnreadableRaw>(wide, "leave 12 bits")
+        val filled = dng(compression = 7, jpeg = { JpegWriter(12, it, filling = 3) })
+        read(filled)
+        refused<UnreadableRaw>(filled.with(filled.at(0xff, 0xd9) - 2, 1), "too long")
         val marker = restarted.at(0xff, 0xd1)
         refused<UnreadableRaw>(restarted.with(marker + 1, 0xd2), "no proper end")
         refused<UnreadableRaw>(restarted.with(marker, 0, 0), "JPEG data")

@@ -143,6 +143,33 @@ class TagsTest {
         assertEquals(1, read(first = mapOf(274 to Value.short(9))).orientation)
     }
 
+    /** White = balance · calibration · matrix · XYZ of the light, green 1; by hand for D65 (21) and A (17). */
+    @Test
+    fun whitesOfTheColourMatrices() {
+        val identity = IntArray(18) {
+            if (it % 2 == 1) {
+                1
+            } else if (it % 8 == 0) {
+                1
+            } else {
+                0
+            }
+        }
+        val first: Tags = mapOf(
+            50721 to Value.srational(*identity),
+            50722 to Value.srational(*identity),
+            50724 to Value.srational(2, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 3, 1),
+            50727 to Value.rational(1, 1, 1, 2, 1, 1),
+            50778 to Value.short(21),
+            50779 to Value.short(17),
+        )
+        val (day, bulb) = read(first = first).neutrals
+        assertEquals(listOf(21, 17), listOf(day.illuminant, bulb.illuminant))
+        assertArrayEquals(doubleArrayOf(2 * 0.950430, 1.0, 2 * 1.088806), day.white, 1e-5)
+        assertArrayEquals(doubleArrayOf(4 * 1.098490, 1.0, 6 * 0.355798), bulb.white, 1e-5)
+        assertTrue(read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0))).neutrals.isEmpty())
+    }
+
     @Test
     fun maskedAreas() {
         val tags = area(4, 8, 24, 24) + (50830 to Value.long(0, 0, 24, 8, 0, 8, 4, 24, 9, 9, 9, 99))

@@ -80,7 +80,19 @@ internal class GoldenCase private constructor(val name: String, private val json
     private fun checkShot(shot: JsonObject) {
         keys("shot", shot, setOf("chart", "white", "dark", "black", "saturation"))
         for (frame in listOf("chart", "white", "dark")) {
-            (shot[frame] as? JsonObject)?.let { keys(frame, it, setOf("mean", "standard_error", "clipped")) }
+            (shot[frame] as? JsonObject)?.let {
+                keys(
+                    frame,
+                    it,
+                    FRAME + if (stage ==
+                        "verdict"
+                    ) {
+                        MORE
+                    } else {
+                        emptySet()
+                    },
+                )
+            }
         }
     }
 
@@ -96,6 +108,8 @@ internal class GoldenCase private constructor(val name: String, private val json
     }
 
     companion object {
+        private val FRAME = setOf("mean", "standard_error", "clipped")
+        private val MORE = setOf("count", "dead", "greens")
         private val FIELDS = setOf(
             "format", "case", "stage", "comment", "expect", "requires", "source", "inputs", "outputs", "oracle",
             "truth", "limits",
@@ -103,8 +117,8 @@ internal class GoldenCase private constructor(val name: String, private val json
 
         /** What a runner may have; golden/README.md explains each. */
         val CAPABILITIES = setOf(
-            "mosaic", "pose", "patches", "signals", "reference", "model", "deflate", "jpeg-strips",
-            "scattered-strips", "jpeg-restart", "point-transform", "metadata",
+            "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate",
+            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata",
         )
         private val PROBLEM = setOf("matrix", "target", "covariance", "l2", "gamma", "nonnegative")
         private val ROWS = setOf(
@@ -132,6 +146,11 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
                 "white_reflectance", "basis", "l2", "gamma", "nonnegative",
             ),
+            "verdict" to setOf(
+                "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
+                "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
+                "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals",
+            ),
         )
         private val OUTPUTS = mapOf(
             "mosaic" to setOf(
@@ -149,6 +168,10 @@ internal class GoldenCase private constructor(val name: String, private val json
             "solve" to setOf("code", "objective", "gap", "pivots"),
             "ssf" to setOf("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"),
             "calibrate" to setOf("signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain"),
+            "verdict" to setOf(
+                "status", "codes", "fatal", "values", "thresholds", "named", "residual", "prior", "count", "z",
+                "gains",
+            ),
         )
         private val ORACLE = setOf("solver", "polished", "x", "objective", "gap", "ssf")
 

@@ -46,6 +46,7 @@ import kotlin.system.exitProcess
  * @property faults limits that do not hold, in words; empty where all hold.
  * @property limits how many limits were measured.
  * @property limitsSkipped how many of them need a capability that this runner lacks.
+ * @property difference of the curves from those that Python stored, in parts of the peak; null where there are none.
  */
 public class Outcome internal constructor(
     public val case: String,
@@ -53,6 +54,7 @@ public class Outcome internal constructor(
     public val faults: List<String>,
     public val limits: Int,
     public val limitsSkipped: Int,
+    public val difference: Double? = null,
 )
 
 /**
@@ -64,6 +66,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
 
     private val forms = Forms(files)
     private val photos = Photos(files, forms)
+    private val frames = Statistics(forms)
     private val engines = HashMap<String, Engine>()
 
     /**
@@ -112,7 +115,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val findings = possible.map { measure(case, it, outputs) } + absent(case, outputs)
         val faults = findings.filter { !(it.measured <= it.bound) }
             .map { "${it.limit}: ${it.measured} exceeds ${it.bound}" }
-        return Outcome(name, null, faults, findings.size, lost.size)
+        val difference = findings.firstOrNull { it.limit == "ssf against outputs, norm" }?.measured
+        return Outcome(name, null, faults, findings.size, lost.size, difference)
     }
 
     override fun close() {
@@ -149,13 +153,14 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "signals" -> signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
         "calibrate" -> calibrate(case)
+        "verdict" -> Weighing(forms, frames).verdict(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }
 
     private fun signals(case: GoldenCase): Map<String, Any?> {
         val n = case.inputs.getValue("patches").jsonPrimitive.int
         val white = case.inputs.getValue("white").jsonPrimitive.int
-        val shots = case.inputs.getValue("shots").jsonArray.map { means(it.jsonObject) }
+        val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
         val found = Signals.normalise(shots, List(n) { "patch ${it + 1}" }, white)
         return mapOf(
             "signals" to Tensor(found.values, shots.size, n, 3),
@@ -260,7 +265,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val modes = given("lamp_modes")
         val tolerance = given("lamp_tolerance")
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
-            val means = means(entry.jsonObject)
+            val means = frames.means(entry.jsonObject)
             val light = Lamp(
                 "golden",
                 row(lamp, j),
@@ -302,31 +307,6 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private fun row(tensor: Tensor, at: Int): DoubleArray =
         tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
 
-    private fun means(shot: JsonObject): PatchMeans = PatchMeans(
-        frame(shot.getValue("chart"))!!,
-        frame(shot.getValue("white")),
-        frame(shot.getValue("dark")),
-        forms.resolve(shot.getValue("black")).values,
-        number(shot.getValue("saturation"))!!,
-    )
-
-    private fun frame(frame: JsonElement): FrameMeans? {
-        if (frame !is JsonObject) return null
-        val (mean, error, clipped) = listOf("mean", "standard_error", "clipped").map {
-            forms.resolve(frame.getValue(it)).values
-        }
-        val still = DoubleArray(mean.size)
-        return FrameMeans(
-            mean,
-            error,
-            LongArray(mean.size) { 400 },
-            clipped,
-            still,
-            still,
-            DoubleArray(mean.size / 3 * 2) { mean[it / 2 * 3 + 1] },
-        )
-    }
-
     public companion object {
         /** What Kotlin can do of what cases require. */
         @JvmField
@@ -342,6 +322,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
                 outcome.skipped?.let { println("skipped ${outcome.case}: $it") }
                 outcome.faults.forEach { println("FAULT ${outcome.case}: $it") }
             }
+            println("on ${System.getProperty("os.arch")}, Java ${System.getProperty("java.version")}")
             println(summary(outcomes))
             if (outcomes.any { it.faults.isNotEmpty() }) exitProcess(1)
         }
@@ -355,8 +336,10 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
                 .entries.joinToString("; ") { "${it.value} ${it.key}" }
             val limits = outcomes.sumOf { it.limits }
             val lost = outcomes.sumOf { it.limitsSkipped }
+            val off = outcomes.mapNotNull { it.difference }.maxOrNull()
             return "golden: $ran of ${outcomes.size} cases ran, $failed failed, ${outcomes.size - ran} skipped " +
-                "($why); $limits limits measured, $lost skipped (need reference)"
+                "($why); $limits limits measured, $lost skipped (need reference); " +
+                "curves within $off of the peak of Python's"
         }
     }
 }

@@ -1,0 +1,167 @@
+package org.camssf
+
+import kotlinx.coroutines.CancellationException
+import kotlinx.coroutines.async
+import kotlinx.coroutines.runBlocking
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import kotlin.concurrent.thread
+
+/** The whole path on a golden photo: a flat lamp on the chart, no white and no dark frame. */
+class SsfCalibratorTest {
+    private val root = File(System.getProperty("camssf.root"))
+    private val photo = File(root, "golden/dng/chart-turned-0.dng")
+    private val corners = doubleArrayOf(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val chart = ChartTable.read("classic24")
+
+    private fun shot(lamp: String = "E", at: DoubleArray = corners) = Shot(Frame.of(photo), Lamp.read(lamp), at)
+
+    private fun calibrated(found: Calibration): Calibrated {
+        assertTrue(found is Calibrated, found.verdict.reasons.joinToString { it.message })
+        return found as Calibrated
+    }
+
+    @Test
+    fun `curves, bands, proof and reasons`() {
+        SsfCalibrator.open().use { calibrator ->
+            val told = ArrayList<Pair<String, Double>>()
+            val found = calibrated(
+                calibrator.calibrate(Capture(shot(), chart)) { stage, part -> told += stage to part },
+            )
+            for (c in 0..2) {
+                assertEquals(1.0, found.ssf.curve(c).max())
+                assertTrue(found.ssf.band(c)!!.all { it >= 0 } && found.ssf.gap[c] < 1e-6)
+            }
+            assertEquals(24, found.signals.patches)
+            assertTrue("white_from_patch" in found.assumptions.map { it.code })
+            assertEquals("reading photo" to 0.0, told.first())
+            assertEquals("done" to 1.0, told.last())
+            assertTrue(told.zipWithNext().all { (a, b) -> a.second <= b.second + 0.06 })
+            val document = Json.parseToJsonElement(found.toJson()).jsonObject
+            assertEquals("camssf-result/1", document.getValue("format").jsonPrimitive.content)
+            assertEquals(24, document.getValue("shots").jsonArray[0].jsonObject.getValue("patches").jsonArray.size)
+            assertEquals(682, found.toCsv().trim().lines().size)
+            assertEquals(found.toJson(), calibrated(calibrator.calibrate(Capture(shot(), chart))).toJson())
+        }
+    }
+
+    @Test
+    fun `measured now and solved later is the same`() {
+        SsfCalibrator.open().use { calibrator ->
+            val whole = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val later = calibrated(calibrator.solve(listOf(calibrator.measure(shot(), chart)), chart))
+            assertEquals(whole.toJson(), later.toJson())
+        }
+    }
+
+    @Test
+    fun `a part of the photo is enough`() {
+        val region = ChartPose.region(corners)
+        val part = DngSource.of(photo).use { DngReader.read(it, region) }
+        val whole = DngSource.of(photo).use { DngReader.read(it) }
+        assertTrue(part.samples.size <= whole.samples.size)
+        val poses = listOf(part, whole).map { ChartPose.refine(it, corners, chart) }
+        assertArrayEquals(poses[1].corners, poses[0].corners)
+        val means = listOf(part, whole).map { PatchMeans.measure(it, poses[0]) }
+        assertArrayEquals(means[1].chart.mean, means[0].chart.mean)
+    }
+
+    @Test
+    fun `a chart that is not there is refused with what was learned`() {
+        SsfCalibrator.open().use { calibrator ->
+            val elsewhere = doubleArrayOf(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
+            val found = calibrator.calibrate(Capture(shot(at = elsewhere), chart)) as Refused
+            assertEquals("chart_not_found", found.error.code)
+            assertEquals("refused", found.verdict.status)
+            val document = Json.parseToJsonElement(found.toJson()).jsonObject
+            assertNull(document["ssf"])
+            val photo = document.getValue("shots").jsonArray[0].jsonObject.getValue("photo").jsonObject
+            assertEquals("chart-turned-0.dng", photo.getValue("name").jsonPrimitive.content)
+        }
+    }
+
+    @Test
+    fun `a wrong call is thrown`() {
+        SsfCalibrator.open().use { calibrator ->
+            val wrong = listOf(
+                Capture(emptyList(), chart),
+                Capture(shot(at = DoubleArray(6)), chart),
+                Capture(listOf(shot()), chart, 0.9),
+            )
+            for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }
+            assertThrows(InvalidArgument::class.java) {
+                calibrator.calibrate(Capture(shot(), chart), Settings(fit = listOf(0)))
+            }
+        }
+    }
+
+    @Test
+    fun `an interrupted thread stops`() {
+        SsfCalibrator.open().use { calibrator ->
+            var stopped = false
+            thread {
+                Thread.currentThread().interrupt()
+                stopped = try {
+                    calibrator.calibrate(Capture(shot(), chart))
+                    false
+                } catch (_: InterruptedException) {
+                    true
+                }
+            }.join()
+            assertTrue(stopped)
+        }
+    }
+
+    @Test
+    fun `a cancelled job stops at the next step`() = runBlocking {
+        SsfCalibrator.open().use { calibrator ->
+            val steps = ArrayList<String>()
+            val job = async {
+                lateinit var own: kotlinx.coroutines.Job
+                own = coroutineContext[kotlinx.coroutines.Job]!!
+                calibrator.calibrateSuspending(Capture(shot(), chart)) { stage, _ ->
+                    steps += stage
+                    if (stage == "solving") own.cancel()
+                }
+            }
+            assertThrows(CancellationException::class.java) { runBlocking { job.await() } }
+            assertEquals(1, steps.count { it == "solving" })
+        }
+    }
+
+    @Test
+    fun `suspending gives the same`() = runBlocking {
+        SsfCalibrator.open().use { calibrator ->
+            val found = calibrator.calibrateSuspending(Capture(shot(), chart))
+            assertEquals(calibrator.calibrate(Capture(shot(), chart)).toJson(), found.toJson())
+        }
+    }
+
+    @Test
+    fun `threads share a calibrator`() {
+        SsfCalibrator.open().use { calibrator ->
+            val wanted = calibrator.calibrate(Capture(shot(), chart)).toJson()
+            val found = arrayOfNulls<String>(4)
+            val threads = List(4) { i ->
+                thread { found[i] = calibrator.calibrate(Capture(shot(), chart)).toJson() }
+            }
+            threads.forEach { it.join() }
+            assertTrue(found.all { it == wanted })
+        }
+    }
+
+    @Test
+    fun `the version is Python's`() {
+        val version = Regex("version = \"(.*)\"").find(File(root, "pyproject.toml").readText())!!.groupValues[1]
+        assertEquals(version, ResultJson.VERSION)
+    }
+}

@@ -1,0 +1,139 @@
+package org.camssf.golden
+
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.boolean
+import kotlinx.serialization.json.double
+import kotlinx.serialization.json.int
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.Case
+import org.camssf.ChartPose
+import org.camssf.ChartTable
+import org.camssf.Foretold
+import org.camssf.Grid
+import org.camssf.Judge
+import org.camssf.Lamp
+import org.camssf.LensShading
+import org.camssf.MeasuredShot
+import org.camssf.Photo
+import org.camssf.Rival
+import org.camssf.Signals
+import org.camssf.Ssf
+import org.camssf.Tensor
+import org.camssf.Told
+
+/** The stage verdict: the judge, and the numbers of its rules 1 to 3. */
+internal class Weighing(private val forms: Forms, private val frames: Statistics) {
+    fun verdict(case: GoldenCase): Map<String, Any?> {
+        val inputs = case.inputs
+        fun given(name: String) = forms.resolve(inputs.getValue(name))
+        val y = given("signals")
+        val (k, n) = y.shape
+        val white = given("white").values
+        val used = inputs.getValue("used").jsonArray.flatMap { row -> row.jsonArray.map { it.jsonPrimitive.boolean } }
+        val signals = Signals(
+            k, n, y.values, given("standard_error").values, white, white, given("dark").values, used.toBooleanArray(),
+            emptyList(),
+        )
+        val table = ChartTable(
+            "classic24",
+            "golden",
+            "classic24",
+            List(n) { "patch ${it + 1}" },
+            given("reflectance").values,
+            given("chart_tolerance").values,
+            18,
+            "golden/spectra",
+        )
+        val lamp = given("lamp")
+        val modes = given("lamp_modes")
+        val tolerance = given("lamp_tolerance").values
+        val lamps = List(k) { j ->
+            val own = List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) }
+            Lamp("golden", row(lamp, j), tolerance[j], own, "golden/spectra")
+        }
+        val std = inputs.getValue("ssf_std").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
+        fun answer(of: JsonObject) = Ssf(
+            forms.resolve(of.getValue("ssf")).values, std, forms.resolve(of.getValue("code")).values,
+            forms.resolve(of.getValue("predicted")).values, DoubleArray(3), DoubleArray(3), 1.0,
+            DoubleArray(3) {
+                1.0
+            },
+            "golden", lamp.values,
+        )
+        val told = Told(
+            signals,
+            table,
+            lamps,
+            answer(inputs),
+            given("white_reflectance").values,
+            given("white_tolerance").values[0],
+        )
+        val weighed = Case(
+            told,
+            shots(inputs, lamps, n),
+            inputs.getValue("alone").jsonArray.map { answer(it.jsonObject) },
+            inputs.getValue("rivals").jsonArray.map { entry ->
+                val (shot, name, weighted) = entry.jsonArray.map { it.jsonPrimitive }
+                Rival(shot.int, name.content, weighted.double)
+            },
+            inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { foretold(it) } },
+        )
+        return outputs(weighed)
+    }
+
+    private fun shots(inputs: JsonObject, lamps: List<Lamp>, n: Int): List<MeasuredShot> {
+        val centres = forms.resolve(inputs.getValue("centres")).values
+        val scores = forms.resolve(inputs.getValue("scores")).values
+        val photo = Photo("golden", 600, 400, 1, null, null, false, "golden", "golden", "")
+        return inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
+            val quads = DoubleArray(8 * n) { centres[2 * (j * n + it / 8) + it % 2] + SQUARE[it % 8] }
+            val pose = ChartPose("classic24", SQUARE, quads, 0, "by hand", scores[j], emptyList())
+            val means = frames.means(entry.jsonObject)
+            val frame = photo.takeIf { means.white != null }
+            MeasuredShot(lamps[j], photo, frame, frame, pose, means, LensShading.AS_STORED)
+        }
+    }
+
+    private fun foretold(entry: JsonElement): Foretold {
+        val (light, white) = entry.jsonArray
+        return Foretold(forms.resolve(light).values, forms.resolve(white).values)
+    }
+
+    private fun outputs(case: Case): Map<String, Any?> {
+        val verdict = Judge.judge(case)
+        val joint = case.told.surprise()
+        val each = case.each()
+        fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
+        return mapOf(
+            "status" to verdict.status,
+            "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
+            "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
+            "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),
+            "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
+            "named" to JsonArray(
+                each.map { one ->
+                    val suspect = Judge.accused(one)
+                    JsonPrimitive(suspect?.let { if (it.patch == null) it.kind else "${it.kind} ${it.patch}" })
+                },
+            ),
+            "residual" to Tensor.scalar(joint.residual),
+            "prior" to Tensor.scalar(joint.prior),
+            "count" to joint.count,
+            "z" to numbers(listOf(joint.z) + each.map { it.z }),
+            "gains" to numbers(each.flatMap { one -> one.suspects.map { it.gain } }),
+        )
+    }
+
+    private fun row(tensor: Tensor, at: Int): DoubleArray =
+        tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
+
+    private companion object {
+        val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
+    }
+}

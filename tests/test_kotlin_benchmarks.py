@@ -1,0 +1,53 @@
+"""The commands that set Kotlin's DNG reader beside LibRaw judge rightly; no JVM starts, no speed is judged."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import kotlin_decode, kotlin_variants
+from golden.dngs import LONG, Dng
+
+
+class Fake:
+    """Stands in for the JVM."""
+
+    def __init__(self, answer: int) -> None:
+        self.answer = answer
+
+    def ask(self, what: str, file: Path) -> tuple[float, int]:
+        return 1.0, self.answer
+
+
+def photo(folder: Path, **more: object) -> tuple[Path, np.ndarray]:
+    samples = np.random.default_rng(0).integers(0, 4096, (40, 60), dtype=np.uint16)
+    path = folder / "photo.dng"
+    path.write_bytes(Dng(samples, bits=12, **more).encode())  # type: ignore[arg-type]
+    return path, samples
+
+
+def test_a_run_whose_samples_differ_from_libraw_s_ends(tmp_path: Path) -> None:
+    path, samples = photo(tmp_path)
+    total = int(samples.sum())
+    found = kotlin_decode.measure(Fake(total), path, 3)  # type: ignore[arg-type]
+    assert found["kotlin_seconds"] == 1.0
+    assert found["ratio"] == pytest.approx(1.0 / found["libraw_seconds"], rel=0.9)
+    with pytest.raises(SystemExit, match="differ"):
+        kotlin_decode.measure(Fake(total + 1), path, 3)  # type: ignore[arg-type]
+
+
+def test_without_a_build_the_command_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "pom.xml").write_text("<kotlin.version>0</kotlin.version>")
+    monkeypatch.setattr(kotlin_decode, "BINDINGS", tmp_path)
+    with pytest.raises(kotlin_decode.Unavailable, match="mvn"):
+        kotlin_decode.class_path()
+
+
+@pytest.mark.parametrize("place", ["first", "chain", "sub", "nested"])
+def test_both_judges_give_the_active_area_s_samples(tmp_path: Path, place: str) -> None:
+    path, samples = photo(tmp_path, place=place, tags={50829: (LONG, [4, 6, 38, 60])})
+    expected = hashlib.sha256(samples[4:38, 6:60].astype("<u2").tobytes()).hexdigest()
+    assert kotlin_variants.judge(path) == {"libraw": expected, "tifffile": expected}
