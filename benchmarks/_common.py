@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from camssf.basis import Basis, interpolate
+from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.sensing import Sensing, anchor, sense
 from camssf.spectra import camera_names, read_camera, read_chart, read_lamp
@@ -266,9 +267,7 @@ def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> 
 def save(name: str, content: dict[str, Any]) -> str:
     """Write results/NAME.json whole or not at all; returns its place relative to the repository."""
     RESULTS.mkdir(exist_ok=True)
-    temporary = RESULTS / f".{name}.{os.getpid()}"
-    temporary.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    os.replace(temporary, RESULTS / f"{name}.json")
+    write_file(RESULTS / f"{name}.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     return f"benchmarks/results/{name}.json"
 
 

@@ -14,17 +14,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
-import tempfile
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from camssf.engine import load_model
 from camssf.errors import CalibrationError
+from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
 from golden import reading
 from golden.compare import METRICS, optimality, rmse
@@ -338,15 +336,7 @@ def _place(files: dict[str, bytes]) -> None:
         if path.exists() and path.read_bytes() == content:
             continue
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        write_file(path, content)
 
 
 def _write(files: dict[str, bytes]) -> None:

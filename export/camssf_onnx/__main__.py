@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -15,6 +13,7 @@ import camssf
 from camssf.basis import read_basis
 from camssf.engine import SHIPPED
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import write_file
 
 DATA = Path(camssf.__file__).parent / "data"
 LARGEST = 400_000
@@ -92,27 +91,9 @@ def _nodes(graph: Any) -> Iterator[Any]:
 
 def _build() -> int:
     for name, content in list(built()):
-        _replace(DATA / f"camssf-{name}.onnx", content)
+        write_file(DATA / f"camssf-{name}.onnx", content)
         print(_line(name, content))
     return 0
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise InvalidArgument(
-            f"{path} cannot be written ({error.strerror}).", "Run this in a checkout of the repository."
-        ) from error
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def _line(name: str, content: bytes) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -83,9 +84,16 @@ def interpolate(nodes: Floats) -> Floats:
 
 
 def fold(values: Floats) -> Floats:
-    """The adjoint of `interpolate`, (..., 681) → (..., 69): Σ f s over the grid is Σ of f folded, times s, over the
-    nodes."""
+    """Onto the nodes, (..., 681) → (..., 69), as the adjoint of `interpolate` does.
+
+    Σ f s over the grid is Σ fold(f) s over the nodes, for every curve s that is straight between them.
+    """
     return np.asarray(values @ _STRAIGHT)
+
+
+def basis_file(spec: str) -> Any:
+    """Where the arrays of a learned basis lie: in the package, or a file."""
+    return resources.files("camssf") / "data" / "cameras.npz" if spec == "cameras" else Path(spec)
 
 
 @lru_cache(maxsize=8)
@@ -97,9 +105,8 @@ def read_basis(spec: str) -> Basis:
     """
     if spec == "gaussian":
         return gaussian_basis()
-    file = resources.files("camssf") / "data" / "cameras.npz" if spec == "cameras" else Path(spec)
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        with basis_file(spec).open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             mean, dictionary = content["mean"], content["dictionary"]
             source = str(content["source"])
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:

@@ -1,5 +1,8 @@
 """Measured cameras → the `cameras` basis: `python -m camssf.learn curves.csv -o cameras.npz`.
 
+`python -m camssf.learn mine.csv --extend cameras -o mine.npz` learns from the shipped basis' cameras and one's own
+together; a basis file carries the curves that it was learned from, one's own included.
+
 Fifty cameras are few. They are enlarged at random by what makes cameras differ: the sensor and its colour filters
 shift and widen along the wavelength, lens and infrared cut filter weigh it smoothly, neighbouring pixels leak into
 each other. Makers are fewer still, and a camera yet unseen may come from another one: a maker weighs by the root of
@@ -12,9 +15,8 @@ from __future__ import annotations
 import argparse
 import csv
 import hashlib
-import os
+import io
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from camssf.basis import NODES
+from camssf.basis import NODES, basis_file, read_basis
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import write_file
 from camssf.grid import Floats
 
 COMPONENTS = 24
@@ -52,11 +55,11 @@ class Enlargement:
     cross_talk: float = 0.02
 
 
-def read_curves(path: Path) -> dict[str, Floats]:
+def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """Cameras of a CSV with columns camera, wavelength_nm, R, G, B: name → (69, 3) on the 5-nm nodes, peak 1.
 
     Raises:
-        InvalidArgument: unreadable, or curves that do not cover 400 to 700 nm.
+        InvalidArgument: unreadable, curves that do not cover 400 to 700 nm, or fewer than `least`.
     """
     rows: dict[str, list[list[float]]] = {}
     try:
@@ -81,7 +84,7 @@ def read_curves(path: Path) -> dict[str, Floats]:
             raise InvalidArgument(f"{name} in {path} does not cover 400 to 700 nm with numbers.", "Leave it out.")
         response = np.stack([np.interp(NODES, table[:, 0], table[:, c], 0.0, 0.0) for c in (1, 2, 3)], axis=1)
         curves[name] = np.maximum(response, 0.0) / response.max(axis=0)
-    if len(curves) < 2:
+    if len(curves) < least:
         raise InvalidArgument(f"{path} holds {len(curves)} camera(s).", "A spread needs at least two.")
     return curves
 
@@ -160,43 +163,118 @@ def _weights(makers: Sequence[str]) -> Floats:
     return np.asarray(weight / weight.sum())
 
 
+@dataclass(frozen=True)
+class Crowd:
+    """Measured cameras and where they come from, in the order in which they are learned from.
+
+    Attributes:
+        curves: by name, (69, 3) on the 5-nm nodes, peak 1.
+        files, sha256, licences: of the CSV files, oldest first.
+    """
+
+    curves: dict[str, Floats]
+    files: tuple[str, ...]
+    sha256: tuple[str, ...]
+    licences: tuple[str, ...]
+
+    def joined(self, other: Crowd) -> Crowd:
+        """Both crowds as one.
+
+        Raises:
+            InvalidArgument: a camera is in both.
+        """
+        known = {name.casefold() for name in self.curves}
+        twice = [name for name in other.curves if name.casefold() in known]
+        if twice:
+            raise InvalidArgument(
+                f"{twice[0]} is in {', '.join(other.files)} and in the basis already.",
+                "Give it another name, the maker first, to let both count.",
+            )
+        return Crowd(
+            self.curves | other.curves,
+            self.files + other.files,
+            self.sha256 + other.sha256,
+            self.licences + other.licences,
+        )
+
+    def source(self, components: int) -> str:
+        """In words, for the report."""
+        origins = zip(self.files, self.sha256, self.licences, strict=True)
+        parts = [f"{file}, SHA-256 {digest[:16]}..., licence {licence}" for file, digest, licence in origins]
+        return f"{components} components learned from {len(self.curves)} measured cameras ({'; '.join(parts)})"
+
+
+def read_crowd(path: Path, licence: str, *, least: int = 2) -> Crowd:
+    """The cameras of a CSV; errors as `read_curves`."""
+    curves = read_curves(path, least=least)
+    return Crowd(curves, (path.name,), (hashlib.sha256(path.read_bytes()).hexdigest(),), (licence,))
+
+
+def crowd_of(spec: str) -> Crowd:
+    """The cameras that a basis was learned from: `cameras`, or a file that this command wrote.
+
+    Raises:
+        InvalidArgument: no such basis, or one that does not carry its cameras.
+    """
+    read_basis(spec)  # says what is wrong with it
+    try:
+        with basis_file(spec).open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+            names, curves = (content[key] for key in ("cameras", "curves"))
+            origins = [tuple(map(str, np.atleast_1d(content[key]))) for key in ("files", "sha256", "licence")]
+    except (OSError, KeyError, ValueError) as error:
+        raise InvalidArgument(
+            f"{spec!r} does not carry the cameras it was learned from ({error}), so nothing can be added to them.",
+            "Learn anew from all curves in one CSV.",
+        ) from error
+    if curves.shape != (len(names), NODES.size, 3) or not np.isfinite(curves).all():
+        raise InvalidArgument(f"{spec!r} holds curves of shape {curves.shape}.", "Learn anew from all curves.")
+    return Crowd(dict(zip(map(str, names), curves, strict=True)), *origins)
+
+
+def save(crowd: Crowd, components: int, path: Path) -> str:
+    """Learn from a crowd and write the basis file, whole or not at all; returns what it says of itself."""
+    stack = np.stack(list(crowd.curves.values()))
+    mean, dictionary = learn(stack, makers=[maker_of(name) for name in crowd.curves], components=components)
+    source = crowd.source(components)
+    content = io.BytesIO()
+    np.savez_compressed(
+        content,
+        mean=mean,
+        dictionary=dictionary,
+        source=np.array(source),
+        files=np.array(crowd.files),
+        sha256=np.array(crowd.sha256),
+        licence=np.array(crowd.licences),
+        cameras=np.array(list(crowd.curves)),
+        curves=stack,
+    )
+    write_file(path, content.getvalue())
+    return source
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command: reads curves, writes the basis file, all or nothing."""
-    parser = argparse.ArgumentParser(prog="python -m camssf.learn", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m camssf.learn", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("curves", type=Path, help="CSV with the columns camera,wavelength_nm,R,G,B")
     parser.add_argument("-o", "--output", type=Path, default=Path("cameras.npz"))
     parser.add_argument("--components", type=int, default=COMPONENTS)
     parser.add_argument("--licence", default="as the curves'", help="licence of the curves, kept in the file")
+    parser.add_argument(
+        "--extend", metavar="BASIS", help="learn from this basis' cameras, too: `cameras`, or a file of this command"
+    )
     options = parser.parse_args(arguments)
     try:
-        curves = read_curves(options.curves)
+        if not 1 <= options.components <= NODES.size:
+            raise InvalidArgument(f"{options.components} components.", f"Take 1 to {NODES.size}.")
+        crowd = read_crowd(options.curves, options.licence, least=0 if options.extend else 2)
+        if options.extend:
+            crowd = crowd_of(options.extend).joined(crowd)
+        source = save(crowd, options.components, options.output)
     except CalibrationError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return error.exit_status
-    makers = [maker_of(camera) for camera in curves]
-    mean, dictionary = learn(np.stack(list(curves.values())), makers=makers, components=options.components)
-    digest = hashlib.sha256(options.curves.read_bytes()).hexdigest()
-    source = (
-        f"{options.components} components learned from {len(curves)} measured cameras "
-        f"({options.curves.name}, SHA-256 {digest[:16]}..., licence {options.licence})"
-    )
-    handle, temporary = tempfile.mkstemp(suffix=".npz", dir=options.output.absolute().parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez_compressed(
-                stream,
-                mean=mean,
-                dictionary=dictionary,
-                source=np.array(source),
-                sha256=np.array(digest),
-                licence=np.array(options.licence),
-                cameras=np.array(sorted(curves)),
-            )
-        Path(temporary).chmod(0o644)  # mkstemp's 0600 would shut other users out of an installation
-        os.replace(temporary, options.output)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
     print(f"{options.output}: {source}")
     return 0
 

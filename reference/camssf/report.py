@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
-import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +13,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from camssf.errors import InvalidArgument
+from camssf.files import write_files
 from camssf.grid import WAVELENGTHS
 
 Json: TypeAlias = dict[str, Any]
@@ -54,29 +52,15 @@ class Report:
         Raises:
             InvalidArgument: the folder cannot be written to.
         """
-        folder = Path(folder)
-        contents: dict[str, bytes | None] = {
-            "result.json": self.result_json,
-            "ssf.csv": None if self.ssf_csv is None else self.ssf_csv.encode(),
-            "ssf.png": self.ssf_png,
-            "report.html": self.html.encode(),
-        }
-        made = [p for p in (folder, *folder.parents) if not p.exists()]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _replace_all(folder, contents)
-        except BaseException as error:
-            for path in made:
-                if path.is_dir() and not any(path.iterdir()):
-                    path.rmdir()
-            if isinstance(error, (OSError, ValueError)):
-                reason = getattr(error, "strerror", None) or error
-                raise InvalidArgument(
-                    f"{folder}: the report cannot be written ({reason}).",
-                    "Free some space or choose another output folder; nothing was left behind.",
-                ) from error
-            raise
-        return [folder / name for name in NAMES if contents[name] is not None]
+        return write_files(
+            folder,
+            {
+                "result.json": self.result_json,
+                "ssf.csv": self.ssf_csv,
+                "ssf.png": self.ssf_png,
+                "report.html": self.html,
+            },
+        )
 
 
 def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
@@ -135,36 +119,6 @@ def read_document(path: Path | str) -> Json:
         raise InvalidArgument(f"{path}: is not sound JSON ({error}).", advice) from error
     _check_document(document, str(path))
     return dict(document)
-
-
-def _replace_all(folder: Path, contents: dict[str, bytes | None]) -> None:
-    """Write beside, then replace; on failure put the old files back. None removes."""
-    beside = Path(tempfile.mkdtemp(prefix=".camssf-", dir=folder))
-    committing = False
-    try:
-        for name, data in contents.items():
-            if (folder / name).is_file():
-                shutil.copy2(folder / name, beside / f"old-{name}")
-            if data is not None:
-                with open(beside / name, "xb") as file:
-                    file.write(data)
-                    file.flush()
-                    os.fsync(file.fileno())
-        committing = True
-        for name, data in contents.items():
-            if data is None:
-                (folder / name).unlink(missing_ok=True)
-            else:
-                os.replace(beside / name, folder / name)
-    except BaseException:
-        for name in contents if committing else ():
-            if (beside / f"old-{name}").exists():
-                os.replace(beside / f"old-{name}", folder / name)
-            elif (folder / name).is_file():
-                (folder / name).unlink()
-        raise
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
 
 
 # The form
