@@ -72,10 +72,11 @@ def apt_source() -> tuple[str, str]:
     raise Unavailable("apt has no main archive: run apt-get update, or give --suite and --mirror.")
 
 
-def root_folder(work: Path, suite: str | None, mirror: str | None) -> Path:
-    """A minimal arm64 system with Python, unpacked; no second stage, no chroot."""
-    root = work / "root"
-    if (work / "root.done").exists():
+def root_folder(work: Path, suite: str | None, mirror: str | None, package: str = "python3") -> Path:
+    """A minimal arm64 system with a package (Python, or a JVM), unpacked; no second stage, no chroot."""
+    root = work / ("root" if package == "python3" else f"root-{package}")
+    done = root.with_name(root.name + ".done")
+    if done.exists():
         return root
     if suite is None or mirror is None:
         own = apt_source()
@@ -84,7 +85,7 @@ def root_folder(work: Path, suite: str | None, mirror: str | None) -> Path:
         raise Unavailable("debootstrap wants root: run this command as root.")
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
-    fetch = ["--arch=arm64", "--variant=minbase", "--foreign", "--include=python3"]
+    fetch = ["--arch=arm64", "--variant=minbase", "--foreign", f"--include={package}"]
     _run("debootstrap", *fetch, suite, str(root), mirror)
     for package in sorted((root / "var/cache/apt/archives").glob("*.deb")):
         _run("dpkg-deb", "-x", str(package), str(root))
@@ -97,7 +98,7 @@ def root_folder(work: Path, suite: str | None, mirror: str | None) -> Path:
     }.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
-    (work / "root.done").touch()
+    done.touch()
     return root
 
 

@@ -152,7 +152,7 @@ public class PatchMeans internal constructor(
             if (n < FEWEST) throw tooSmall(frames[0], patch, n)
             val values = frames.map { frame -> IntArray(n) { frame[places[2 * it], places[2 * it + 1]] } }
             val kept = values.map { kept(it) }
-            val joint = (0 until n).filter { i -> kept.all { it[i] } }.toIntArray()
+            val joint = indicesOf(n) { i -> kept.all { it[i] } }
             if (joint.size < FEWEST) throw tooSmall(frames[0], patch, joint.size)
             val left = joint.minOf { places[2 * it] / 2 }
             val top = joint.minOf { places[2 * it + 1] / 2 }
@@ -179,20 +179,28 @@ public class PatchMeans internal constructor(
             val corners = LongArray(8) { floor(moved[it] + 0.5).toLong() }
             val low = LongArray(2) { axis -> ((0..3).minOf { corners[2 * it + axis] } + 15) / 16 }
             val high = LongArray(2) { axis -> (0..3).maxOf { corners[2 * it + axis] } / 16 }
-            val found = ArrayList<Int>()
+            val found = IntArray((2 * ((high[0] - low[0]) / 2 + 1) * ((high[1] - low[1]) / 2 + 1)).toInt())
+            var size = 0
             var row = low[1] + (cell / 2 + low[1]) % 2
             while (row <= high[1]) {
                 var column = low[0] + (cell % 2 + low[0]) % 2
                 while (column <= high[0]) {
                     if (inside(corners, column, row)) {
-                        found += column.toInt()
-                        found += row.toInt()
+                        found[size++] = column.toInt()
+                        found[size++] = row.toInt()
                     }
                     column += 2
                 }
                 row += 2
             }
-            return found.toIntArray()
+            return found.copyOf(size)
+        }
+
+        private inline fun indicesOf(n: Int, holds: (Int) -> Boolean): IntArray {
+            val found = IntArray(n)
+            var size = 0
+            for (i in 0 until n) if (holds(i)) found[size++] = i
+            return found.copyOf(size)
         }
 
         private fun inside(corners: LongArray, column: Long, row: Long): Boolean = (0..3).all { a ->
@@ -208,9 +216,19 @@ public class PatchMeans internal constructor(
             FEWEST.toDouble(),
         )
 
+        /** The two values in the middle, found by counting: a patch's values lie close together. */
         private fun twiceMedian(values: IntArray): Int {
-            val sorted = values.sortedArray()
-            return sorted[(sorted.size - 1) / 2] + sorted[sorted.size / 2]
+            val least = values.min()
+            val counts = IntArray(values.max() - least + 1)
+            for (value in values) counts[value - least]++
+            var below = 0
+            var lower = -1
+            for (at in counts.indices) {
+                below += counts[at]
+                if (lower < 0 && below > (values.size - 1) / 2) lower = at
+                if (below > values.size / 2) return lower + at + 2 * least
+            }
+            error("no value")
         }
 
         /** False for dust and hot pixels: rule 3. */
@@ -229,8 +247,18 @@ public class PatchMeans internal constructor(
             val level = total / n
             val sums = Array(4) { LongArray(4) } // over 1, X, Y, e: whole numbers, exact in any order
             for (i in 0 until n) {
-                val row = longArrayOf(1, x[i].toLong(), y[i].toLong(), v[i] - level)
-                for (a in 0..3) for (b in a..3) sums[a][b] += row[a] * row[b]
+                val e = v[i] - level
+                val right = x[i].toLong()
+                val down = y[i].toLong()
+                sums[0][1] += right
+                sums[0][2] += down
+                sums[0][3] += e
+                sums[1][1] += right * right
+                sums[1][2] += right * down
+                sums[1][3] += right * e
+                sums[2][2] += down * down
+                sums[2][3] += down * e
+                sums[3][3] += e * e
             }
             fun c(a: Int, b: Int): Double = sums[a][b] - sums[0][a].toDouble() * sums[0][b] / n
             val determinant = c(1, 1) * c(2, 2) - c(1, 2) * c(1, 2)

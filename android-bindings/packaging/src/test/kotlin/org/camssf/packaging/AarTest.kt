@@ -1,0 +1,93 @@
+package org.camssf.packaging
+
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import org.w3c.dom.Document
+import org.w3c.dom.Element
+import java.io.File
+import java.io.InputStream
+import java.util.Properties
+import java.util.zip.ZipFile
+import javax.xml.parsers.DocumentBuilderFactory
+
+/** The hand-made AAR and the repository around it, as far as it can be read without Android's build tools. */
+class AarTest {
+    private val version = System.getProperty("camssf.version")
+    private val repository = File(System.getProperty("camssf.repository"), "org/camssf")
+    private val aar = ZipFile(file("android", ".aar"))
+
+    @Test
+    fun `it holds what an AAR must`() {
+        val names = aar.entries().toList().map { it.name }.filter { !it.endsWith("/") }.toSet()
+        val metadata = "META-INF/com/android/build/gradle/aar-metadata.properties"
+        val wanted = setOf(
+            "AndroidManifest.xml", "classes.jar", "R.txt", "proguard.txt", metadata, "res/values/values.xml",
+        )
+        assertEquals(wanted, names)
+        val properties = Properties().apply { load(read(metadata)) }
+        assertEquals("1.0", properties["aarFormatVersion"])
+        assertEquals("1.0", properties["aarMetadataVersion"])
+        val manifest = parse(read("AndroidManifest.xml")).documentElement
+        assertEquals("org.camssf.camera2", manifest.getAttribute("package"))
+        val sdk = manifest.getElementsByTagName("uses-sdk").item(0) as Element
+        assertEquals("24", sdk.getAttribute("android:minSdkVersion"))
+    }
+
+    @Test
+    fun `R names exactly the resources`() {
+        val strings = parse(read("res/values/values.xml")).getElementsByTagName("string")
+        val names = (0 until strings.length).map { (strings.item(it) as Element).getAttribute("name") }
+        val table = read("R.txt").bufferedReader().readLines().map { it.split(" ").take(3) }
+        assertEquals(names.map { listOf("int", "string", it) }, table)
+    }
+
+    @Test
+    fun `its classes and rules are the modules' own`() {
+        assertArrayEquals(Artifacts.jar("camera2").readBytes(), read("classes.jar").readBytes())
+        val rules = read("proguard.txt").bufferedReader().readText()
+        assertTrue("-keep class ai.onnxruntime.**" in rules)
+        ZipFile(Artifacts.jar("core")).use { core ->
+            for (place in listOf("META-INF/com.android.tools/r8/camssf.pro", "META-INF/proguard/camssf.pro")) {
+                assertEquals(rules, core.getInputStream(core.getEntry(place)).bufferedReader().readText())
+            }
+        }
+    }
+
+    @Test
+    fun `its POM names core and the phone's ONNX Runtime`() {
+        val pom = parse(file("android", ".pom").inputStream())
+        val dependencies = pom.getElementsByTagName("dependency")
+        val found = (0 until dependencies.length).map { at ->
+            val each = dependencies.item(at) as Element
+            listOf("groupId", "artifactId", "version", "scope").joinToString(":") {
+                each.getElementsByTagName(it).item(0).textContent
+            }
+        }
+        val runtime = System.getProperty("onnxruntime.version")
+        val phone = "com.microsoft.onnxruntime:onnxruntime-android:$runtime:runtime"
+        assertEquals(listOf("org.camssf:camssf-core:$version:compile", phone), found)
+    }
+
+    @Test
+    fun `every module is there with its POM and sources`() {
+        for (module in Artifacts.SHIPPED) {
+            for (end in listOf(".jar", ".pom", "-sources.jar")) assertTrue(file(module, end).isFile, "$module$end")
+            val sources = ZipFile(file(module, "-sources.jar")).use { zip -> zip.entries().toList().map { it.name } }
+            assertTrue(sources.any { it.endsWith(".kt") }, module)
+        }
+        assertTrue(file("parent", ".pom").isFile)
+        assertTrue(file("android", "-sources.jar").isFile)
+    }
+
+    private fun file(module: String, end: String): File {
+        val name = "camssf-$module"
+        return File(repository, "$name/$version/$name-$version$end")
+    }
+
+    private fun read(name: String): InputStream = aar.getInputStream(aar.getEntry(name))
+
+    private fun parse(stream: InputStream): Document =
+        DocumentBuilderFactory.newInstance().newDocumentBuilder().parse(stream)
+}

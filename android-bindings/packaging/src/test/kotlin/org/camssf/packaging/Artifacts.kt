@@ -1,0 +1,20 @@
+package org.camssf.packaging
+
+import java.io.File
+
+/** The files that this build ships. */
+internal object Artifacts {
+    /** Modules whose jars apps take. */
+    val SHIPPED = listOf("model", "core", "camera2")
+
+    /** The folder android-bindings. */
+    val FOLDER = File(System.getProperty("camssf.root"), "android-bindings")
+
+    val CLASS_PATH: List<File> = System.getProperty("java.class.path").split(File.pathSeparator).map(::File)
+
+    /** The jar of a module, as Maven hands it to its neighbours. */
+    fun jar(module: String): File = CLASS_PATH.single {
+        it.name.startsWith("camssf-$module-") &&
+            it.name.endsWith(".jar")
+    }
+}

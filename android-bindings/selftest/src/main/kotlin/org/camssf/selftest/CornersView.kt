@@ -1,0 +1,90 @@
+package org.camssf.selftest
+
+import android.content.Context
+import android.graphics.Bitmap
+import android.graphics.Canvas
+import android.graphics.Color
+import android.graphics.Paint
+import android.view.MotionEvent
+import android.view.View
+import org.camssf.Mosaic
+
+/** A grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
+internal class CornersView(context: Context) : View(context) {
+    private val paint = Paint(Paint.ANTI_ALIAS_FLAG)
+    private var picture: Bitmap? = null
+    private var step = 1
+    private val taps = ArrayList<Double>()
+    private var then: (DoubleArray) -> Unit = {}
+
+    /** Shows the mosaic and calls `then` with x, y of four corners; the order of the taps does not matter to camssf. */
+    fun ask(mosaic: Mosaic, then: (DoubleArray) -> Unit) {
+        step = maxOf(1, mosaic.width / SIDE)
+        picture = thumbnail(mosaic, step)
+        taps.clear()
+        this.then = then
+        requestLayout()
+        invalidate()
+    }
+
+    override fun onMeasure(widthSpec: Int, heightSpec: Int) {
+        val width = MeasureSpec.getSize(widthSpec)
+        val height = picture?.let { width * it.height / it.width } ?: 0
+        setMeasuredDimension(width, height)
+    }
+
+    override fun onDraw(canvas: Canvas) {
+        val picture = picture ?: return
+        val scale = width.toFloat() / picture.width
+        canvas.save()
+        canvas.scale(scale, scale)
+        canvas.drawBitmap(picture, 0f, 0f, null)
+        canvas.restore()
+        paint.color = Color.MAGENTA
+        val radius = 6 * resources.displayMetrics.density
+        for (i in taps.indices step 2) {
+            val (x, y) = listOf(taps[i], taps[i + 1]).map { (it / step * scale).toFloat() }
+            canvas.drawCircle(x, y, radius, paint)
+        }
+    }
+
+    override fun onTouchEvent(event: MotionEvent): Boolean {
+        val picture = picture ?: return false
+        if (event.action == MotionEvent.ACTION_UP && taps.size < 8) {
+            val scale = width.toDouble() / picture.width
+            taps += event.x / scale * step
+            taps += event.y / scale * step
+            invalidate()
+            if (taps.size == 8) then(ordered(taps))
+        }
+        return true
+    }
+
+    internal companion object {
+        private const val SIDE = 600
+
+        /** Clockwise about their middle, whatever their order was. */
+        fun ordered(taps: List<Double>): DoubleArray {
+            val points = taps.chunked(2)
+            val (x, y) = points.sumOf { it[0] } / points.size to points.sumOf { it[1] } / points.size
+            return points.sortedBy { Math.atan2(it[1] - y, it[0] - x) }.flatten().toDoubleArray()
+        }
+
+        /** Green samples, every so many, with a gamma that shows the dark patches. */
+        fun thumbnail(mosaic: Mosaic, step: Int): Bitmap {
+            val (width, height) = mosaic.width / step to mosaic.height / step
+            val colors = IntArray(width * height)
+            val green = mosaic.cfa.indexOf('G')
+            val range = mosaic.white - mosaic.black[green]
+            for (y in 0 until height) {
+                for (x in 0 until width) {
+                    val sample = mosaic[x * step / 2 * 2 + (green and 1), y * step / 2 * 2 + (green shr 1)]
+                    val part = ((sample - mosaic.black[green]) / range).coerceIn(0.0, 1.0)
+                    val grey = (255 * Math.pow(part, 1 / 2.2)).toInt()
+                    colors[y * width + x] = Color.rgb(grey, grey, grey)
+                }
+            }
+            return Bitmap.createBitmap(colors, width, height, Bitmap.Config.ARGB_8888)
+        }
+    }
+}

@@ -1,0 +1,38 @@
+package org.camssf.selftest
+
+import org.camssf.Calibration
+import org.camssf.golden.GoldenRunner
+import org.camssf.golden.Outcome
+import org.json.JSONArray
+import org.json.JSONObject
+
+/** What the user sends back: the device, the golden vectors, the calibration. No photo, no place, no name. */
+internal class Report(private val device: Map<String, String>) {
+    private var golden: JSONObject? = null
+    private var calibration: JSONObject? = null
+
+    /** Takes the golden vectors' outcomes and the time that they took, ms. */
+    fun golden(outcomes: List<Outcome>, milliseconds: Long) {
+        val faults = JSONArray()
+        for (outcome in outcomes) outcome.faults.forEach { faults.put("${outcome.case}: $it") }
+        golden = JSONObject()
+            .put("summary", GoldenRunner.summary(outcomes))
+            .put("cases", outcomes.size)
+            .put("ran", outcomes.count { it.skipped == null })
+            .put("faults", faults)
+            .put("milliseconds", milliseconds)
+    }
+
+    /** Takes a result and the time that it took, ms. */
+    fun calibration(found: Calibration, milliseconds: Long) {
+        calibration = JSONObject().put("milliseconds", milliseconds).put("result", JSONObject(found.toJson()))
+    }
+
+    /** "camssf-selftest/1". */
+    fun toJson(): String = JSONObject()
+        .put("format", "camssf-selftest/1")
+        .put("device", JSONObject(device))
+        .put("golden", golden ?: JSONObject.NULL)
+        .put("calibration", calibration ?: JSONObject.NULL)
+        .toString(1)
+}

@@ -1,0 +1,194 @@
+package org.camssf.selftest
+
+import android.app.Activity
+import android.content.Intent
+import android.net.Uri
+import android.os.Build
+import android.os.Bundle
+import android.widget.ArrayAdapter
+import android.widget.Button
+import android.widget.LinearLayout
+import android.widget.ScrollView
+import android.widget.Spinner
+import android.widget.TextView
+import org.camssf.Calibrated
+import org.camssf.Calibration
+import org.camssf.CalibrationException
+import org.camssf.Capture
+import org.camssf.ChartTable
+import org.camssf.DngReader
+import org.camssf.Frame
+import org.camssf.Lamp
+import org.camssf.Refused
+import org.camssf.Shot
+import org.camssf.SsfCalibrator
+import org.camssf.camera2.Photos
+import org.camssf.golden.GoldenFiles
+import org.camssf.golden.GoldenRunner
+import org.camssf.golden.Outcome
+import java.io.IOException
+import java.util.concurrent.Executors
+
+/**
+ * The only screen: golden vectors, a calibration from a chosen DNG, and a JSON to send back.
+ *
+ * Everything but drawing runs on one worker thread; what it finds is posted to the main thread.
+ */
+public class SelfTestActivity : Activity() {
+    private val worker = Executors.newSingleThreadExecutor()
+    private val report = Report(device())
+    internal var files = GoldenFiles { path -> assets.open("golden/$path").use { it.readBytes() } }
+    private lateinit var said: TextView
+    private lateinit var lamps: Spinner
+    private lateinit var charts: Spinner
+    private lateinit var corners: CornersView
+    private lateinit var curves: CurvesView
+    private lateinit var buttons: List<Button>
+
+    override fun onCreate(state: Bundle?) {
+        super.onCreate(state)
+        said = TextView(this)
+        lamps = choice(Lamp.names(), "D55")
+        charts = choice(ChartTable.names(), "classic24")
+        corners = CornersView(this)
+        curves = CurvesView(this)
+        buttons = listOf(
+            button("Run the golden vectors", ::runGolden),
+            button("Calibrate from a DNG …") { ask(Intent.ACTION_OPEN_DOCUMENT, "*/*", OPEN) },
+            button("Save the report …") { ask(Intent.ACTION_CREATE_DOCUMENT, "application/json", SAVE) },
+        )
+        val column = LinearLayout(this).apply { orientation = LinearLayout.VERTICAL }
+        column.addView(TextView(this).apply { text = INTRODUCTION })
+        column.addView(buttons[0])
+        column.addView(TextView(this).apply { text = "Light, then chart:" })
+        for (view in listOf(lamps, charts, buttons[1], corners, curves, buttons[2], said)) column.addView(view)
+        setContentView(ScrollView(this).apply { addView(column) })
+    }
+
+    override fun onDestroy() {
+        worker.shutdownNow()
+        super.onDestroy()
+    }
+
+    override fun onActivityResult(request: Int, result: Int, data: Intent?) {
+        val uri = data?.data ?: return
+        if (result == RESULT_OK && request == OPEN) open(uri)
+        if (result == RESULT_OK && request == SAVE) save(uri)
+    }
+
+    /** Runs all golden cases of the app's assets. */
+    internal fun runGolden(): Unit = work("Running the golden vectors …") {
+        val start = System.nanoTime()
+        val outcomes = ArrayList<Outcome>()
+        GoldenRunner(files).use { runner ->
+            val names = runner.names()
+            for (name in names) {
+                outcomes += runner.run(name)
+                if (outcomes.size % 10 == 0) tell("${outcomes.size} of ${names.size} cases …")
+            }
+        }
+        val time = (System.nanoTime() - start) / 1_000_000
+        val faults = outcomes.flatMap { outcome -> outcome.faults.map { "${outcome.case}: $it" } }
+        post {
+            report.golden(outcomes, time)
+            tell((listOf("${GoldenRunner.summary(outcomes)}, $time ms") + faults).joinToString("\n"))
+        }
+    }
+
+    private fun open(uri: Uri) = work("Reading ${Photos.name(contentResolver, uri)} …") {
+        val mosaic = Photos.open(contentResolver, uri).use { DngReader.read(it) }
+        post {
+            tell("Tap the four outer corners of the chart's block of patches.")
+            corners.ask(mosaic) { calibrate(uri, it) }
+        }
+    }
+
+    private fun calibrate(uri: Uri, corners: DoubleArray) {
+        val lamp = lamps.selectedItem as String
+        val chart = charts.selectedItem as String
+        work("Calibrating …") {
+            val start = System.nanoTime()
+            val photo = Frame.dng { Photos.open(contentResolver, uri) }
+            val capture = Capture(Shot(photo, Lamp.read(lamp), corners), ChartTable.read(chart))
+            val found = SsfCalibrator.open().use { it.calibrate(capture) { stage, _ -> tell(stage) } }
+            val time = (System.nanoTime() - start) / 1_000_000
+            post {
+                report.calibration(found, time)
+                curves.ssf = (found as? Calibrated)?.ssf
+                tell(words(found, time))
+            }
+        }
+    }
+
+    private fun words(found: Calibration, time: Long): String {
+        val head = when (found) {
+            is Calibrated -> "${found.verdict.status}, $time ms"
+            is Refused -> "refused, $time ms"
+        }
+        val reasons = found.verdict.reasons.map { "${it.code}: ${it.message} ${it.advice}" }
+        return (listOf(head) + reasons + found.assumptions.map { it.message }).joinToString("\n")
+    }
+
+    private fun save(uri: Uri) {
+        val text = report.toJson()
+        work("Saving …") {
+            val stream = contentResolver.openOutputStream(uri) ?: throw IOException("no stream")
+            stream.use { it.write(text.toByteArray()) }
+            tell("Saved. Send that file back; it holds no photo.")
+        }
+    }
+
+    private fun ask(action: String, type: String, request: Int) {
+        val intent = Intent(action).addCategory(Intent.CATEGORY_OPENABLE).setType(type)
+        if (request == SAVE) intent.putExtra(Intent.EXTRA_TITLE, "camssf-selftest.json")
+        startActivityForResult(intent, request)
+    }
+
+    /** Runs on the worker; whatever ends it is said on the screen. */
+    private fun work(what: String, job: () -> Unit) {
+        tell(what)
+        buttons.forEach { it.isEnabled = false }
+        worker.execute {
+            try {
+                job()
+            } catch (error: CalibrationException) {
+                tell("${error.code}: ${error.message} ${error.advice}")
+            } catch (error: LinkageError) {
+                tell("ONNX Runtime's Android library is not in this APK: build it with -Donnxruntime.aar=… ($error)")
+            } catch (error: Exception) {
+                tell("This is a fault of the app: $error")
+            } finally {
+                post { buttons.forEach { it.isEnabled = true } }
+            }
+        }
+    }
+
+    private fun tell(words: String) = post { said.text = words }
+
+    private fun post(job: () -> Unit) = runOnUiThread(job)
+
+    private fun button(words: String, then: () -> Unit) = Button(this).apply {
+        text = words
+        setOnClickListener { then() }
+    }
+
+    private fun choice(names: List<String>, first: String) = Spinner(this).apply {
+        adapter = ArrayAdapter(this@SelfTestActivity, android.R.layout.simple_spinner_dropdown_item, names)
+        setSelection(names.indexOf(first))
+    }
+
+    private fun device() = mapOf(
+        "manufacturer" to Build.MANUFACTURER,
+        "model" to Build.MODEL,
+        "android" to Build.VERSION.RELEASE,
+        "sdk" to Build.VERSION.SDK_INT.toString(),
+        "abis" to Build.SUPPORTED_ABIS.joinToString(),
+    ).mapValues { it.value ?: "" }
+
+    private companion object {
+        const val OPEN = 1
+        const val SAVE = 2
+        const val INTRODUCTION = "Checks that camssf computes on this phone what it computes on a desktop. " +
+            "Nothing leaves the phone but the report that you save and send yourself."
+    }
+}
