@@ -99,7 +99,6 @@ def verdicts() -> Iterator[Json]:
     yield case("few", "Nine patches, the others clipped.", y, used=9, clipped=0.5)
     yield case("few-dark", "Nine patches, the others lost in noise.", y, used=9)
     yield case("pose", "Patches that hardly agree with the chart's colours.", y, score=0.8)
-    yield case("kind", "A lamp known by its kind alone, in three directions.", y, modes=True, directions=3)
     yield case("vague", "A band of ±0.15 of the peak.", y, std=0.0765)
 
 
@@ -131,7 +130,6 @@ def case(
     code: float = 2.0,
     std: float | None = 0.02,
     modes: bool = False,
-    directions: int = 1,
     rivals: list[list[Any]] | None = None,
     tint: float = 0.0,
     second: bool = False,
@@ -191,7 +189,7 @@ def case(
         "white_tolerance": 0.01 if white is None else 0.03,
         "lamp": {"lamps": list(LAMPS[:k])},
         "lamp_tolerance": [0.02] * k,
-        "lamp_modes": {"polynomials": [[[0.0, 0.05, 0.01 * q] for q in range(directions)] if modes else []] * k},
+        "lamp_modes": {"polynomials": [[[0.0, 0.05]] if modes else []] * k},
         "signals": y.tolist(),
         "standard_error": np.round(0.002 * y + 1e-4, 9).tolist(),
         "used": taken.tolist(),

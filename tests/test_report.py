@@ -669,6 +669,25 @@ def test_residuals_are_predicted_minus_measured() -> None:
         assert value == 0 or (float(x) > 50) == (value > 0)
 
 
+def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
+    plain, banded = document(), document()
+    patches = banded["shots"][0]["patches"]
+    for patch in patches:
+        patch["predicted_std"], patch["unseen_std"] = [0.5] * 3, None if patch["unseen"] is None else [1.0] * 3
+    assert "measurement's own noise" in report(plain).html
+    page = report(banded).html
+    assert "measurement's own noise" not in page
+    unseen = sum(patch["unseen"] is not None for patch in patches)
+    assert f"Of {3 * unseen} unseen values 100% lie within their bars." in page
+    _, half = _page._errors(banded["shots"][0])
+    for i, patch in enumerate(patches):
+        size = 0.5 if patch["unseen"] is None else 1.0
+        for c in range(3):
+            by_hand = 100 * 1.96 * np.hypot(size, patch["standard_error"][c]) / patch["signal"][c]
+            assert half[i, c] == pytest.approx(by_hand, rel=1e-4)
+    jsonschema.validate(banded, SCHEMA)
+
+
 DISPLAY = {
     1: lambda a: a,
     2: np.fliplr,
@@ -870,7 +889,7 @@ def test_save_is_all_or_none(
             raise error
         return real(*args)
 
-    monkeypatch.setattr(report_module.os, name, failing)
+    monkeypatch.setattr(os, name, failing)
     if turn >= (4 if which == "result" else 2):
         coming.save(folder)  # there is no such call: nothing fails
         return

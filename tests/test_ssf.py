@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from camssf import recover
-from camssf.basis import gaussian_basis
+from camssf.basis import gaussian_basis, read_basis
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.ssf import explain
+from camssf.sensing import sense
+from camssf.ssf import explain, predict
 from tests.problems import chart_and_lamp, measured_cameras, theory, toy_camera
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
@@ -161,3 +164,66 @@ def test_the_budget_s_parts_are_the_posterior() -> None:
     assert (veiled["chart"] > 0.1).all()
     with pytest.raises(InvalidArgument, match="no prior"):
         explain(y, reflectance, lamp, basis="gaussian")
+
+
+def declared(shots: int) -> dict[str, Any]:
+    """Signals of the toy camera under known daylight and bulb, and what is told of them."""
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    lamps = np.stack([day, chart_and_lamp("A")[1]])[:shots]
+    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in lamps])
+    return {
+        "signals": y[:, ::2],
+        "reflectance": reflectance[::2],
+        "lamp": lamps,
+        "standard_error": np.hypot(0.005 * y[:, ::2], 0.001),
+        "chart_tolerance": 0.03,
+        "white_tolerance": 0.01,
+        "lamp_tolerance": 0.02,
+    }
+
+
+@pytest.mark.parametrize("shots", [1, 2])
+def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
+    """GUM Supplement 1: draw code, errors and noise from the rows' own model, fit, compare."""
+    told, book = declared(shots), read_basis("cameras")
+    others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
+    answer = recover(**told)
+    found = predict(answer, **told, of=others, of_tolerance=0.02)
+    assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
+    k, n = shots, 24
+    y = np.concatenate([told["signals"], found.values[:, 12:]], axis=1)
+    rows = sense(
+        y, np.concatenate([told["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
+        np.concatenate([told["reflectance"], others]), told["lamp"], book,
+        chart_tolerance=np.repeat([0.03, 0.02], 12), white_reflectance=np.ones(681), white_tolerance=0.01,
+        lamp_tolerance=np.full(k, 0.02), lamp_modes=np.zeros((k, 0, 681)),
+    )  # fmt: skip
+    fitted = np.tile(np.arange(n) < 12, k)
+    rng = np.random.default_rng(4)
+    for c in range(3):
+        A, sigma, noise = rows.matrix[c], rows.covariance[c], np.diag(rows.terms["noise"][c])
+        root = np.linalg.cholesky(sum(t[c] for s, t in rows.terms.items() if s != "noise") + 1e-14 * np.eye(k * n))
+        truth = A @ rng.normal(size=(24, 20000)) + root @ rng.normal(size=(k * n, 20000))
+        seen = (truth + np.sqrt(noise)[:, None] * rng.normal(size=truth.shape))[fitted]
+        B, S = A[fitted], sigma[np.ix_(fitted, fitted)]
+        x = np.linalg.solve(B.T @ np.linalg.solve(S, B) + np.eye(24), B.T @ np.linalg.solve(S, seen))
+        curve = book.mean[c]
+        drawn = (truth - A @ x).std(axis=1).reshape(k, n)
+        # The rows' unit is the white signal of μ, the signals' that of the curve found.
+        s = answer.values[:, c] * (curve @ told["lamp"][0]) * STEP
+        unit = (told["lamp"] @ curve) / (told["lamp"] @ s)
+        assert found.std[:, :, c] == pytest.approx(drawn * unit[:, None], rel=0.03, abs=1e-5)
+
+
+def test_a_surface_of_known_reflectance_is_better_known_than_a_patch() -> None:
+    told = declared(2)
+    others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
+    answer = recover(**told)
+    exact, table = (predict(answer, **told, of=others, of_tolerance=tau).std for tau in (0.0, 0.03))
+    assert (exact[:, 12:] < table[:, 12:]).all()
+    assert exact[:, :12] == pytest.approx(table[:, :12], rel=1e-6)  # what is asked changes no answer
+    assert predict(answer, **told).std == pytest.approx(exact[:, :12], rel=1e-6)
+    with pytest.raises(InvalidArgument, match="no prior"):
+        predict(answer, **told | {"basis": "gaussian"})
+    with pytest.raises(InvalidArgument, match="of has shape"):
+        predict(answer, **told, of=np.ones((2, 3)))

@@ -483,6 +483,9 @@ def _tiles(shot: Json) -> str:
 
 def _residual_section(document: Json) -> str:
     errors = [_errors(shot) for shot in document["shots"]]
+    patches = [patch for shot in document["shots"] for patch in shot["patches"]]
+    banded = any(patch.get("unseen_std") or patch.get("predicted_std") for patch in patches)
+    interval = "what the prediction leaves open, and the noise" if banded else "the measurement's own noise"
     size = np.concatenate([np.abs(error[np.isfinite(error)]) for error, _ in errors] or [np.empty(0)])
     if not size.size:
         return ""
@@ -493,9 +496,19 @@ def _residual_section(document: Json) -> str:
     return (
         "<p>Predicted minus measured signal, in percent of the measured one. <strong>Filled dot:</strong> "
         "predicted by a fit that has not seen the patch. <strong>Hollow dot:</strong> by the full fit. "
-        "<strong>Bar:</strong> 95 % interval from the measurement's own noise. A triangle points at a value "
-        "beyond the scale.</p>" + _per_shot(document, bodies)
+        f"<strong>Bar:</strong> 95 % interval from {interval}. A triangle points at a value beyond the scale."
+        f"{_held(document, errors) if banded else ''}</p>" + _per_shot(document, bodies)
     )
+
+
+def _held(document: Json, errors: list[tuple[Floats, Floats]]) -> str:
+    """How many unseen values lie within their bars, in words."""
+    inside = []
+    for shot, (error, half) in zip(document["shots"], errors, strict=True):
+        unseen = np.array([patch["unseen"] is not None for patch in shot["patches"]])[:, None] & np.isfinite(error)
+        inside.append((np.abs(error) <= half)[unseen])
+    within = np.concatenate(inside)
+    return f" Of {within.size} unseen values {within.mean():.0%} lie within their bars." if within.size else ""
 
 
 def _errors(shot: Json) -> tuple[Floats, Floats]:
@@ -506,7 +519,9 @@ def _errors(shot: Json) -> tuple[Floats, Floats]:
     # A patch without light has no relative error.
     signal = np.where(signal > 1e-6, signal, math.nan)
     noise = np.array([patch["standard_error"] for patch in patches], dtype=np.float64)
-    return 100 * (np.array(guess, dtype=np.float64) - signal) / signal, 100 * BAND * noise / signal
+    open_ = [patch.get("unseen_std" if patch["unseen"] else "predicted_std") or [0.0] * 3 for patch in patches]
+    half = BAND * np.hypot(noise, np.array(open_, dtype=np.float64))
+    return 100 * (np.array(guess, dtype=np.float64) - signal) / signal, 100 * half / signal
 
 
 def _residuals(shot: Json, error: Floats, half: Floats, scale: float) -> str:
@@ -776,7 +791,9 @@ def _patch_table(shot: Json) -> str:
         ("signal", "signal", 1.0, 4),
         ("standard_error", "standard error", 1.0, 2),
         ("predicted", "predicted", 1.0, 4),
+        ("predicted_std", "its std", 1.0, 2),
         ("unseen", "unseen", 1.0, 4),
+        ("unseen_std", "its std", 1.0, 2),
         ("chart", "chart, DN", 1.0, 5),
         ("white", "white, DN", 1.0, 5),
         ("dark", "dark, DN", 1.0, 5),
@@ -786,7 +803,7 @@ def _patch_table(shot: Json) -> str:
         [
             _t(patch["name"]) + ("" if patch["used"] else " <small>not fitted</small>"),
             *(
-                "–" if patch[key] is None else "<br>".join(_n(factor * v, digits) for v in patch[key])
+                "–" if patch.get(key) is None else "<br>".join(_n(factor * v, digits) for v in patch[key])
                 for key, _, factor, digits in columns
             ),
         ]

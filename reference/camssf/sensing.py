@@ -43,6 +43,7 @@ class Sensing:
         covariance: (3, k n, k n) Σ.
         terms: what Σ is the sum of, by source, (3, k n, k n) each.
         lamp: (k, 681) each shot's lamp as the rows take it: as given, but for what the signals say of its modes.
+        white: (3, k) W, the white signals that the rows are divided by.
     """
 
     matrix: Floats
@@ -50,6 +51,7 @@ class Sensing:
     covariance: Floats
     terms: dict[str, Floats] = field(default_factory=dict)
     lamp: Floats = field(default_factory=lambda: np.zeros((0, WAVELENGTHS.size)))
+    white: Floats = field(default_factory=lambda: np.zeros((3, 0)))
 
 
 def anchor(basis: Basis, white: Floats) -> Basis:
@@ -153,6 +155,7 @@ def sense(
         np.sum(list(terms.values()), axis=0),
         terms,
         lamp * interpolate(point.lamp.T).T,
+        point.curves @ (scene.white * point.lamp).T,
     )
 
 

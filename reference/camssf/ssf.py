@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +21,8 @@ L2, GAMMA = 1.0, 0.05
 LARGEST_GAP = 1e-6
 """Relative duality gap above which there is no answer."""
 ENGINES = ("onnx", "reference")
+HIDDEN = 1e3
+"""Standard error of a signal that the fit must not see: it weighs nothing."""
 SMALLEST_GAMMA = 1e-5
 """The discrepancy principle looks no further down than this share of γ_max."""
 
@@ -224,6 +226,95 @@ def explain(
         for source, size in sizes.items():
             shares[source].append(size / sum(sizes.values()))
     return {source: np.array(share) for source, share in shares.items()}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Signals and how far the true ones may lie from them.
+
+    Attributes:
+        values: (k, p, 3), 1.
+        std: (k, p, 3) one standard deviation of true, noise-free signal less prediction.
+    """
+
+    values: Floats
+    std: Floats
+
+
+def predict(
+    ssf: Ssf,
+    signals: ArrayLike,
+    reflectance: ArrayLike,
+    lamp: ArrayLike,
+    *,
+    of: ArrayLike | None = None,
+    of_tolerance: ArrayLike = 0.0,
+    standard_error: ArrayLike | None = None,
+    chart_tolerance: ArrayLike = 0.03,
+    white_reflectance: ArrayLike | None = None,
+    white_tolerance: float = 0.01,
+    lamp_tolerance: ArrayLike = 0.0,
+    lamp_modes: ArrayLike | None = None,
+    basis: str | Basis = "cameras",
+) -> Prediction:
+    """The signals that the curves give of the patches they come from, then of other surfaces `of`, with their bands.
+
+    A true signal is t = A x + e of a row, where e is what chart, white and lamp do to it; the measured ones, with
+    noise ν, gave x̂ = G (A x + e + ν). So t - A x̂ = (I - A G)(A x + e) - A G ν, and its variance is the diagonal of
+    (I - A G)(A Aᵀ + Σ - N)(I - A G)ᵀ + A G N Gᵀ Aᵀ with N the noise's part of Σ: what the data leave open of the
+    curves, and what no data can tell of this very surface and light. A surface that was not measured stands in the
+    rows with a standard error without end. The small l1 penalty is left out, as in `explain`. Under a lamp with modes
+    the bands are a little wide: of its u each channel counts as known only what the other two tell.
+
+    Args:
+        ssf: the answer to the other arguments, as they were given to `recover`.
+        of: (p, 681) reflectances of the other surfaces, seen under the same lamps; None for none.
+        of_tolerance: how well these are known, (p,) or one number; 0 for surfaces of exactly that reflectance.
+
+    Returns:
+        n + p surfaces: the n of `reflectance`, then the p of `of`.
+
+    Raises:
+        InvalidArgument: as `recover`; also a basis without a prior, which has no bands.
+    """
+    book = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    if not book.prior:
+        raise InvalidArgument(f"the {book.name} basis has no prior, so no bands.", "Take --basis cameras.")
+    evidence = _check(
+        signals, reflectance, lamp, standard_error, chart_tolerance, white_reflectance, white_tolerance,
+        lamp_tolerance, lamp_modes, book,
+    )  # fmt: skip
+    others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(_array("of", of))
+    if others.shape[1:] != (WAVELENGTHS.size,):
+        raise InvalidArgument(f"of has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
+    k, p = len(evidence.signals), len(others)
+    all_ = np.concatenate([evidence.reflectance, others])
+    values = respond(ssf.values, all_, ssf.lamp, evidence.white_reflectance)
+    n = len(evidence.reflectance)
+    hidden = evidence.standard_error >= HIDDEN
+    sensing = _sense(
+        replace(
+            evidence,
+            signals=np.concatenate([np.where(hidden, values[:, :n], evidence.signals), values[:, n:]], axis=1),
+            standard_error=np.concatenate([evidence.standard_error, np.full((k, p, 3), HIDDEN)], axis=1),
+            reflectance=all_,
+            chart_tolerance=np.concatenate([evidence.chart_tolerance, _tolerance("of_tolerance", of_tolerance, p)]),
+        ),
+        book,
+    )
+    # A row is a difference of signals times its curve's white signal over W.
+    first = evidence.lamp[0] * evidence.white_reflectance * STEP
+    seen = (ssf.lamp * evidence.white_reflectance * STEP) @ ssf.values * (book.mean @ first)  # (k, 3)
+    std = np.empty((3, k, n + p))
+    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
+        weighted = np.linalg.solve(sigma, A)
+        smoother = A @ np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
+        rest = np.eye(len(A)) - smoother
+        noise = np.diag(sensing.terms["noise"][c])
+        kept = A @ A.T + sum(term[c] for source, term in sensing.terms.items() if source != "noise")
+        variance = np.sum(rest @ kept * rest, axis=1) + smoother**2 @ noise
+        std[c] = np.sqrt(variance).reshape(k, n + p) * (sensing.white[c] / seen[:, c])[:, None]
+    return Prediction(values, np.moveaxis(std, 0, -1))
 
 
 def _curves(
