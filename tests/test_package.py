@@ -30,11 +30,12 @@ ORDER = [
     "capture",
     "calibrate",
     "simulate",
+    "faults",
     "batch",
     "cli",
 ]
 HEAVY = ("cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer")
-BESIDE = {"engine", "families", "learn"}
+BESIDE = {"direct", "dispersion", "engine", "families", "files", "learn", "parity", "tabulate"}
 """Public modules beside the line of stages."""
 
 

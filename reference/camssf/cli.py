@@ -739,11 +739,21 @@ def _size(text: str) -> tuple[int, int]:
 
 def _read(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
     """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
+    from camssf.report import LARGEST_DOCUMENT
+
     name = "Standard input" if source == "-" else source
     try:
-        data = sys.stdin.buffer.read() if source == "-" else Path(source).read_bytes()
-    except OSError as error:
-        raise InvalidArgument(f"Cannot read {name}: {error.strerror}.", "Check the path.") from None
+        if source == "-":
+            data = sys.stdin.buffer.read(LARGEST_DOCUMENT + 1)
+        else:
+            with open(source, "rb") as file:
+                data = file.read(LARGEST_DOCUMENT + 1)
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise InvalidArgument(
+            f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."
+        ) from None
+    if len(data) > LARGEST_DOCUMENT:
+        raise InvalidArgument(f"{name} is larger than {LARGEST_DOCUMENT} bytes.", "Give what camssf wrote.")
     if not data.strip():
         raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
     try:

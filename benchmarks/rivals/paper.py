@@ -1,0 +1,19 @@
+"""The paper: l1 on Gaussians, x ≥ 0, γ by the discrepancy principle (its Eq. (9)), by camssf's own solver."""
+
+from __future__ import annotations
+
+from benchmarks.rivals import Given
+from camssf.grid import Floats
+from camssf.ssf import recover
+
+NAME = "l1 on Gaussians (the paper)"
+WEIGHTS = (0.0,)
+
+
+def estimate(given: Given, weight: float) -> Floats:
+    """Curves (681, 3)."""
+    del weight
+    return recover(
+        given.signals, given.reflectance, given.lamp, standard_error=given.standard_error, basis="gaussian",
+        chart_tolerance=0.0, white_tolerance=0.0,
+    ).values  # fmt: skip

@@ -1,0 +1,320 @@
+"""A spectrum of sunlight on a detector → which pixel sees which wavelength, from the Fraunhofer lines in it.
+
+Nothing need be known of the spectrograph. The spectrum's fine structure is first laid over a drawing of the sun's
+strong lines, for all spans of wavelength that the frame might hold, either way round and a little bent; the best of
+them says where each line must lie. There each dip's centre is fitted, and a parabola through the centres is the
+dispersion: λ = c₀ + c₁ t + c₂ t², t the pixel in half-widths of the lit part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import LampUnfit
+from camssf.grid import Floats
+
+LINES = (
+    ("K", 393.366, 0.25, 0.50),
+    ("H", 396.847, 0.25, 0.30),
+    ("Hδ", 410.174, 0.20, 0.05),
+    ("G", 430.60, 0.30, 0.40),
+    ("Fe", 438.60, 0.45, 0.10),
+    ("F", 486.134, 0.15, 0.14),
+    ("b", 517.55, 0.25, 0.12),
+    ("E", 526.99, 0.20, 0.07),
+    ("D", 589.251, 0.15, 0.09),
+    ("C", 656.281, 0.10, 0.13),
+    ("B", 687.45, 0.35, 0.22),
+)
+"""Name, wavelength in air (nm), how well a resolution of 1 to 3 nm shows it there (nm), and depth at 2 nm.
+
+Single lines have their tabulated wavelengths. Blends stand at their centres of gravity: b of b1, b2, b4 (518.362,
+517.270, 516.733), D of D2, D1 (588.995, 589.592), E of 526.954 and 527.036, G of CH's band at 430 to 431.5; and B,
+the air's oxygen, whose head is at 686.719, in the middle of the band."""
+OTHERS = (
+    (382.8, 0.25), (413.9, 0.02), (419.6, 0.04), (445.7, 0.05), (453.2, 0.03), (459.5, 0.03), (470.3, 0.05),
+    (501.4, 0.05), (507.9, 0.02), (533.2, 0.04), (540.6, 0.07), (559.1, 0.04), (570.5, 0.03), (616.4, 0.03),
+    (628.2, 0.05), (649.4, 0.04), (701.5, 0.04), (719.0, 0.22), (728.0, 0.08), (760.8, 0.90), (817.0, 0.20),
+    (823.0, 0.20), (935.0, 0.60),
+)  # fmt: skip
+"""Fainter blends of the sun (iron, calcium, magnesium) and the air's oxygen and water: they help to lay the drawing
+but are no lines to measure by."""
+FEWEST, SPAN = 5, 150.0
+"""A dispersion rests on so many lines, over so many nm."""
+LARGEST_RESIDUAL, LARGEST_RMS = 1.0, 0.3
+"""A line further off than this, nm, is another dip; lines that agree no better, nm, RMS, are chance."""
+BENT, MOST_BENT = 0.004, 0.012
+"""By what share of its half-width a grating bends a spectrum: expected (one standard deviation), and at most. A lens
+of 100 mm on 150 lines/mm bends it by 0.001, one of 35 mm at 15 degrees by 0.008."""
+FAINT = 0.05
+"""Dips where the signal is a smaller share of the largest belong to the camera's filters as likely as to the sun."""
+LEAST_LIKENESS = 0.52
+"""Correlation of the spectrum's fine structure with the drawing, below which this is no sunlight."""
+_DARK = 0.02
+_WINDOW = 4.0
+
+
+_Dip: TypeAlias = tuple[str, float, float, float, float]
+"""Name, tabulated nm, t of its centre, its weight 1 / nm, depth."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A line in the frame: its table's wavelength, where it lies (px), and what the dispersion says there, nm."""
+
+    name: str
+    nm: float
+    pixel: float
+    fitted: float
+    depth: float
+
+    @property
+    def residual(self) -> float:
+        """Fitted less tabulated, nm."""
+        return self.fitted - self.nm
+
+
+@dataclass(frozen=True)
+class Dispersion:
+    """Wavelength of a pixel.
+
+    Attributes:
+        coefficients: (3,) of t⁰, t¹, t², nm.
+        middle, half: t = (pixel - middle) / half.
+        lines: that were found and fitted.
+        likeness: correlation of the fine structure with the drawing of the sun's lines.
+    """
+
+    coefficients: Floats
+    middle: float
+    half: float
+    lines: tuple[Found, ...]
+    likeness: float
+
+    def wavelength(self, pixel: Floats) -> Floats:
+        """Nm of pixels."""
+        return np.asarray(
+            np.polynomial.polynomial.polyval((pixel - self.middle) / self.half, self.coefficients), float
+        )
+
+    def slope(self, pixel: Floats) -> Floats:
+        """Nm a pixel, with its sign."""
+        steps = np.polynomial.polynomial.polyder(self.coefficients)
+        return np.asarray(
+            np.polynomial.polynomial.polyval((pixel - self.middle) / self.half, steps) / self.half, float
+        )
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of the lines' residuals, nm."""
+        return float(np.sqrt(np.mean([line.residual**2 for line in self.lines])))
+
+
+def disperse(pixel: Floats, signal: Floats, name: str = "the frame") -> Dispersion:
+    """Find the Fraunhofer lines of a spectrum and fit its dispersion.
+
+    Args:
+        pixel: (w,) positions, increasing.
+        signal: (w, c) of sunlight in each channel, through any smooth response.
+        name: of the frame, for messages.
+
+    Raises:
+        LampUnfit: too few lines: no sunlight, out of focus, or too faint.
+    """
+    total = signal.sum(axis=1)
+    lit = np.flatnonzero(total > _DARK * total.max())
+    x, y = pixel[lit[0] : lit[-1] + 1], signal[lit[0] : lit[-1] + 1]
+    if x.size < 100:
+        raise _few(name, 0, "the spectrum is only " + f"{x.size} samples wide")
+    middle, half = float(x[0] + x[-1]) / 2, float(x[-1] - x[0]) / 2
+    t = (x - middle) / half
+    fine = fine_structure(y)
+    # Near the ends what is narrow is the end itself.
+    sure = _soften(y.sum(axis=1), len(y) / 300.0) > FAINT * total.max()
+    sure[: len(y) // 20] = sure[-(len(y) // 20) :] = False
+    laid = _lay(t, fine)
+    if laid[0][1] < LEAST_LIKENESS:
+        raise _few(name, 0, f"its fine structure is not the sun's (correlation {laid[0][1]:.2f})")
+    # A wrong lay may be as like as the right one by chance, but then the dips do not lie where the lines are.
+    tried = [_measure(t, fine, sure, start, alike) for start, alike in laid]
+    coefficients, found, likeness = max(tried, key=lambda each: len(each[1]) + each[2])
+    reach = max((nm for _, nm, *_ in found), default=0.0) - min((nm for _, nm, *_ in found), default=0.0)
+    if len(found) < FEWEST or reach < SPAN:
+        raise _few(name, len(found), f"only {len(found)} lines over {reach:.0f} nm could be measured")
+    lines = tuple(
+        Found(line, nm, middle + half * at, float(np.polynomial.polynomial.polyval(at, coefficients)), depth)
+        for line, nm, at, _, depth in found
+    )
+    return Dispersion(coefficients, middle, half, lines, likeness)
+
+
+def _measure(
+    t: Floats, fine: Floats, sure: NDArray[np.bool_], start: Floats, likeness: float
+) -> tuple[Floats, list[_Dip], float]:
+    """The parabola through the dips near where `start` expects lines, those dips, and the start's likeness."""
+    coefficients, found = start, list[_Dip]()
+    for _ in range(3):
+        found = _dips(t, fine, sure, coefficients)
+        coefficients, found = _fit(found, coefficients)
+    return coefficients, found, likeness
+
+
+def fine_structure(signal: Floats) -> Floats:
+    """What is narrow in a spectrum: ln of each channel less its smooth part, weighed by the channels' signals.
+
+    Smooth is what a quartic follows over a fourteenth of the spectrum (Savitzky and Golay 1964): lines stay, filter
+    curves go, channel by channel, since the sum bends where they cross.
+
+    Args:
+        signal: (w, c).
+
+    Returns:
+        (w,), kept between -0.2 and 0.1.
+    """
+    from scipy.signal import savgol_filter
+
+    top = signal.max(axis=0)
+    logs = np.log(np.maximum(signal, 0.1 * _DARK * np.where(top > 0, top, 1.0)))
+    narrow = logs - savgol_filter(logs, len(signal) // 28 * 2 + 1, 4, axis=0)
+    weight = np.maximum(signal, 0.0)
+    total = weight.sum(axis=1)
+    seen = total + 0.01 * total.max()
+    return np.asarray(np.clip((narrow * weight).sum(axis=1) / np.where(seen > 0, seen, 1.0), -0.2, 0.1))
+
+
+def _drawing(wavelengths: Floats, sigma: float) -> Floats:
+    """The sun's lines as Gaussians, what is narrow of them; `wavelengths` every 0.5 nm."""
+    from scipy.signal import savgol_filter
+
+    drawn = np.zeros_like(wavelengths)
+    for nm, depth in [(nm, depth) for _, nm, _, depth in LINES] + list(OTHERS):
+        drawn -= depth * np.exp(-0.5 * ((wavelengths - nm) / sigma) ** 2)
+    return np.asarray(np.clip(drawn - savgol_filter(drawn, 47, 4), -0.2, 0.1))
+
+
+def _lay(t: Floats, fine: Floats) -> list[tuple[Floats, float]]:
+    """Parabolas (3,) that lay the fine structure over the drawing, with their correlation, the best first."""
+    from scipy.optimize import minimize
+
+    coarse = np.linspace(-1.0, 1.0, 300)
+    sample = np.interp(coarse, t, _soften(fine, len(t) / 300.0))
+    sample = (sample - sample.mean()) / np.linalg.norm(sample - sample.mean())
+    scale = np.arange(280.0, 1100.0, 0.5)
+    drawn, sharp = _drawing(scale, 2.0), _drawing(scale, 1.2)
+    ends = np.stack(np.meshgrid(np.arange(320.0, 470.0, 2.0), np.arange(640.0, 1000.0, 2.0)), axis=-1).reshape(-1, 2)
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    candidates: list[tuple[float, Floats]] = []
+    start = np.stack([ends.mean(axis=1), np.diff(ends, axis=1)[:, 0] / 2, np.zeros(len(ends))], axis=1)
+    for block in np.array_split(start, 40):
+        nm = block[:, :1] + block[:, 1:2] * coarse
+        laid = drawn[np.clip(np.rint((nm - scale[0]) / 0.5).astype(int), 0, scale.size - 1)]
+        laid = laid - laid.mean(axis=1, keepdims=True)
+        alike = laid @ sample / np.maximum(np.linalg.norm(laid, axis=1), 1e-9)
+        candidates += [(float(alike[i]), block[i]) for i in np.argsort(alike)[-3:]]
+    apart: list[Floats] = []
+    for _, each in sorted(candidates, key=lambda pair: -pair[0]):
+        if len(apart) < 12 and all(np.abs(each - other).max() > 5.0 for other in apart):
+            apart.append(each)
+
+    def unlike(coefficients: Floats) -> float:
+        laid = np.interp(np.polynomial.polynomial.polyval(t, coefficients), scale, sharp)
+        bent = coefficients[2] / (BENT * coefficients[1])
+        return 0.02 * float(bent) ** 2 - _correlation(laid, fine)
+
+    refined = [
+        minimize(
+            unlike,
+            each,
+            method="Nelder-Mead",
+            options={"initial_simplex": each + np.vstack([np.zeros(3), np.diag([3.0, 3.0, 0.5])]), "xatol": 0.02},
+        )
+        for each in apart
+    ]
+    refined.sort(key=lambda each: float(each.fun))
+    return [(np.asarray(each.x), -float(each.fun)) for each in refined[:4]]
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0 else 0.0
+
+
+def _soften(values: Floats, sigma: float) -> Floats:
+    from scipy.ndimage import gaussian_filter1d
+
+    return np.asarray(gaussian_filter1d(values, sigma))
+
+
+def _dips(t: Floats, fine: Floats, sure: NDArray[np.bool_], coefficients: Floats) -> list[_Dip]:
+    """A Gaussian on a parabola, fitted to the fine structure around each line that lies where it is `sure`."""
+    from scipy.optimize import curve_fit
+
+    nm = np.polynomial.polynomial.polyval(t, coefficients)
+    found: list[_Dip] = []
+    for name, table, spread, _ in LINES:
+        near = np.abs(nm - table) <= _WINDOW
+        if near.sum() < 9 or not sure[np.argmin(np.abs(nm - table))]:
+            continue
+        off, level = nm[near] - table, fine[near]
+        dip = float(
+            off[np.argmin(np.where(np.abs(off) <= 2.0, level - np.polyval(np.polyfit(off, level, 1), off), 9))]
+        )
+        try:
+            best, covariance = curve_fit(
+                _dip,
+                off,
+                level,
+                p0=(level.max(), 0.0, 0.0, 0.1, dip, 1.0),
+                bounds=([-np.inf] * 3 + [0.0, -2.5, 0.4], [np.inf] * 3 + [3.0, 2.5, 2.0]),
+                max_nfev=400,
+            )
+        except RuntimeError:  # no fit: no line
+            continue
+        error = float(np.sqrt(max(covariance[4, 4], 0.0)))
+        depth, centre, width = (float(value) for value in best[3:])
+        without = np.std(level - np.polyval(np.polyfit(off, level, 2), off))
+        clear = without > 2.0 * np.std(level - _dip(off, *best))
+        if not clear or not error < 0.25 or depth < 0.01 or abs(centre) > 2.4 or width > 1.9:
+            continue
+        at = float(
+            np.interp(table + centre, nm, t) if nm[-1] > nm[0] else np.interp(table + centre, nm[::-1], t[::-1])
+        )
+        found.append((name, table, at, 1.0 / float(np.hypot(spread, error)), depth))
+    return found
+
+
+def _dip(off: Floats, c0: float, c1: float, c2: float, depth: float, centre: float, width: float) -> Any:
+    return c0 + off * (c1 + off * c2) - depth * np.exp(-0.5 * ((off - centre) / width) ** 2)
+
+
+def _fit(found: list[_Dip], before: Floats) -> tuple[Floats, list[_Dip]]:
+    """The parabola through the lines, those of it that agree with each other; as before where they are too few."""
+    while len(found) >= FEWEST:
+        at = np.array([each[2] for each in found])
+        nm = np.array([each[1] for each in found])
+        weight = np.array([each[3] for each in found])
+        # One more row: the bend is 0, give or take BENT times the slope.
+        rows = np.vstack([weight[:, None] * at[:, None] ** np.arange(3), [0.0, 0.0, 1.0 / (BENT * abs(before[1]))]])
+        coefficients = np.linalg.lstsq(rows, np.append(weight * nm, 0.0), rcond=None)[0]
+        off = np.abs(np.polynomial.polynomial.polyval(at, coefficients) - nm)
+        worst = int(np.argmax(off))
+        if off[worst] <= LARGEST_RESIDUAL and np.sqrt(np.mean(off**2)) <= LARGEST_RMS:
+            sound = abs(coefficients[2]) <= MOST_BENT * abs(coefficients[1])
+            return (np.asarray(coefficients), found) if sound else (before, [])
+        found = found[:worst] + found[worst + 1 :]
+    return before, found
+
+
+def _few(name: str, count: int, why: str) -> LampUnfit:
+    return LampUnfit(
+        f"{name} cannot be calibrated in wavelength: {why}; {FEWEST} Fraunhofer lines over {SPAN:g} nm are needed.",
+        "Point the spectrograph at the sky or the sun, focus its slit to 3 nm or finer, and expose so that blue and "
+        "red are clearly above the noise.",
+        value=float(count),
+        threshold=float(FEWEST),
+    )

@@ -1,0 +1,242 @@
+"""The paper's page: its numbers are in the JSON of the run, its words agree with them, and the bench counts."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import _paper_captures, paper
+from benchmarks._common import CURVES
+from benchmarks._paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, page
+from benchmarks.rivals import TABLE_1, method
+from camssf.grid import WAVELENGTHS
+from camssf.spectra import read_chart
+
+DOCS = Path(__file__).parents[1] / "docs"
+needs_cameras = pytest.mark.skipif(not CURVES.exists(), reason="measured curves are not on this machine")
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    return dict(json.loads((DOCS / "paper.json").read_text("utf-8")))
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return (DOCS / "paper.md").read_text("utf-8")
+
+
+def numbers(content: Any) -> Iterator[float]:
+    if isinstance(content, dict):
+        for value in content.values():
+            yield from numbers(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from numbers(value)
+    elif isinstance(content, int | float) and not isinstance(content, bool):
+        yield float(content)
+
+
+def test_the_page_is_written_from_the_json(found: dict[str, Any], text: str) -> None:
+    assert text == page(found)
+
+
+def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str) -> None:
+    """Rounded as the page rounds; not by the page's own code."""
+    known = list(numbers(found))
+    shown = {
+        number
+        for line in text.splitlines()
+        if line.startswith("|")
+        for number in re.findall(r"(?<![\w.])\d+\.\d+(?:e-\d+)?(?![\w.]*\d)", line.partition("|")[2])
+    }
+    assert len(shown) > 150
+    for number in shown:
+        digits = len(number.partition("e")[0].partition(".")[2])
+        form = f"{{:.{digits}{'e' if 'e' in number else 'f'}}}"
+        allowed = {form.format(value) for value in known} | {form.format(value) for value in THE_PAPERS}
+        assert number in allowed, number
+
+
+def test_derived_numbers_by_hand(found: dict[str, Any], text: str) -> None:
+    foreign, diagonal = found["charts"]["product"]["foreign"], found["charts"]["diagonal"]["foreign"]
+    gain = round(100 * (1 - foreign["D55 + A"] / foreign["D55"]))
+    assert f"cuts camssf's error by {gain} %" in text
+    assert f"with a diagonal Σ by {round(100 * (1 - diagonal['D55 + A'] / diagonal['D55']))} %" in text
+    lamps = [
+        (row["known"][light], row["ignored"][light]) for row in found["lamps"].values() for light in row["known"]
+    ]
+    assert len(lamps) == 12
+    worst = max(ignored["rmse"] / known["rmse"] for known, ignored in lamps)
+    largest = max(ignored["rmsre_percent"] for _, ignored in lamps)
+    assert f"wrong by up to {worst:.1f} times as much, and RMSRE stays at {largest:.2f} % or less" in text
+
+
+def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
+    rows = found["figure_4"]
+    for noise in NOISES[1:]:
+        qr, pinv = (rows[f"{name}: wavelengths, clipped"][noise] for name in (QR, PINV))
+        assert qr > pinv > 2 * rows[PAPER][noise]
+        assert rows[f"{QR}: Gaussians, NNLS"][noise] <= 1.05 * rows[PAPER][noise]
+        assert rows[TUNED][noise] <= rows[PAPER][noise]
+        assert rows[PRODUCT][noise] == min(row[noise] for row in rows.values())
+    quiet = rows[f"{PINV}: wavelengths, NNLS"]["0.0"]
+    assert quiet < rows[PAPER]["0.0"]
+    families = found["rivals"]
+    for noise in NOISES[1:]:
+        for light in families[PRODUCT][noise]:
+            ours, theirs = (families[name][noise][light]["rmse"] for name in (PRODUCT, WIENER))
+            assert ours < theirs
+            assert theirs < families[JIANG][noise][light]["rmse"]
+            assert theirs == min(families[method(name).NAME][noise][light]["rmse"] for name in TABLE_1)
+    foreign = found["charts"]["product"]["foreign"]
+    assert foreign["D55 + A + LED-B3"] < foreign["D55 + A"] < 0.9 * foreign["D55"]
+    assert foreign["D55 + D55"] == pytest.approx(foreign["D55"], rel=0.03)
+    assert found["charts"]["diagonal"]["foreign"]["D55 + A"] > 1.1 * foreign["D55 + A"]
+    atoms = found["atoms"]["0.005"]
+    assert min(row["rmse"] for row in atoms.values()) >= 0.97 * min(atoms["12"]["rmse"], atoms["18"]["rmse"])
+    for row in found["lamps"].values():
+        for light in ("A", "LED-B3", "LED-V1", "FL2"):
+            assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
+            assert row["ignored"][light]["rmsre_percent"] < 2.0
+    means = {name: row["mean"] for name, row in found["correlation"]["tables"].items()}
+    assert means["BabelColor, 7 to 18"] < 0.579 < means["Ohta, 7 to 18"]
+    colours = found["colours"]["paper"]["0.0"]["mean"]
+    assert colours[0] > 3 * colours[6]
+    assert colours[9] < 1.15 * colours[15]
+
+
+def test_the_bars_hold(found: dict[str, Any]) -> None:
+    for bar in found["bars"]:
+        right = bar["value"] >= bar["limit"] if bar["at_least"] else bar["value"] <= bar["limit"]
+        assert right == bar["met"]
+        assert bar["met"], bar["bar"]
+    assert found["every"] == 1
+    assert found["cameras"] == 54
+
+
+def test_the_pictures_are_small(text: str) -> None:
+    pictures = re.findall(r"\]\((images/paper-[\w-]+\.png)\)", text)
+    assert len(pictures) == len(set(pictures)) == 9
+    for name in pictures:
+        assert (DOCS / name).stat().st_size < 150_000
+
+
+def test_a_wrong_number_would_be_seen(found: dict[str, Any], text: str) -> None:
+    changed = json.loads(json.dumps(found))
+    changed["figure_4"][PAPER]["0.005"] += 0.01
+    assert page(changed) != text
+
+
+def test_combinations() -> None:
+    assert paper.combinations_of(18) == [tuple(range(18))]
+    assert len(paper.combinations_of(17)) == 18
+    for count in (3, 9, 16):
+        drawn = paper.combinations_of(count)
+        assert len(drawn) == len(set(drawn)) == 100
+        assert all(len(set(each)) == count and list(each) == sorted(each) and each[-1] < 18 for each in drawn)
+    assert paper.combinations_of(9) == paper.combinations_of(9)
+
+
+def test_a_score_by_hand() -> None:
+    curve = np.exp(-0.5 * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 450.0])) / 30.0) ** 2)
+    camera = paper.Camera("x", "x", 7.0 * curve, np.zeros((0, 69, 3)), None)  # type: ignore[arg-type]
+    assert paper.score(3.0 * curve, camera) == pytest.approx(0.0, abs=1e-15)
+    wrong = curve.copy()
+    wrong[np.argmin(np.abs(WAVELENGTHS - 410.0)), 0] += 0.1
+    assert paper.score(wrong, camera) == pytest.approx(0.1 / np.sqrt(601) / 3)
+    visible = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+    nothing = np.sqrt(np.mean(curve[visible] ** 2, axis=0)).mean()
+    assert paper.score(np.zeros_like(curve), camera) == pytest.approx(nothing)
+
+
+def test_a_weight_is_chosen_by_the_other_makers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each maker's own best weight is the one it must not get; refused answers are counted, not averaged."""
+    monkeypatch.setattr(paper, "cameras", lambda: [SimpleNamespace(maker=m) for m in "aabb"])
+    runs = {0: [0.0, 0.5, 0.9], 1: [0.0, 0.5, 0.9], 2: [0.9, 0.5, 0.1], 3: [0.9, 0.5, 0.2]}
+    chosen = paper.tuned(runs)
+    assert chosen["rmse"] == pytest.approx(0.9)
+    assert chosen["refused"] == 0
+    runs[2] = [float("nan"), 0.5, 0.1]
+    chosen = paper.tuned(runs)
+    assert chosen["refused"] == 1
+    assert chosen["rmse"] == pytest.approx((0.9 + 0.9 + 0.9) / 3)
+    assert paper.tuned({0: [float("nan")], 2: [float("nan")]})["rmse"] is None
+
+
+def test_the_page_s_copy_is_light_and_short() -> None:
+    full = {"a": 0.123456789, "curves": [1.0], "b": [{"map": 1, "n": 3, "s": "x", "t": True}], "none": None}
+    assert paper.light_copy(full) == {"a": 0.12346, "b": [{"n": 3, "s": "x", "t": True}], "none": None}
+
+
+def test_the_large_chart_is_not_the_small_one() -> None:
+    colours = paper.samples()
+    assert colours.shape == (96, 681)
+    assert (colours >= 0).all()
+    assert (colours <= 1).all()
+    table = _paper_captures.large_chart(np.ascontiguousarray(colours).tobytes())
+    assert (table.values[list(_paper_captures.INNER)] == colours).all()
+    assert len(set(_paper_captures.INNER)) == 96
+    assert len(table.patches) == 140
+    border = np.delete(table.values, list(_paper_captures.INNER), axis=0)
+    assert (np.ptp(border, axis=1) == 0).all()
+    known = read_chart("classic24").values
+    apart = np.abs(colours[:, None] - known).max(axis=2)
+    assert apart.min() > 0.01
+
+
+@needs_cameras
+def test_cameras_learn_nothing_of_their_maker() -> None:
+    every = paper.cameras()
+    assert len(every) == 54
+    for camera in every:
+        scaled = camera.curve[::10] / camera.curve[::10].max(axis=0)
+        assert np.abs(camera.training - scaled).max(axis=(1, 2)).min() > 0.01, camera.name
+    nikon = next(camera for camera in every if camera.name == "Nikon 5100 (NPL)")
+    assert nikon.maker == "nikon"
+    assert len(nikon.training) == 52 - sum(c.maker == "nikon" and not c.name.endswith("(NPL)") for c in every)
+
+
+@needs_cameras
+def test_one_camera_through_fig_4_and_the_charts() -> None:
+    index = 4
+    fig = paper.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
+    assert fig[f"{QR}: wavelengths, clipped"]["0.005"] > 2 * fig[PAPER]["0.005"]
+    charts = paper.gather_charts({index: paper.run("charts", index)})
+    assert charts["product"]["same"]["D55"] < charts["product"]["foreign"]["D55"]
+    assert set(charts["paper"]["same"]) == {"D55"}
+    # No correlation, no difference: with an exact table Σ is diagonal anyway.
+    assert charts["diagonal"]["same"] == pytest.approx(charts["product"]["same"], rel=0.02)
+
+
+@needs_cameras
+def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
+    (row,) = (paper.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
+    assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
+    assert row["ignored"]["A"]["rmsre_percent"] < 3.0
+
+
+@needs_cameras
+def test_a_phone_through_files() -> None:
+    camera = next(c for c in paper.cameras() if c.name in _paper_captures.PHONES)
+    made = _paper_captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)
+    exact = made["worlds"]["exact"]["cameras"]
+    assert max(exact["rmsre_percent"]) < 3.0
+    assert max(exact["truth_rmsre_percent"]) < 1.0
+    assert max(exact["rmse"]) < 0.08
+    assert np.shape(exact["synthetic_srgb"]) == (96, 3)
+
+
+def test_without_cameras_nothing_is_measured(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(paper, "CURVES", tmp_path / "none.csv")
+    assert paper.main([]) == 0
+    assert "nothing was measured" in capsys.readouterr().err
