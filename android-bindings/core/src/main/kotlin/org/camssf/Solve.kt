@@ -32,8 +32,9 @@ internal class Solve(
         found
     }
 
+    private var stage = "solving" to 0.9
+
     fun run(): Solution {
-        tell("solving", 0.9)
         val taken = taken(signals.used)
         if (taken.size < 3) {
             throw InvalidArgument(
@@ -43,7 +44,7 @@ internal class Solve(
         }
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
         val ssf = fit(signals.used, gamma)
-        tell("validating", 0.95)
+        stage = "validating" to 0.95
         val unseen = DoubleArray(3 * k * n) { Double.NaN }
         val how = predictUnseen(ssf, unseen)
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen[3 * i + it].isFinite() } }
@@ -57,6 +58,7 @@ internal class Solve(
         val foretold = capture.shots.map { shot ->
             shot.photo.neutrals.map { Foretold(lamp(it.light).values, it.white) }
         }
+        stage = "judging" to 0.98
         val verdict = Judge.judge(Case(told, capture.shots, alone, rivals(ssf, gamma), foretold))
         val widths = alone.map { halfWidth(it) }.takeIf { ssf.std != null }
         return Solution(capture, signals, ssf, unseen, scores, verdict, signals.assumptions + assumptions(), widths)
@@ -98,7 +100,7 @@ internal class Solve(
 
     /** The curves of the used patches; they predict all of them. */
     private fun fit(used: BooleanArray, gamma: DoubleArray?, lamps: List<Lamp> = this.lamps): Ssf {
-        tell("solving", 0.9)
+        tell(stage.first, stage.second) // a chance to cancel
         val taken = taken(used)
         val t = taken.size
         fun rows(values: DoubleArray) = Tensor(

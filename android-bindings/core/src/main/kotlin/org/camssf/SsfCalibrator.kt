@@ -19,10 +19,9 @@ import java.io.Closeable
  * }
  * ```
  *
- * Ownership: it holds the model (about 10 MB of native memory); who opens it closes it. Open one and keep it, or open
- * one for each calibration: loading takes some 100 ms on a phone. Threads: any; calls from several threads wait for
- * each other at the model. A second `close` does nothing; calls after it throw [IllegalStateException]. Results belong
- * to the caller and outlive it.
+ * Ownership: it holds the model in native memory; who opens it closes it. Open one and keep it, or open one for each
+ * calibration. Threads: any; calls from several threads wait for each other at the model. A second `close` does
+ * nothing; calls after it throw [IllegalStateException]. Results belong to the caller and outlive it.
  */
 public class SsfCalibrator private constructor(private val engine: Engine) : Closeable {
     /** The basis of the curves: "cameras", or "gaussian", the paper's. */
@@ -33,7 +32,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
 
     /**
      * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
-     * measures the patches and solves. Blocks for about a second a shot on a phone: not for the main thread.
+     * measures the patches and solves (about twenty runs of the model for one shot). Blocks: not for the main thread.
      *
      * @param progress called on this thread.
      * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].

@@ -45,7 +45,7 @@ class SsfCalibratorTest {
             assertTrue("white_from_patch" in found.assumptions.map { it.code })
             assertEquals("reading photo" to 0.0, told.first())
             assertEquals("done" to 1.0, told.last())
-            assertTrue(told.zipWithNext().all { (a, b) -> a.second <= b.second + 0.06 })
+            assertTrue(told.zipWithNext().all { (a, b) -> a.second <= b.second })
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             assertEquals("camssf-result/1", document.getValue("format").jsonPrimitive.content)
             assertEquals(24, document.getValue("shots").jsonArray[0].jsonObject.getValue("patches").jsonArray.size)

@@ -66,9 +66,6 @@ public object CaptureRequirements {
         val filters = camera.get(CameraCharacteristics.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT)
         val bayer = "camssf reads RGGB, GRBG, GBRG and BGGR (0 to 3); choose another camera of this phone."
         found.unless(filters in 0..3, "sensor.info.colorFilterArrangement", filters, "0 to 3", true, bayer)
-        val manual = CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_MANUAL_SENSOR in abilities
-        val lock = "Lock the automatic exposure between chart, white and dark frame."
-        found.unless(manual, "capability MANUAL_SENSOR", "missing", "offered", false, lock)
         val known = "The RAW samples may be smoothed; there is nothing to do but to know it."
         found.unless(hasQuietRaw(camera), "noise reduction OFF", "missing", "offered", false, known)
         return found.list

@@ -22,21 +22,18 @@ public object Photos {
     public fun open(resolver: ContentResolver, uri: Uri): DngSource {
         val name = name(resolver, uri)
         try {
-            val file = resolver.openFileDescriptor(uri, "r")
-            if (file != null && file.statSize >= 0) {
-                return DngSource.of(ParcelFileDescriptor.AutoCloseInputStream(file).channel, name)
-            }
-            val stream = file?.let { ParcelFileDescriptor.AutoCloseInputStream(it) } ?: resolver.openInputStream(uri)
-            if (stream != null) return stream.use { DngSource.of(it, name) }
+            val file = resolver.openFileDescriptor(uri, "r") ?: throw IOException("no file")
+            val stream = ParcelFileDescriptor.AutoCloseInputStream(file)
+            if (file.statSize >= 0) return DngSource.of(stream.channel, name)
+            return stream.use { DngSource.of(it, name) }
         } catch (error: IOException) {
             throw UnreadableRaw("$name cannot be opened.", "Copy it to the phone and choose it again.", cause = error)
         } catch (error: SecurityException) {
             throw UnreadableRaw("The app may not read $name.", "Choose it again in the file picker.", cause = error)
         }
-        throw UnreadableRaw("$name cannot be opened.", "Copy it to the phone and choose it again.")
     }
 
-    /** The name that the file picker shows; no path. */
+    /** The name that the file picker shows, or the address' last part where the provider throws; no path. */
     @JvmStatic
     public fun name(resolver: ContentResolver, uri: Uri): String {
         val shown = try {
@@ -44,7 +41,7 @@ public object Photos {
                 if (row.moveToFirst() && row.columnCount > 0) row.getString(0) else null
             }
         } catch (_: RuntimeException) {
-            null // Providers throw what they like; a name is not worth a failure.
+            null
         }
         return shown ?: uri.lastPathSegment?.substringAfterLast('/') ?: "photo"
     }

@@ -3,6 +3,10 @@ package org.camssf.camera2
 import android.graphics.ImageFormat
 import android.graphics.Rect
 import android.hardware.camera2.CameraCharacteristics
+import android.hardware.camera2.CameraCharacteristics.SENSOR_CALIBRATION_TRANSFORM1
+import android.hardware.camera2.CameraCharacteristics.SENSOR_CALIBRATION_TRANSFORM2
+import android.hardware.camera2.CameraCharacteristics.SENSOR_COLOR_TRANSFORM1
+import android.hardware.camera2.CameraCharacteristics.SENSOR_COLOR_TRANSFORM2
 import android.hardware.camera2.CaptureResult
 import android.hardware.camera2.params.ColorSpaceTransform
 import android.hardware.camera2.params.LensShadingMap
@@ -12,6 +16,7 @@ import android.os.Build
 import org.camssf.GainMap
 import org.camssf.InvalidArgument
 import org.camssf.Mosaic
+import org.camssf.Neutral
 import org.camssf.NotSensorRaw
 import org.camssf.Region
 import org.camssf.UnsupportedRaw
@@ -21,19 +26,15 @@ import java.nio.ByteOrder
  * One RAW frame and how it came about.
  *
  * @property mosaic the samples and what the camera says about them, as the DNG reader would give them.
- * @property timestamp of the exposure's start, ns, in the camera's own clock.
  * @property noiseReduction the mode that ran (CameraMetadata.NOISE_REDUCTION_MODE_*), null where the result is silent.
  * @property lensShadingApplied whether the sensor's driver brightened the corners of the RAW samples already; null where
  *   the camera is silent. Where true, [mosaic] has no gain maps, since they must not be applied again.
- * @property dynamicLevels whether black and white level are this frame's own, not the camera's static ones.
  * @property shortfalls what was not as wanted, nothing of it fatal.
  */
 public class RawFrame internal constructor(
     public val mosaic: Mosaic,
-    public val timestamp: Long,
     public val noiseReduction: Int?,
     public val lensShadingApplied: Boolean?,
-    public val dynamicLevels: Boolean,
     public val shortfalls: List<Shortfall>,
 )
 
@@ -56,7 +57,7 @@ public object RawFrames {
      */
     @JvmStatic
     public fun read(image: Image, camera: CameraCharacteristics, result: CaptureResult, name: String): RawFrame {
-        val time = sameCapture(image, result, name)
+        sameCapture(image, result, name)
         val shortfalls = CaptureRequirements.check(result, camera)
         shortfalls.firstOrNull { it.fatal }?.let {
             throw NotSensorRaw("$name: ${it.key} is ${it.found}: the samples are not the sensor's own.", it.advice)
@@ -81,18 +82,18 @@ public object RawFrames {
             iso = result.get(CaptureResult.SENSOR_SENSITIVITY)?.toDouble(),
             orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1,
             gainMaps = map?.let { gainMaps(it, cfa, area) } ?: emptyList(),
-            colorMatrix1 = matrix(camera.get(CameraCharacteristics.SENSOR_COLOR_TRANSFORM1)),
-            colorMatrix2 = matrix(camera.get(CameraCharacteristics.SENSOR_COLOR_TRANSFORM2)),
+            colorMatrix1 = matrix(camera.get(SENSOR_COLOR_TRANSFORM1)),
+            colorMatrix2 = matrix(camera.get(SENSOR_COLOR_TRANSFORM2)),
             asShotNeutral = neutral?.let { white -> DoubleArray(3) { white[it].toDouble() } },
             noiseProfile = noise(result, cfa),
+            neutrals = neutrals(camera),
         )
-        val dynamic = dynamicBlack != null && dynamicWhite != null
-        return RawFrame(mosaic, time, result.get(CaptureResult.NOISE_REDUCTION_MODE), shaded, dynamic, shortfalls)
+        return RawFrame(mosaic, result.get(CaptureResult.NOISE_REDUCTION_MODE), shaded, shortfalls)
     }
 
     private val ORIENTATIONS = mapOf(0 to 1, 90 to 6, 180 to 3, 270 to 8)
 
-    private fun sameCapture(image: Image, result: CaptureResult, name: String): Long {
+    private fun sameCapture(image: Image, result: CaptureResult, name: String) {
         val (format, time) = runCatching { image.format to image.timestamp }.getOrElse {
             throw InvalidArgument("$name: the image is closed.", "Read it before closing it.", cause = it)
         }
@@ -100,10 +101,8 @@ public object RawFrames {
             throw InvalidArgument("$name has format $format.", "Give an image of ImageFormat.RAW_SENSOR.")
         }
         if (time != result.get(CaptureResult.SENSOR_TIMESTAMP)) {
-            val what = "$name: image and result are of different captures."
-            throw InvalidArgument(what, "Match them by their time stamps (CaptureResult.SENSOR_TIMESTAMP).")
+            throw InvalidArgument("$name: image and result are of different captures.", "Match their time stamps.")
         }
-        return time
     }
 
     private fun filters(camera: CameraCharacteristics, name: String): String {
@@ -116,18 +115,14 @@ public object RawFrames {
     private fun area(image: Image, camera: CameraCharacteristics, name: String): Region {
         val active = need(camera, CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE, name)
         val whole = need(camera, CameraCharacteristics.SENSOR_INFO_PIXEL_ARRAY_SIZE, name)
-        if (image.width == active.width() && image.height == active.height()) {
-            return Region(0, 0, image.width, image.height)
-        }
-        val inside = Rect(0, 0, image.width, image.height).contains(active)
-        if (image.width != whole.width || image.height != whole.height || !inside) {
-            val what = "$name has ${image.width} × ${image.height} samples, the sensor $whole."
-            throw UnsupportedRaw(what, "Ask for RAW_SENSOR in the sensor's ordinary pixel mode.")
+        val (w, h) = image.width to image.height
+        if (w == active.width() && h == active.height()) return Region(0, 0, w, h)
+        if (w != whole.width || h != whole.height || !Rect(0, 0, w, h).contains(active)) {
+            throw UnsupportedRaw("$name has $w × $h samples, the sensor $whole.", "Ask for its ordinary pixel mode.")
         }
         if (active.left % 2 != 0 || active.top % 2 != 0) {
             // Documented as the sensor's corner, written into DNG as the active area's: they differ by a column or row.
-            val what = "$name: the active array begins at an odd place, so its colour filters are ambiguous."
-            throw UnsupportedRaw(what, "Choose another camera of this phone.")
+            throw UnsupportedRaw("$name: the active array begins at an odd place.", "Choose another camera.")
         }
         return Region(active.left, active.top, active.right, active.bottom)
     }
@@ -179,6 +174,17 @@ public object RawFrames {
 
     private fun matrix(transform: ColorSpaceTransform?): DoubleArray? =
         transform?.let { each -> DoubleArray(9) { each.getElement(it % 3, it / 3).toDouble() } }
+
+    private fun neutrals(camera: CameraCharacteristics): List<Neutral> {
+        fun neutral(light: Int?, transform: ColorSpaceTransform?, own: ColorSpaceTransform?): Neutral? =
+            matrix(transform)?.let { Neutral.of(light ?: 0, it, matrix(own)) }
+        val first = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT1)
+        val second = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT2)?.toInt()
+        return listOfNotNull(
+            neutral(first, camera.get(SENSOR_COLOR_TRANSFORM1), camera.get(SENSOR_CALIBRATION_TRANSFORM1)),
+            neutral(second, camera.get(SENSOR_COLOR_TRANSFORM2), camera.get(SENSOR_CALIBRATION_TRANSFORM2)),
+        )
+    }
 
     /** One pair a colour; of the two greens the noisier one, as in the platform's DNG. */
     private fun noise(result: CaptureResult, cfa: String): DoubleArray? {

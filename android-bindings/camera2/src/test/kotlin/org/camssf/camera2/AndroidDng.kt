@@ -12,6 +12,8 @@ internal fun androidDng(width: Int, height: Int, sample: (Int, Int) -> Int): Byt
     for (y in 0 until height) for (x in 0 until width) strip.putShort(sample(x, y).toShort())
     val noise = buffer(48)
     for (i in listOf(2, 4, 3)) noise.putDouble(1e-4 * i).putDouble(1e-6 * i)
+    val own = buffer(72)
+    for (i in 0..8) own.putInt(if (i % 4 == 0) 10 + i else 0).putInt(10)
     val fields = listOf(
         longs(254, 0), longs(256, width), longs(257, height), shorts(258, 16), shorts(259, 1), shorts(262, 32803),
         longs(273, 0), shorts(274, 6), shorts(277, 1), longs(278, height), longs(279, 2 * width * height),
@@ -19,6 +21,7 @@ internal fun androidDng(width: Int, height: Int, sample: (Int, Int) -> Int): Byt
         shorts(34855, 200), bytes(50706, 1, 4, 0, 0), shorts(50713, 2, 2),
         rationals(50714, 6425 to 100, 6350 to 100, 6475 to 100, 6500 to 100), longs(50717, 1023),
         Field(50721, 10, 9, buffer(72).apply { for (i in 1..9) putInt(i).putInt(10) }.array()),
+        Field(50723, 10, 9, own.array()), shorts(50778, 21), shorts(50779, 17),
         rationals(50728, 1 to 2, 1 to 1, 3 to 4), longs(50829, 2, 2, 6, 8),
         bytes(51009, *gainMaps()),
         Field(51041, 12, 6, noise.array()),

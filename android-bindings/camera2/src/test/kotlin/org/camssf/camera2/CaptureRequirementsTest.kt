@@ -86,9 +86,9 @@ class CaptureRequirementsTest {
         }
         val found = CaptureRequirements.check(poor)
         val filters = "sensor.info.colorFilterArrangement"
-        val names = listOf("capability RAW", filters, "capability MANUAL_SENSOR", "noise reduction OFF")
+        val names = listOf("capability RAW", filters, "noise reduction OFF")
         assertEquals(names, lacking(found))
-        assertEquals(listOf(true, true, false, false), found.map { it.fatal })
+        assertEquals(listOf(true, true, false), found.map { it.fatal })
     }
 
     private fun lacking(found: List<Shortfall>) = found.map { it.key }

@@ -31,6 +31,7 @@ internal class GoldenCase private constructor(val name: String, private val json
     val comment: String = json.text("comment")
     val expect: String = json.text("expect")
     val requires: List<String> = json.words("requires")
+    val basisHash: String? = json.getValue("source").jsonObject.getValue("basis_sha256").jsonPrimitive.contentOrNull
     val inputs: JsonObject = json.getValue("inputs").jsonObject
     val outputs: JsonObject? = json.getValue("outputs") as? JsonObject
     val limits: List<Limit> = json.getValue("limits").jsonArray.map { limit(it.jsonObject) }

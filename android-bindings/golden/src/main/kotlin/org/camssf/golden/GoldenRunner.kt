@@ -100,6 +100,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         }
         val outputs = try {
             outputs(case)
+        } catch (error: GoldenError) {
+            return Outcome(name, null, listOf(error.message.orEmpty()), 0, 0)
         } catch (error: CalibrationException) {
             val right = error.code == case.expect
             return Outcome(
@@ -124,8 +126,15 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         engines.clear()
     }
 
-    private fun engine(case: GoldenCase): Engine =
-        engines.getOrPut(case.inputs.text("basis")) { OnnxEngine.load(case.inputs.text("basis")) }
+    /** The model of the case's basis, if it is the one that the case was made with. */
+    private fun engine(case: GoldenCase): Engine {
+        val basis = case.inputs.text("basis")
+        val engine = engines.getOrPut(basis) { OnnxEngine.load(basis) }
+        if (engine.metadata["basis_sha256"] != case.basisHash) {
+            throw GoldenError("${case.name} was made with another basis than the model's")
+        }
+        return engine
+    }
 
     private fun measure(case: GoldenCase, limit: Limit, outputs: Map<String, Any?>): Finding {
         val known = case.known(limit)

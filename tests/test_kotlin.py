@@ -1,0 +1,298 @@
+"""Kotlin's calibrator beside Python's on the same captures. Needs `mvn -f android-bindings package`, and Java."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import kotlin_calibrate
+from camssf.calibrate import calibrate
+from camssf.capture import Json
+from camssf.cli import main
+from camssf.errors import CalibrationError
+from camssf.grid import Floats
+from camssf.simulate import SimulatedShot, simulate
+
+BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
+GOLDEN = BINDINGS / "golden" / "target"
+PHOTO = Path(__file__).parents[2] / "shared" / "data" / "dng" / "colorchart.dng"
+CORNERS = [[679.0, 580.0], [1288.0, 577.0], [1309.0, 972.0], [649.0, 968.0]]
+"""Of that photo's chart, by hand."""
+OFF = np.array([[7.0, -6.0], [-7.0, 5.0], [4.0, 8.0], [-5.0, -7.0]])
+"""How far off, px, a hand is here."""
+SAME = {"message", "advice"}
+"""Words of a reason name options, which Kotlin has no command line for."""
+
+
+def _jars() -> list[Path]:
+    return [jar for jar in sorted(GOLDEN.glob("camssf-golden-*.jar")) if "sources" not in jar.name]
+
+
+@dataclass
+class Case:
+    """One capture, told to both."""
+
+    shots: list[SimulatedShot]
+    corners: list[Floats]
+    lamps: list[str]
+    white: bool = True
+    dark: bool = True
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+class Kotlin:
+    """One JVM for all captures."""
+
+    def __init__(self, path: str) -> None:
+        command = [
+            "java",
+            "-Xmx512m",
+            "-XX:TieredStopAtLevel=1",
+            "-cp",
+            path,
+            "org.camssf.golden.Calibrate",
+            "--serve",
+        ]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __call__(self, case: Case, out: Path) -> Json:
+        """The result document."""
+        words = [str(shot.chart) for shot in case.shots]
+        for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True):
+            words += ["--lamp", lamp, "--corners", ",".join(repr(float(v)) for v in np.ravel(corners))]
+            words += ["--white", str(shot.white)] if case.white else []
+            words += ["--dark", str(shot.dark)] if case.dark else []
+        for name, value in case.options.items():
+            words += [f"--{name.replace('_', '-')}", f"{value[0]}-{value[-1]}" if name == "fit" else str(value)]
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write("\t".join([*words, "-o", str(out)]) + "\n")
+        self.process.stdin.flush()
+        status = self.process.stdout.readline().split()
+        assert status and status[0] in ("0", "5"), status  # noqa: PT018
+        return dict(json.loads(out.read_text("utf-8")))
+
+
+@pytest.fixture(scope="module")
+def kotlin() -> Iterator[Kotlin]:
+    if shutil.which("java") is None:
+        pytest.skip("there is no Java")
+    if not (GOLDEN / "classpath.txt").exists() or not _jars():
+        pytest.skip("no jar: mvn -f android-bindings package")
+    jvm = Kotlin(os.pathsep.join([*map(str, _jars()), (GOLDEN / "classpath.txt").read_text().strip()]))
+    with jvm.process:
+        yield jvm
+        assert jvm.process.stdin is not None
+        jvm.process.stdin.close()
+
+
+def python(case: Case) -> Json:
+    """Python's, refused or not."""
+    try:
+        return calibrate(
+            [shot.chart for shot in case.shots],
+            case.lamps,
+            white=[shot.white for shot in case.shots] if case.white else None,
+            dark=[shot.dark for shot in case.shots] if case.dark else None,
+            corners=case.corners,
+            **case.options,
+        ).document()
+    except CalibrationError as error:
+        return error.evidence or {}
+
+
+def differences(ours: Any, theirs: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Paths of what differs, and by how much, relative to the larger number of the list it stands in."""
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        for key in ours.keys() | theirs.keys():
+            if key not in ours or key not in theirs:
+                yield f"{path}/{key}", math.inf
+            elif not (key in SAME and "/reasons" in path):
+                yield from differences(ours[key], theirs[key], f"{path}/{key}")
+    elif isinstance(ours, list) and isinstance(theirs, list):
+        if len(ours) != len(theirs):
+            yield path, math.inf
+        elif ours and all(isinstance(v, int | float) for v in ours + theirs):
+            a, b = np.array(ours, float), np.array(theirs, float)
+            if (a != b).any():
+                yield path, float(np.abs(a - b).max() / max(np.abs(a).max(), 1e-300))
+        else:
+            for one, other in zip(ours, theirs, strict=True):
+                yield from differences(one, other, path)
+    elif isinstance(ours, float | int) and isinstance(theirs, float | int) and not isinstance(ours, bool):
+        if ours != theirs:
+            yield path, abs(ours - theirs) / max(abs(ours), 1e-300)
+    elif ours != theirs:
+        yield path, math.inf
+
+
+def worst(ours: Json, theirs: Json) -> dict[str, float]:
+    """The largest difference at each path."""
+    found: dict[str, float] = {}
+    for path, off in differences(ours, theirs):
+        found[path] = max(off, found.get(path, 0.0))
+    return found
+
+
+EXACT = (
+    "/shots/patches/chart", "/shots/patches/white", "/shots/patches/dark", "/shots/patches/clipped",
+    "/shots/patches/dead", "/shots/patches/used", "/shots/photo", "/shots/lamp", "/hashes", "/assumptions",
+    "/verdict/status", "/verdict/reasons/code", "/verdict/reasons/threshold",
+)  # fmt: skip
+BOUNDS = {
+    "/shots/patches/signal": 1e-15,
+    "/shots/patches/standard_error": 1e-15,
+    "/shots/patches/gradient": 1e-12,
+    "/shots/pose": 1e-8,
+    "/ssf": 1e-12,
+    "/ssf_std": 1e-12,
+    "/channel_gain": 1e-15,
+    "/gamma": 1e-9,
+    "/gap": math.inf,  # a number beside zero
+    "/verdict/reasons/value": 1e-8,
+    # By Python alone, which takes the rows apart; Kotlin has them inside the model.
+    "/uncertainty/budget": math.inf,
+    "/shots/patches/predicted_std": math.inf,
+    "/shots/patches/unseen_std": math.inf,
+    "": 1e-9,
+}
+"""By path, the longest that fits: relative to the largest number beside it."""
+
+
+def check(ours: Json, theirs: Json, *, bits: bool = False) -> None:
+    """All differences within their bounds; `bits`: the model's own outputs to the last one."""
+    for path, off in worst(ours, theirs).items():
+        assert not path.startswith(EXACT), (path, off)
+        bound = next(BOUNDS[known] for known in sorted(BOUNDS, key=len, reverse=True) if path.startswith(known))
+        if bits and path.startswith(("/ssf", "/ssf_std", "/gap", "/channel_gain")):
+            bound = 0.0
+        assert off <= bound, (path, off)
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot], Floats]:
+    made = simulate(
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), size=(1200, 900), tilt=6, rotation=4,
+        vignetting=0.2, seed=11,
+    )  # fmt: skip
+    return list(made.shots), made.pose.corners + OFF
+
+
+def test_one_shot_is_equal_to_the_last_bit(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    """A tabulated lamp: no logarithm or power whose last bit the two languages' libraries round differently."""
+    shots, corners = photos
+    case = Case(shots[:1], [corners], ["D55"])
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert theirs["verdict"]["status"] == "accepted" or theirs["verdict"]["reasons"]
+    check(ours, theirs, bits=True)
+
+
+def test_two_shots_of_which_one_is_a_formula(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+@pytest.mark.parametrize(
+    ("lamp", "options"),
+    [
+        ("daylight", {}),
+        ("white-led", {"chart": "classic24:ohta"}),
+        ("equal-energy", {"basis": "gaussian"}),
+        ("D55", {"basis": "gaussian", "fit": range(7, 19), "l2": 0.01}),
+        ("D55", {"lamp_tolerance": "300K,1%", "gamma": 0.5, "white_reflectance": 0.9}),
+        ("FL2", {}),
+    ],
+    ids=["family", "kind", "paper", "twelve", "tolerance", "wrong"],
+)
+def test_options(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamp: str, options: dict[str, Any], kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [corners], [lamp], options=options)
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_no_frames(photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [corners], ["D55"], white=False, dark=False)
+    check(python(case), kotlin(case, tmp_path / "result.json"), bits=True)
+
+
+def test_a_refusal_keeps_the_same_evidence(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [(corners - corners.mean(axis=0)) / 5 + 150], ["D55"], white=False, dark=False)
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert ours["verdict"]["status"] == "refused"
+    check(ours, theirs)
+
+
+def test_a_refused_verdict_is_the_same(tmp_path: Path, kotlin: Kotlin) -> None:
+    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, size=(1200, 900), glare=0.4)
+    case = Case(list(made.shots), [made.pose.corners], ["D55"])
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert ours["verdict"]["status"] == "refused"
+    assert len(ours["verdict"]["reasons"]) > 1
+    assert "ssf" not in theirs
+    check(ours, theirs)
+
+
+@pytest.mark.skipif(not PHOTO.exists(), reason="../shared/data is not here")
+def test_the_real_photo(tmp_path: Path, kotlin: Kotlin) -> None:
+    shot = SimulatedShot(PHOTO, None, None, "3000K", "classic24", np.zeros((24, 3)))
+    case = Case([shot], [np.array(CORNERS)], ["3000K"], white=False, dark=False)
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_report_and_validate_read_it(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    place = tmp_path / "result.json"
+    kotlin(Case(shots, [corners, corners], ["D55", "A"]), place)
+    assert main(["report", str(place), "-o", str(tmp_path / "out"), "--photo", str(shots[0].chart)]) == 0
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "D55" in page
+    truth = shots[0].chart.parent / "truth.csv"
+    assert main(["validate", str(place), "--truth", str(truth)]) == 0
+
+
+def test_the_benchmark_compares_and_says_what_it_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    curves = {colour: [0.5, 1.0] for colour in ("red", "green", "blue")}
+    other = curves | {"green": [0.5, 0.75]}
+    assert kotlin_calibrate.distance({"ssf": curves}, {"ssf": other}) == 0.25
+    monkeypatch.setattr(kotlin_calibrate, "BINDINGS", tmp_path)
+    with pytest.raises(kotlin_calibrate.Unavailable, match="mvn"):
+        kotlin_calibrate.class_path()
+
+
+def test_the_benchmark_refuses_other_curves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    curves = {"ssf": {colour: [0.5, 1.0] for colour in ("red", "green", "blue")}}
+    (tmp_path / "kotlin.json").write_text(json.dumps(curves | {"ssf": curves["ssf"] | {"red": [0.6, 1.0]}}))
+    monkeypatch.setattr(kotlin_calibrate, "python", lambda made, k: (1.0, curves))
+    monkeypatch.setattr(kotlin_calibrate, "words", lambda made, k, out: [])
+
+    class Fake:
+        def calibrate(self, words: list[str]) -> float:
+            return 0.5
+
+    with pytest.raises(SystemExit, match="differ"):
+        kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)  # type: ignore[arg-type]
+    (tmp_path / "kotlin.json").write_text(json.dumps(curves))
+    assert kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)["ratio"] == 0.5  # type: ignore[arg-type]
