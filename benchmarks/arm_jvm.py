@@ -56,10 +56,8 @@ def run(command: list[str], words: str) -> dict[str, Any]:
     with progress() as bar:
         bar.add_task(words, total=None)
         done = subprocess.run([*command, *heap, str(REPOSITORY / "golden")], capture_output=True, text=True)
-    ended = re.search(
-        r"on (\S+), Java (\S+)\ngolden: (\d+) of (\d+) cases ran, (\d+) failed, (\d+) skipped.*within (\S+) of the peak",
-        done.stdout,
-    )
+    counts = r"golden: (\d+) of (\d+) cases ran, (\d+) failed, (\d+) skipped"
+    ended = re.search(rf"on (\S+), Java (\S+)\n{counts}.*within (\S+) of the peak", done.stdout)
     if ended is None:
         said = (done.stderr or done.stdout).strip().splitlines()
         raise Unavailable(f"the golden runner ended with {done.returncode}: {' '.join(said[-3:])}")

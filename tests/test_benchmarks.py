@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _common, arm, certify, depth, solver
+from benchmarks import _common, arm, arm_jvm, certify, depth, solver
 from benchmarks._peers import PEERS, Missing
 from camssf.basis import read_basis
 from camssf.engine import load_model
@@ -209,6 +209,46 @@ def test_arm_says_what_is_missing(
     said = capsys.readouterr().err
     assert "apt-get install qemu-user-static debootstrap" in said
     assert str(tmp_path) not in said
+
+
+RAN = (
+    "on {0}, Java 17\n"
+    "golden: 3 of 4 cases ran, {1} failed, 1 skipped (1 needs reference); curves within {2} of the peak of Python's"
+)
+
+
+@pytest.mark.parametrize(
+    ("said", "status"),
+    [
+        (("aarch64", 0, 1e-12), 0),
+        (("aarch64", 0, 1e-8), 1),
+        (("aarch64", 1, 1e-12), 1),
+        (("x86_64", 0, 1e-12), 1),  # not emulated after all
+    ],
+)
+def test_arm_jvm_holds_its_bar(
+    said: tuple[object, ...], status: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def ran(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        line = RAN.format(*(said if "qemu" in command[0] else ("x86_64", 0, 1e-13)))
+        return subprocess.CompletedProcess(command, 0, stdout=line, stderr="")
+
+    monkeypatch.setattr(arm_jvm, "tools", lambda: None)
+    monkeypatch.setattr(arm_jvm, "root_folder", lambda *_: tmp_path)
+    monkeypatch.setattr(arm_jvm, "java_of", lambda root: root / "java")
+    monkeypatch.setattr(arm_jvm, "class_path", lambda: "a.jar")
+    monkeypatch.setattr(arm_jvm.subprocess, "run", ran)
+    assert arm_jvm.main([]) == status
+
+
+def test_arm_jvm_says_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(arm_jvm, "tools", lambda: None)
+    monkeypatch.setattr(arm_jvm, "root_folder", lambda *_: tmp_path)
+    monkeypatch.setattr(arm_jvm, "MODULES", tmp_path)
+    assert arm_jvm.main([]) == 2
+    assert "mvn -f android-bindings" in capsys.readouterr().err
 
 
 def test_arm_compares_norm_wise() -> None:

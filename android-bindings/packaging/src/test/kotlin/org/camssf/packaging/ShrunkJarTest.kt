@@ -19,6 +19,7 @@ class ShrunkJarTest {
     lateinit var folder: File
 
     private val java = File(System.getProperty("java.home"), "bin/java").path
+    private val short = listOf(java, "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1")
     private val runtime = jar("onnxruntime-")
     private val ours = listOf("camssf-model-", "camssf-core-", "camssf-golden-").map(::jar)
     private val others =
@@ -49,7 +50,7 @@ class ShrunkJarTest {
         val conf = File(folder, "rules.pro").apply { writeText((rules + app).joinToString("\n")) }
         val out = File(folder, "shrunk.jar")
         val program = (ours + others + runtime).map(::bare)
-        val r8 = listOf(java, "-XX:+UseSerialGC", "-cp", jar("r8-").path, "com.android.tools.r8.R8")
+        val r8 = short + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
         val options = listOf("--classfile", "--release", "--lib", System.getProperty("java.home"))
         val files = listOf("--pg-conf", conf.path, "--output", out.path)
         val (status, said) = run(r8 + options + files + program.map { it.path })
@@ -88,7 +89,7 @@ class ShrunkJarTest {
     private fun golden(jar: File): Pair<Int, String> {
         val path = listOf(jar, runtime).joinToString(File.pathSeparator)
         val cases = File(System.getProperty("camssf.root"), "golden").path
-        return run(listOf(java, "-Xmx512m", "-cp", path, "org.camssf.golden.GoldenRunner", cases))
+        return run(short + listOf("-cp", path, "org.camssf.golden.GoldenRunner", cases))
     }
 
     private fun run(command: List<String>): Pair<Int, String> {
