@@ -510,6 +510,8 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
                 "2%",
                 "--lamp-tolerance",
                 "100K",
+                "--lens-shading",
+                "apply",
             ]
         )
         == 2
@@ -519,6 +521,7 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
         "photos": ["a", "b"],
         "lamps": ["D55", "2856K"],
         "lamp_tolerance": ["2%", "100K"],
+        "lens_shading": "apply",
         "white": [None, "w"],
         "dark": ["d1", None],
         "corners": [None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]]],

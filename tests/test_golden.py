@@ -238,7 +238,6 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
                 fold_white = g["white_reflectance"] * L * 0.5 / W[j]
                 A[row] = (fold - y * fold_white) @ basis.dictionary[c]
                 expected = fold @ mu
-                bend = (fold - expected * fold_white) * mu
                 parts.append(
                     (
                         i, j,

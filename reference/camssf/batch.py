@@ -9,7 +9,6 @@ import json
 import os
 import re
 import signal
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -21,10 +20,14 @@ from pathlib import Path
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import write_file
 from camssf.report import NAMES
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing or empty."""
+
+LARGEST_MANIFEST = 10_000_000
+"""Bytes."""
 
 MARK = "batch.json"
 """Beside a result: the hashes of everything that it was made from, and of its own files."""
@@ -122,7 +125,7 @@ def run_batch(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         outcomes = _run(todo, folder, min(count, len(todo)), work or calibrate_job, progress or (lambda *_: None))
-        _replace(folder / "summary.csv", _summary(outcomes))
+        write_file(folder / "summary.csv", _summary(outcomes))
     except OSError as error:
         raise InvalidArgument(
             f"{folder}: the batch cannot be written ({error.strerror or error}).",
@@ -135,9 +138,14 @@ def read_manifest(path: str | Path, *, basis: str = "cameras", engine: str = "on
     """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
     path = Path(path)
     try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_MANIFEST + 1)
+        text = data.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
+    if len(data) > LARGEST_MANIFEST:
+        raise InvalidArgument(f"{path} is larger than {LARGEST_MANIFEST} bytes.", "Write one row a photo.")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
     header = text.partition("\n")[0]
     reader = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in header and "," not in header else ",")
     fields = [field.strip().casefold() for field in reader.fieldnames or ()]
@@ -219,10 +227,18 @@ def _job(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], bas
 
 def _spec(home: Path, spec: str) -> str:
     """A lamp or chart; where it names a file, `layout:file` too, the path is relative to the manifest."""
-    if spec and (home / spec).is_file():
+    if spec and _is_file(home / spec):
         return str(home / spec)
     head, colon, tail = spec.partition(":")
-    return f"{head}:{home / tail}" if colon and tail and (home / tail).is_file() else spec
+    return f"{head}:{home / tail}" if colon and tail and _is_file(home / tail) else spec
+
+
+def _is_file(path: Path) -> bool:
+    """A name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _folders(names: Sequence[str]) -> dict[str, str]:
@@ -303,7 +319,7 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
         if outcome.ok:
             files = {name: _hash(folder / name) for name in NAMES}
             mark = {"format": "camssf-batch/1", "made_from": made_from, "files": files, "outcome": asdict(outcome)}
-            _replace(folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
+            write_file(folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
     except Exception as error:
         words = " ".join(f"{type(error).__name__}: {error}".split())
         return Outcome(job.name, job.folder, "failed", "", f"{words} (this is camssf's fault, please report it)")
@@ -312,9 +328,9 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
 
 def _fingerprint(job: Job) -> str:
     """SHA-256 of the rows, the options, the version and the contents of every file they name."""
-    chart = job.chart.partition(":")[2] if not Path(job.chart).is_file() else job.chart
+    chart = job.chart.partition(":")[2] if not _is_file(Path(job.chart)) else job.chart
     paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
-    hashes = [_hash(Path(path)) if path and Path(path).is_file() else None for path in paths]
+    hashes = [_hash(Path(path)) if path and _is_file(Path(path)) else None for path in paths]
     return hashlib.sha256(json.dumps([asdict(job), hashes, __version__]).encode()).hexdigest()
 
 
@@ -366,14 +382,3 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
     writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
     writer.writerows((o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no") for o in outcomes)
     return text.getvalue()
-
-
-def _replace(path: Path, text: str) -> None:
-    handle, aside = tempfile.mkstemp(prefix=".camssf-", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(aside, path)
-    except BaseException:
-        Path(aside).unlink(missing_ok=True)
-        raise

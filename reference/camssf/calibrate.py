@@ -29,14 +29,12 @@ from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.signals import Assumption, Signals, normalise
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_lamp
-from camssf.ssf import Ssf, explain, recover, respond
+from camssf.ssf import HIDDEN, Ssf, explain, predict, recover, respond
 from camssf.validate import FAINTEST, Scores, rmse, validate
 from camssf.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, judge, refusal, surprise
 
 FOLDS = 4
 """All patches enter the fit; each is predicted by a fit that left its quarter of the chart out."""
-HIDDEN = 1e3
-"""Standard error of a signal that is used in another shot but not in this one: it then weighs nothing."""
 WHITE_TOLERANCE = 0.01
 
 
@@ -48,7 +46,10 @@ class Calibration:
         capture: what was measured.
         signals: Eq. (5).
         ssf: the curves.
+        predicted_std: (k, n, 3) one standard deviation of the true signals less `ssf.predicted` (`predict`); None
+            without a prior.
         unseen: (k, n, 3) predictions of fits that had not seen the patch; NaN where every fit had.
+        unseen_std: as `predicted_std`, of `unseen`.
         scores, verdict: how good it is.
         truth: measured curves to compare with, or None.
         assumptions: all that was taken for granted.
@@ -59,7 +60,9 @@ class Calibration:
     capture: Capture
     signals: Signals
     ssf: Ssf
+    predicted_std: Floats | None
     unseen: Floats
+    unseen_std: Floats | None
     scores: Scores
     verdict: Verdict
     truth: CameraCurves | None
@@ -102,6 +105,9 @@ class Calibration:
                 unseen = self.unseen[j, i]
                 patch["predicted"] = self.ssf.predicted[j, i].tolist()
                 patch["unseen"] = unseen.tolist() if np.isfinite(unseen).all() else None
+                for name, band in (("predicted_std", self.predicted_std), ("unseen_std", self.unseen_std)):
+                    known = band is not None and np.isfinite(band[j, i]).all()
+                    patch[name] = band[j, i].tolist() if band is not None and known else None
                 patch["measured_srgb"] = self.scores.measured_srgb[j, i].tolist()
                 patch["synthetic_srgb"] = self.scores.synthetic_srgb[j, i].tolist()
                 patch["used"] = bool(self.signals.used[j, i])
@@ -198,7 +204,12 @@ def solve(
 
         ssf = solution(signals.used, gamma)
         tell("validating", 0.95)
-        unseen, how = _unseen(signals, ssf, asked, solution, capture)
+
+        def bands(used: NDArray[np.bool_], answer: Ssf) -> Floats | None:
+            return _bands(capture, signals, used, answer, basis)
+
+        predicted_std = bands(signals.used, ssf)
+        unseen, unseen_std, how = _unseen(signals, ssf, predicted_std, asked, solution, bands, capture)
         lamps = [shot.lamp for shot in capture.shots]
         mask: NDArray[np.bool_] = np.all(np.isfinite(unseen), axis=2)
         scores = validate(
@@ -242,7 +253,9 @@ def solve(
         if verdict.status == "refused":
             raise refusal(verdict)
     assumptions = signals.assumptions + _assumptions(capture, ssf, k)
-    return Calibration(capture, signals, ssf, unseen, scores, verdict, known, assumptions, uncertainty)
+    return Calibration(
+        capture, signals, ssf, predicted_std, unseen, unseen_std, scores, verdict, known, assumptions, uncertainty
+    )  # fmt: skip
 
 
 def _rivals(capture: Capture, signals: Signals, ssf: Ssf, solution: Callable[[Capture], Ssf]) -> tuple[Rival, ...]:
@@ -358,28 +371,51 @@ def _modes(capture: Capture) -> Floats:
     return modes
 
 
+def _bands(
+    capture: Capture, signals: Signals, used: NDArray[np.bool_], ssf: Ssf, basis: str | Basis
+) -> Floats | None:
+    """(k, n, 3) how far every patch's true signal may lie from what a fit to the used ones predicts."""
+    if ssf.std is None:
+        return None
+    table, taken = capture.chart, used.any(axis=0)
+    given = _arguments(capture, signals, used, basis)
+    found = predict(ssf, **given, of=table.values[~taken], of_tolerance=table.tolerance[~taken]).std
+    std = np.empty_like(signals.values)
+    std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
+    return std
+
+
 def _unseen(
     signals: Signals,
     ssf: Ssf,
+    predicted_std: Floats | None,
     asked: NDArray[np.bool_],
     solution: Callable[[NDArray[np.bool_], ArrayLike | None], Ssf],
+    bands: Callable[[NDArray[np.bool_], Ssf], Floats | None],
     capture: Capture,
-) -> tuple[Floats, str]:
-    """Predictions of fits that had not seen the patch, and how that was done in words."""
+) -> tuple[Floats, Floats | None, str]:
+    """Predictions of fits that had not seen the patch, their bands, and how that was done in words."""
     rest = ~asked
     if capture.shots[0].means.white is None:
         rest = rest & (np.arange(asked.size) != capture.chart.white)  # its signal is 1 whatever the curves
     if rest.any():
         names = f"{int(rest.sum())} patches that did not enter the fit"
-        return np.where(rest[None, :, None], ssf.predicted, np.nan), names
+        out = rest[None, :, None]
+        std = None if predicted_std is None else np.where(out, predicted_std, np.nan)
+        return np.where(out, ssf.predicted, np.nan), std, names
     taken = np.flatnonzero(signals.used.any(axis=0))
     unseen = np.full(ssf.predicted.shape, np.nan)
+    std = None if predicted_std is None else unseen.copy()
     for fold in range(FOLDS):
         out = np.zeros(asked.size, dtype=bool)
         out[taken[fold::FOLDS]] = True
-        unseen[:, out] = solution(signals.used & ~out, ssf.gamma).predicted[:, out]
+        answer = solution(signals.used & ~out, ssf.gamma)
+        unseen[:, out] = answer.predicted[:, out]
+        band = bands(signals.used & ~out, answer)
+        if std is not None and band is not None:
+            std[:, out] = band[:, out]
     unseen[~signals.used] = np.nan
-    return unseen, f"each of {taken.size} patches, by a fit that left its quarter of the chart out"
+    return unseen, std, f"each of {taken.size} patches, by a fit that left its quarter of the chart out"
 
 
 def _assumptions(capture: Capture, ssf: Ssf, k: int) -> tuple[Assumption, ...]:

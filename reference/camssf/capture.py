@@ -157,7 +157,7 @@ class Capture:
             raise InvalidArgument(
                 f"the camssf-patches/1 document lacks {error}.", "Make it anew with `camssf patches`."
             ) from error
-        except (TypeError, ValueError, AttributeError) as error:
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InvalidArgument(
                 f"the camssf-patches/1 document is damaged: {error}.", "Make it anew with `camssf patches`."
             ) from error
@@ -422,8 +422,15 @@ def _means_from(plain: Mapping[str, Any] | None, name: str, n: int) -> FrameMean
     if plain is None:
         return None
     least = {"standard_error": 0.0, "count": 1.0, "clipped": 0.0, "dead": 0.0}
+    most = {"count": 1e15, "clipped": 1.0, "dead": 1.0}
     fields: dict[str, Any] = {
-        key: _numbers(plain[key], f"{name} {key}", (n, 2 if key == "greens" else 3), least=least.get(key, -np.inf))
+        key: _numbers(
+            plain[key],
+            f"{name} {key}",
+            (n, 2 if key == "greens" else 3),
+            least=least.get(key, -np.inf),
+            most=most.get(key, np.inf),
+        )
         for key in FrameMeans.__annotations__
     }
     fields["count"] = fields["count"].astype(np.int64)

@@ -14,11 +14,11 @@ import errno
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +104,85 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class Told:
+    """What a frame's file says of itself, whether or not it is true.
+
+    Attributes:
+        cfa, black, white_level: as in `Sensor`, DN.
+        exposure: seconds. iso: sensitivity.
+    """
+
+    cfa: str
+    black: float
+    white_level: int
+    exposure: float = 0.01
+    iso: float = 100.0
+
+
+@dataclass(frozen=True)
+class View:
+    """What falls on one frame's pixels, for those who interfere: `Plan.light`.
+
+    Attributes:
+        u, v: (h, w) float32, the pixel's place on the chart in patch pitches; patch (column, row) is centred there.
+        reflected: (n, 3) light of every patch, white: (3,) of an ideal diffuser, DN above black.
+        cfa: of the sensor.
+    """
+
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    reflected: Floats
+    white: Floats
+    cfa: str
+
+
+Light: TypeAlias = Callable[[NDArray[np.float32], View], NDArray[np.float32]]
+Samples: TypeAlias = Callable[[NDArray[np.uint16], "Plan"], NDArray[np.uint16]]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One shot before it is taken: what lies there, what the camera does with it, what the user says of it.
+
+    Attributes:
+        camera, lamp, table, scene, sensor: the truth about the chart photo.
+        told_lamp: the spec that the user names; told_chart: likewise.
+        white_lamp: the light on the white frame; None for the chart's own.
+        white_level: brightness of the white frame's target, 1 for an ideal diffuser in the chart's light.
+        dark_offset: DN that the dark frame has more than the others.
+        light: what happens to the light on its way to the "chart" or "white" frame.
+        samples: what software does to the samples of all frames.
+        told: changes of what the files say, by frame.
+        handed: which frame is handed in as what; None where there is none.
+    """
+
+    camera: CameraCurves
+    lamp: Lamp
+    table: ChartTable
+    scene: Scene
+    sensor: Sensor
+    told_lamp: str
+    told_chart: str
+    white_lamp: Lamp | None = None
+    white_level: float = 1.0
+    dark_offset: float = 0.0
+    light: Mapping[str, Light] = field(default_factory=dict)
+    samples: Samples | None = None
+    told: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    handed: Mapping[str, str | None] = field(
+        default_factory=lambda: {"chart": "chart", "white": "white", "dark": "dark"}
+    )
+
+    def says(self, frame: str) -> Told:
+        """What the file of "chart", "white" or "dark" says."""
+        sensor = self.sensor
+        return replace(Told(sensor.cfa, sensor.black, sensor.white_level), **self.told.get(frame, {}))
+
+
+Change: TypeAlias = Callable[[Plan], Plan]
+
+
+@dataclass(frozen=True)
 class Frames:
     """One shot in memory.
 
@@ -126,12 +205,16 @@ class Frames:
 
 @dataclass(frozen=True)
 class SimulatedShot:
-    """The files of one lamp. `lamp` is the spec to calibrate with; `signals` (n, 3) is what Eq. (5) must give."""
+    """The files of one lamp; a fault may leave out the white or the dark frame.
+
+    `lamp` and `told_chart` are what to calibrate with; `signals` (n, 3) is what Eq. (5) must give.
+    """
 
     chart: Path
-    white: Path
-    dark: Path
+    white: Path | None
+    dark: Path | None
     lamp: str
+    told_chart: str
     signals: Floats
 
 
@@ -214,7 +297,7 @@ def render_mosaic(scene: Scene, patches: Floats, white: Floats, cfa: str = "RGGB
     lookup = np.asarray(patches, dtype=np.float32)
     light = np.empty((height, width), dtype=np.float32)
     to_plane = np.asarray(np.linalg.inv(homography(scene)), dtype=np.float64)
-    for rows, columns, colour in _sites(cfa, height, width):
+    for rows, columns, colour in sites(cfa, height, width):
         light[rows, columns] = SURROUNDS[scene.surround] * white[colour]
     halo = int(np.ceil(4 * scene.blur)) if scene.blur > 0 else 0
     top, bottom, left, right = _extent(scene, layout, halo)
@@ -233,7 +316,7 @@ def render_mosaic(scene: Scene, patches: Floats, white: Floats, cfa: str = "RGGB
                 plane = _chart_plane(scene, layout, to_plane, x, y, *values)
             light[start + row : stop : 2, left + column : right : 2] = plane
     if scene.glare:
-        for rows, columns, colour in _sites(cfa, height, width):
+        for rows, columns, colour in sites(cfa, height, width):
             light[rows, columns] += scene.glare * white[colour]
     return _fall_off(light, scene.vignetting)
 
@@ -251,28 +334,67 @@ def photograph(
     Raises:
         InvalidArgument: a setting is out of range, or camera and lamp share no light.
     """
+    return take(Plan(camera, lamp, table, scene, sensor, lamp.name, table.name), seed)
+
+
+def take(plan: Plan, seed: Sequence[int] = (0,)) -> Frames:
+    """The frames of a plan, in memory; what the files say and which are handed in is the writer's.
+
+    Raises:
+        InvalidArgument: as `photograph`.
+    """
+    scene, sensor = plan.scene, plan.sensor
     _check(scene, sensor)
-    diffuser = np.einsum("m,mc->c", lamp.values, camera.values) * STEP * sensor.gains
-    if not diffuser.min() > 0:
-        raise InvalidArgument(
-            f"Camera {camera.name} sees nothing of lamp {lamp.name} in a channel.",
-            "Choose a lamp with power between 400 and 700 nm.",
-        )
-    reflected = np.einsum("nm,m,mc->nc", table.values, lamp.values, camera.values) * STEP * sensor.gains
-    scale = sensor.exposure * (sensor.white_level - sensor.black) / diffuser.max()
-    white = scale * diffuser
+    reflected, diffuser = _exposed(plan, plan.lamp)
+    if plan.white_lamp is None:
+        white = diffuser
+    else:
+        _, white = _exposed(plan, plan.white_lamp)
     width, height = scene.size
     flat = np.empty((height, width), dtype=np.float32)
-    for rows, columns, colour in _sites(sensor.cfa, height, width):
-        flat[rows, columns] = white[colour]
-    lit = _count(_fall_off(flat, scene.vignetting), sensor, np.random.default_rng([*seed, 1]))
-    dark = _count(np.zeros_like(flat), sensor, np.random.default_rng([*seed, 2]))
-    del flat
-    light = render_mosaic(scene, scale * reflected, white, sensor.cfa)
+    for rows, columns, colour in sites(sensor.cfa, height, width):
+        flat[rows, columns] = plan.white_level * white[colour]
+    _fall_off(flat, scene.vignetting)
+    light = render_mosaic(scene, reflected, diffuser, sensor.cfa)
+    if plan.light:
+        view = _look(scene, reflected, diffuser, sensor.cfa)
+        flat = plan.light["white"](flat, view) if "white" in plan.light else flat
+        light = plan.light["chart"](light, view) if "chart" in plan.light else light
     chart = _count(light, sensor, np.random.default_rng([*seed, 0]))
+    del light
+    lit = _count(flat, sensor, np.random.default_rng([*seed, 1]))
+    warm = replace(sensor, dark_current=sensor.dark_current + plan.dark_offset)
+    dark = _count(np.zeros_like(flat), warm, np.random.default_rng([*seed, 2]))
+    if plan.samples is not None:
+        chart, lit, dark = (plan.samples(frame, plan) for frame in (chart, lit, dark))
     offset = sensor.black + sensor.dark_current
-    levels = scale * (reflected + scene.glare * diffuser) + offset
-    return Frames(chart, lit, dark, reflected / diffuser, levels, white + offset, true_pose(scene))
+    levels = reflected + scene.glare * diffuser + offset
+    signals = reflected / diffuser
+    return Frames(chart, lit, dark, signals, levels, diffuser + offset, true_pose(scene))
+
+
+def _exposed(plan: Plan, lamp: Lamp) -> tuple[Floats, Floats]:
+    """Light of the patches (n, 3) and of a diffuser (3,) under a lamp, DN above black."""
+    sensor, curves = plan.sensor, plan.camera.values
+    diffuser = np.einsum("m,mc->c", lamp.values, curves) * STEP * sensor.gains
+    if not diffuser.min() > 0:
+        raise InvalidArgument(
+            f"Camera {plan.camera.name} sees nothing of lamp {lamp.name} in a channel.",
+            "Choose a lamp with power between 400 and 700 nm.",
+        )
+    reflected = np.einsum("nm,m,mc->nc", plan.table.values, lamp.values, curves) * STEP * sensor.gains
+    scale = sensor.exposure * (sensor.white_level - sensor.black) / float(diffuser.max())
+    return scale * reflected, scale * diffuser
+
+
+def _look(scene: Scene, reflected: Floats, white: Floats, cfa: str) -> View:
+    """Where on the chart every pixel looks."""
+    width, height = scene.size
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    g = np.linalg.inv(homography(scene))
+    depth = g[2, 0] * x + g[2, 1] * y + g[2, 2]
+    u, v = ((g[i, 0] * x + g[i, 1] * y + g[i, 2]) / depth for i in (0, 1))
+    return View(u.astype(np.float32), v.astype(np.float32), reflected, white, cfa)
 
 
 def simulate(
@@ -300,6 +422,7 @@ def simulate(
     full_well: float = 5000.0,
     read_noise: float = 2.5,
     compression: str | None = None,
+    change: Change | None = None,
 ) -> Simulation:
     """Write chart, white and dark frame of every lamp as DNG, and the camera's curves as truth.csv.
 
@@ -314,6 +437,7 @@ def simulate(
         cfa, black, white_level, exposure, noise, dark_current, full_well, read_noise: see `Sensor`.
         seed: of the noise; the same seed gives the same bytes.
         compression: None, or "ljpeg" for lossless JPEG tiles (needs imagecodecs, for benchmarks).
+        change: what goes wrong with the last lamp's shot (`camssf.faults`).
 
     Raises:
         InvalidArgument: a setting is out of range, or the chart does not fit into the picture.
@@ -366,14 +490,25 @@ def simulate(
         with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
             shots = []
             for number, (light, tag) in enumerate(zip(lights, _tags(lights), strict=True)):
-                frames = photograph(body, light, table, scene, sensor, (seed, number))
-                names = [f"{kind}{tag}.dng" for kind in ("chart", "white", "dark")]
-                neutral = (frames.white_levels - sensor.black - sensor.dark_current) / sensor.exposure
-                neutral /= sensor.white_level - sensor.black
-                for name, samples in zip(names, (frames.chart, frames.white, frames.dark), strict=True):
-                    _write_dng(Path(aside, name), samples, sensor, body, neutral, compression)
-                chart_photo, white_frame, dark_frame = (folder / name for name in names)
-                shots.append(SimulatedShot(chart_photo, white_frame, dark_frame, light.name, frames.signals))
+                plan = Plan(body, light, table, scene, sensor, light.name, table.name)
+                if change is not None and number == len(lights) - 1:
+                    plan = change(plan)
+                frames = take(plan, (seed, number))
+                samples = {"chart": frames.chart, "white": frames.white, "dark": frames.dark}
+                neutral = (frames.white_levels - plan.sensor.black - plan.sensor.dark_current) / plan.sensor.exposure
+                neutral /= plan.sensor.white_level - plan.sensor.black
+                paths: dict[str, Path] = {}
+                for role, frame in plan.handed.items():
+                    if frame is not None:
+                        name = f"{role}{tag}.dng"
+                        _write_dng(Path(aside, name), samples[frame], plan.says(frame), body, neutral, compression)
+                        paths[role] = folder / name
+                shots.append(
+                    SimulatedShot(
+                        paths["chart"], paths.get("white"), paths.get("dark"), plan.told_lamp, plan.told_chart,
+                        frames.signals,
+                    )
+                )  # fmt: skip
             _write_truth(Path(aside, "truth.csv"), body)
             written = sorted(Path(aside).iterdir())
             for path in written:
@@ -433,7 +568,7 @@ def _cell(cfa: str) -> Iterator[tuple[int, int, int]]:
         yield position // 2, position % 2, "RGB".index(letter)
 
 
-def _sites(cfa: str, height: int, width: int) -> Iterator[tuple[slice, slice, int]]:
+def sites(cfa: str, height: int, width: int) -> Iterator[tuple[slice, slice, int]]:
     """Slices of the four sub-pictures, with their colours."""
     for row, column, colour in _cell(cfa):
         yield slice(row, height, 2), slice(column, width, 2), colour
@@ -551,7 +686,7 @@ def _rationals(values: Floats, denominator: int = 10000) -> list[int]:
 def _write_dng(
     path: Path,
     samples: NDArray[np.uint16],
-    sensor: Sensor,
+    told: Told,
     camera: CameraCurves,
     neutral: Floats,
     compression: str | None,
@@ -562,21 +697,21 @@ def _write_dng(
     from camssf import __version__
 
     height, width = samples.shape
-    pattern = bytes("RGB".index(letter) for letter in sensor.cfa)
+    pattern = bytes("RGB".index(letter) for letter in told.cfa)
     extra: list[tuple[int, int, int, Any, bool]] = [
         (271, 2, 0, "camssf", True),
         (272, 2, 0, camera.name.encode("ascii", "replace").decode(), True),
         (274, 3, 1, 1, True),
         (33421, 3, 2, (2, 2), True),
         (33422, 1, 4, pattern, True),
-        (33434, 5, 1, (1, 100), True),
-        (34855, 3, 1, 100, True),
+        (33434, 5, 1, tuple(_rationals(np.array([told.exposure]), 1_000_000)), True),
+        (34855, 3, 1, round(told.iso), True),
         (50706, 1, 4, bytes((1, 4, 0, 0)), True),
         (50707, 1, 4, bytes((1, 1, 0, 0)), True),
         (50708, 2, 0, "camssf simulated camera", True),
         (50713, 3, 2, (2, 2), True),
-        (50714, 5, 4, _rationals(np.full(4, sensor.black), 100), True),
-        (50717, 4, 1, sensor.white_level, True),
+        (50714, 5, 4, _rationals(np.full(4, told.black), 100), True),
+        (50717, 4, 1, told.white_level, True),
         (50721, 10, 9, _rationals(_color_matrix(camera)), True),
         (50728, 5, 3, _rationals(neutral), True),
         (50778, 3, 1, 21, True),

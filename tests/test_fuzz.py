@@ -1,0 +1,75 @@
+"""A short part of `python -m benchmarks.fuzz`: damaged files are read or refused by name; nothing else happens."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
+from camssf.batch import read_manifest
+from camssf.capture import Capture
+from camssf.errors import InvalidArgument, UnsupportedRaw
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_sound_files_are_read(reader: str, tmp_path: Path) -> None:
+    """What is damaged was worth damaging; of the forms of DNG a few are refused by name."""
+    refused = []
+    for suffix, data in _files(reader):
+        path = tmp_path / f"file.{suffix}"
+        path.write_bytes(data)
+        try:
+            READERS[reader][0](path)
+        except UnsupportedRaw:
+            refused.append(path)
+    assert len(refused) <= (0.25 * len(_files(reader)) if reader == "dng" else 0)
+
+
+@pytest.mark.parametrize("reader", [name for name in READERS if name != "dng"])
+def test_damaged_files(reader: str, tmp_path: Path) -> None:
+    outcomes = [read(reader, seed, tmp_path) for seed in range(60)]
+    assert [(seed, words) for seed, (kind, words) in enumerate(outcomes) if kind == "finding"] == []
+    assert {"invalid_argument"} <= {kind for kind, _ in outcomes}
+
+
+def test_damaged_photos_in_a_process_of_their_own() -> None:
+    seen = []
+    found, findings = fuzz("dng", range(400), lambda: seen.append(1))
+    assert findings == []
+    assert len(seen) == 400
+    assert found["read"] > 20
+    assert found["unreadable_raw"] > 20
+
+
+def test_a_file_is_the_same_every_time() -> None:
+    assert damaged("lamp", 7) == damaged("lamp", 7)
+    assert damaged("lamp", 7) != damaged("lamp", 8)
+
+
+def test_a_process_that_dies_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a reader that kills its own process on every third file."""
+    from tests import deadly
+
+    monkeypatch.setattr("benchmarks.fuzz._serve", deadly.serve)
+    found, findings = fuzz("manifest", range(7), lambda: None)
+    assert [seed for seed, _ in findings] == [2, 5]
+    assert all("died with status" in words for _, words in findings)
+    assert found["finding"] == 2
+    assert sum(found.values()) == 7
+
+
+def test_what_the_long_run_found(tmp_path: Path) -> None:
+    """50,000 files a reader showed these: a name that no file can have, numbers that fit no type."""
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_text(f"name,photo,lamp\nA,a.dng,{'D' * 400}\n")
+    assert read_manifest(manifest)[0].lamps == ("D" * 400,)
+    for path, value in ((("saturation",), 2**5000), (("means", "chart", "count"), [[1e300] * 3] * 24)):
+        document = json.loads(_demo()["patches"])
+        place = document["shots"][0]
+        for key in path[:-1]:
+            place = place[key]
+        place[path[-1]] = value
+        with pytest.raises(InvalidArgument):
+            Capture.from_document(document)
