@@ -17,6 +17,7 @@ import pytest
 
 import camssf
 from camssf import cli, errors
+from camssf.basis import read_basis
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
 
@@ -614,3 +615,25 @@ def test_main_is_the_console_script() -> None:
         env=os.environ,
     )
     assert done.returncode == 2
+
+
+def test_a_severity_wants_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["simulate", "--severity", "3", "-o", str(tmp_path / "shots")]) == 2
+    assert "--fault NAME" in capsys.readouterr().err
+
+
+def test_an_empty_basis_is_an_invalid_argument(tmp_path: Path) -> None:
+    (tmp_path / "e.npz").touch()
+    with pytest.raises(InvalidArgument, match=r"no \.npz"):
+        read_basis(str(tmp_path / "e.npz"))
+
+
+def test_python_m_camssf_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "camssf", "--version"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_one_photo_given_twice_is_no_second_shot(shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photo = str(shots / "chart.dng")
+    assert cli.main(["patches", photo, photo, "--lamp", "D55", "--lamp", "D55"]) == InvalidArgument.exit_status
+    assert "given 2 times" in capsys.readouterr().err

@@ -109,9 +109,10 @@ def read_basis(spec: str) -> Basis:
         with basis_file(spec).open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             mean, dictionary = content["mean"], content["dictionary"]
             source = str(content["source"])
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or "it is no .npz with mean, dictionary and source"
         raise InvalidArgument(
-            f"{spec!r} is neither a basis ({', '.join(NAMES)}) nor a basis file ({error}).",
+            f"{spec!r} is neither a basis ({', '.join(NAMES)}) nor a basis file ({reason}).",
             "Name one of these, or make a file from measured curves with `python -m camssf.learn curves.csv`.",
         ) from error
     shapes = mean.shape == (3, NODES.size) and dictionary.ndim == 3 and dictionary.shape[:2] == (3, NODES.size)

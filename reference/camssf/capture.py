@@ -553,7 +553,8 @@ def _frames(word: str, value: Any, k: int) -> list[PathLike | None]:
     frames = listed(word, value) or [None] * k
     if len(frames) != k:
         raise InvalidArgument(
-            f"{k} photo(s) but {len(frames)} {word} frame(s).", f"Give one --{word} a photo, or none."
+            f"{k} photo(s) but {len(frames)} {word} frame(s).",
+            f"Give one --{word} a photo; write `none` for a photo without.",
         )
     return frames
 
@@ -572,7 +573,14 @@ def _card(share: Any, framed: bool) -> float | None:
 
 
 def _agree(shots: Sequence[Shot]) -> None:
-    """Raise unless one camera took all shots, and all or none have a white frame."""
+    """Raise unless one camera took all shots, each another photo, and all or none have a white frame."""
+    hashes = [shot.photo.sha256 for shot in shots]
+    twice = [shot.photo.name for shot in shots if hashes.count(shot.photo.sha256) > 1]
+    if twice:
+        raise InvalidArgument(
+            f"{twice[0]} was given {len(twice)} times: one photo is one piece of evidence.",
+            "Give each photo once; a second shot is another photo, best under another lamp.",
+        )
     bodies = {(shot.photo.make, shot.photo.model) for shot in shots}
     if len(bodies) > 1:
         raise FramesDiffer(

@@ -141,8 +141,10 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     if not matches or matches[0].score < ACCEPT:
         raise ChartNotFound(
             f"{mosaic.path}: nothing in the photo agrees with the chart {table.name!r}.",
-            "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view and "
-            "free of shadows and reflections, check --chart, or give the block's outer corners by --corners.",
+            "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "
+            "and free of shadows and reflections, and hold the camera still. Check --chart, and that chart, white "
+            "and dark frame are not exchanged; a file may also name a wrong order of its colour filters. Else give "
+            "the block's outer corners by --corners.",
             value=matches[0].score if matches else 0.0,
             threshold=ACCEPT,
         )

@@ -367,7 +367,9 @@ def simulate(
             metavar="NAME", show_default=False, help=f"What goes wrong with the last lamp's shot: {_FAULTS}."
         ),
     ] = None,
-    severity: Annotated[int, typer.Option(help="Of the fault: 1, 2 or 3, the worst.")] = 2,
+    severity: Annotated[
+        int | None, typer.Option(show_default="2", help="Of the fault: 1, 2 or 3, the worst.")
+    ] = None,
 ) -> None:
     """Write DNG files of a simulated camera.
 
@@ -376,6 +378,8 @@ def simulate(
     from camssf.faults import strike
     from camssf.simulate import simulate as photograph
 
+    if fault is None and severity is not None:
+        raise InvalidArgument("a severity is of a fault, and none is named.", "Add --fault NAME.")
     with _progress() as progress:
         progress("simulating", 0.0)
         scene = photograph(
@@ -396,7 +400,7 @@ def simulate(
             fill=fill,
             blur=blur,
             glare=glare,
-            change=None if fault is None else strike(fault, severity),
+            change=None if fault is None else strike(fault, 2 if severity is None else severity),
         )
     shots = [
         {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}
@@ -554,8 +558,8 @@ def direct(
         known = read_camera(truth)
     if len(paths) > 2 or (len(paths) == 1 and any((dark, mono_dark, response))):
         raise InvalidArgument(
-            f"{len(paths)} frame(s) do not fit this call.",
-            "Give the colour and the mono camera's frame, or a sweep alone.",
+            f"{len(paths)} file(s) do not fit this call.",
+            "Give the colour and the mono camera's frame, or a sweep alone: a sweep takes no dark frame or response.",
         )
     with _progress() as progress:
         if len(paths) == 2:

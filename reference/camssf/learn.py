@@ -260,7 +260,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("curves", type=Path, help="CSV with the columns camera,wavelength_nm,R,G,B")
     parser.add_argument("-o", "--output", type=Path, default=Path("cameras.npz"))
     parser.add_argument("--components", type=int, default=COMPONENTS)
-    parser.add_argument("--licence", default="as the curves'", help="licence of the curves, kept in the file")
+    parser.add_argument("--licence", default="that of the curves", help="licence of the curves, kept in the file")
     parser.add_argument(
         "--extend", metavar="BASIS", help="learn from this basis' cameras, too: `cameras`, or a file of this command"
     )

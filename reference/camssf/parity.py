@@ -49,7 +49,8 @@ _CAUSES = {
     "order, lens shading, or the rule of camssf/patches.py.",
     "signals": "The samples agree, Eq. (5) does not: the white or dark reference, or the rule for usable patches.",
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
-    "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or what was fed into it. "
+    "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
+    "penalty than the result states. "
     "If the result was made with --fit, --signed or a white card, say so here too.",
     "band": "The curve agrees, its standard deviation does not.",
     "gap": "One of the two has not converged.",
