@@ -1,7 +1,9 @@
 package org.camssf
 
 import java.io.File
+import java.io.IOException
 import java.security.MessageDigest
+import java.util.concurrent.CancellationException
 
 /**
  * Where a photo comes from: it is opened when its turn comes and let go before the next one, so that one capture never
@@ -24,9 +26,31 @@ public fun interface Frame {
         @JvmStatic
         public fun of(file: File): Frame = dng { DngSource.of(file) }
 
-        /** A DNG that `open` opens anew at each call, a `Uri` for example; it is closed here. */
+        /**
+         * A DNG that `open` opens anew at each call, a `Uri` for example; it is closed here. What `open` throws becomes
+         * [UnreadableRaw].
+         */
         @JvmStatic
-        public fun dng(open: () -> DngSource): Frame = Frame { region -> open().use { DngReader.read(it, region) } }
+        public fun dng(open: () -> DngSource): Frame = Frame { region ->
+            val source = opened(open)
+            try {
+                source.use { DngReader.read(it, region) }
+            } catch (error: IOException) {
+                throw UnreadableRaw("${source.name} cannot be closed: ${error.message}.", AGAIN, cause = error)
+            }
+        }
+
+        private const val AGAIN = "Check that the photo is still there and that the app may read it, and try again."
+
+        /** What a provider throws is its own: no file, no permission, no network. */
+        private fun opened(open: () -> DngSource): DngSource = try {
+            open()
+        } catch (error: Exception) {
+            if (error is CalibrationException || error is CancellationException || error is InterruptedException) {
+                throw error
+            }
+            throw UnreadableRaw("The photo cannot be opened: ${error.message ?: error}.", AGAIN, cause = error)
+        }
     }
 }
 
@@ -239,8 +263,15 @@ internal object Measure {
         }
     }
 
-    /** One camera took all shots. */
+    /** One camera took all shots, each another photo. */
     private fun agree(shots: List<MeasuredShot>) {
+        val twin = shots.groupBy { it.photo.sha256 }.values.firstOrNull { it.size > 1 }
+        if (twin != null) {
+            throw InvalidArgument(
+                "${twin[0].photo.name} was given ${twin.size} times: one photo is one piece of evidence.",
+                "Give each photo once; a second shot is another photo, best under another lamp.",
+            )
+        }
         val bodies = shots.map { "${it.photo.make} ${it.photo.model}" }.toSortedSet()
         if (bodies.size > 1) {
             throw FramesDiffer(

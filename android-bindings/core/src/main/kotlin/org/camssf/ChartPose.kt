@@ -73,7 +73,7 @@ public class ChartPose internal constructor(
                     SMALLEST.toDouble(),
                 )
             }
-            check(corners, mosaic.width, mosaic.height)
+            check(corners, mosaic)
             return Search(mosaic, layout, Agreement.expected(chart), corners).pose()
         }
 
@@ -109,10 +109,11 @@ public class ChartPose internal constructor(
             }
         }
 
-        private fun check(corners: DoubleArray, width: Int, height: Int) {
+        private fun check(corners: DoubleArray, photo: Mosaic) {
             check(corners)
-            if (corners.indices.any { corners[it] < 0 || corners[it] > (if (it % 2 == 0) width else height) - 1 }) {
-                throw InvalidArgument("A corner lies outside the photo of $width × $height px.", ADVICE)
+            val last = intArrayOf(photo.width - 1, photo.height - 1)
+            if (corners.indices.any { corners[it] < 0 || corners[it] > last[it % 2] }) {
+                throw outside(photo.name, photo.width, photo.height)
             }
             if (!Lattice.convex(corners)) {
                 throw InvalidArgument("The corners do not go around a convex quadrilateral.", ADVICE)
@@ -238,3 +239,10 @@ public class ChartPose internal constructor(
         }
     }
 }
+
+/** A corner of the chart, or the part around it, does not lie in the photo. */
+internal fun outside(name: String, width: Int, height: Int) = InvalidArgument(
+    "A corner lies outside $name, a photo of $width × $height px.",
+    "Give corners in pixels of the RAW photo, x from 0 to ${width - 1} and y from 0 to ${height - 1}: points on a " +
+        "preview must be scaled to it, and turned back where the preview is turned.",
+)

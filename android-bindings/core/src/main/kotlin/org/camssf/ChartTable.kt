@@ -165,7 +165,7 @@ public class ChartTable internal constructor(
         private fun readingOrder(names: List<String>): List<Int> {
             val stand = names.indices.toList()
             val cells = names.mapNotNull { name ->
-                Regex("([A-N])(\\d{1,2})").matchEntire(name.uppercase())?.let {
+                Regex("([A-N])([0-9]{1,2})").matchEntire(name.uppercase())?.let {
                     it.groupValues[1] to
                         it.groupValues[2].toInt()
                 }

@@ -38,7 +38,7 @@ public object DngReader {
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
      * @throws UnsupportedRaw a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
-     * @throws InvalidArgument `region` lies outside the active area.
+     * @throws InvalidArgument `region` is empty or lies outside the active area.
      */
     @JvmStatic
     @JvmOverloads
@@ -48,7 +48,7 @@ public object DngReader {
         } catch (error: OutOfMemoryError) {
             throw UnsupportedRaw(
                 "${source.name} needs more memory than there is.",
-                "Ask for the part around the chart.",
+                if (region == null) "Ask for the part around the chart." else MEMORY,
                 cause = error,
             )
         }
@@ -99,18 +99,20 @@ public object DngReader {
 
     private fun part(tiff: Tiff, region: Region?, area: Region): Region {
         if (region == null) return Region(0, 0, area.width, area.height)
+        if (region.left >= region.right || region.top >= region.bottom) {
+            throw InvalidArgument("The part asked of ${tiff.name} is empty.", "Ask for one sample at least.")
+        }
         val part = Region(
             maxOf(region.left, 0), maxOf(region.top, 0),
             minOf(region.right, area.width), minOf(region.bottom, area.height),
         )
-        if (part.width < 1 || part.height < 1) {
-            throw InvalidArgument(
-                "$region lies outside ${tiff.name}, which has ${area.width} × ${area.height} samples.",
-                "Ask for a part of the photo.",
-            )
-        }
+        if (part.width < 1 || part.height < 1) throw outside(tiff.name, area.width, area.height)
         return part
     }
+
+    private const val MEMORY =
+        "Close other photos and bitmaps, measure the shots one after the other, or give the app a large heap " +
+            "(android:largeHeap in its manifest)."
 
     /** DNG 1.0 wrote 16 more bits behind category 16 of lossless JPEG. */
     private fun before11(tiff: Tiff): Boolean = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 2).getOrElse(1) { 0 } < 1

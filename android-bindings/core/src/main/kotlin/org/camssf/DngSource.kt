@@ -48,10 +48,16 @@ public interface DngSource : Closeable {
         public fun of(file: File): DngSource {
             if (file.isDirectory) throw UnreadableRaw("${file.name} is a folder.", "Name a DNG file.")
             if (!file.exists()) throw UnreadableRaw("There is no file ${file.name}.", "Check the path.")
-            try {
-                return of(FileInputStream(file).channel, file.name)
+            val stream = try {
+                FileInputStream(file)
             } catch (error: IOException) {
                 throw UnreadableRaw("${file.name} cannot be opened.", "Check its permissions.", cause = error)
+            }
+            try {
+                return of(stream.channel, file.name)
+            } catch (error: UnreadableRaw) {
+                stream.close()
+                throw error
             }
         }
 

@@ -35,6 +35,9 @@ internal class ModelOutputs(
     val lamp: DoubleArray,
 )
 
+/** Bases whose model is shipped. */
+internal val SHIPPED_BASES = listOf("cameras", "gaussian")
+
 /** The one way to run a shipped model: one thread, in order, on the CPU. */
 internal interface Engine : Closeable {
     /** The basis of its curves: "cameras" or "gaussian". */

@@ -31,7 +31,7 @@ public class Lamp internal constructor(
     }.filter { it.isNotEmpty() }.fold(this) { lamp, part -> lamp.tolerating(part) }
 
     private fun tolerating(part: String): Lamp {
-        val number = Regex("""(\d+(?:\.\d+)?) ?(%|k)""").matchEntire(part.lowercase())
+        val number = Regex("""([0-9]+(?:\.[0-9]+)?) ?(%|k)""").matchEntire(part.lowercase())
             ?: throw InvalidArgument("'$part' is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
         val size = number.groupValues[1].toDouble()
         if (number.groupValues[2] == "%") {
@@ -190,13 +190,13 @@ public class Lamp internal constructor(
         }
 
         private fun kelvinOf(text: String): String? =
-            Regex("""(\d+(?:\.\d+)?) ?k""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
+            Regex("""([0-9]+(?:\.[0-9]+)?) ?k""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
 
         private fun daylightOf(text: String): String? =
-            Regex("""d: ?(\d+(?:\.\d+)?) ?k?""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
+            Regex("""d: ?([0-9]+(?:\.[0-9]+)?) ?k?""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
 
         private fun cieName(text: String): String? {
-            val key = plain(text).removePrefix("cie").replace(Regex("^f(?=\\d)"), "fl")
+            val key = plain(text).removePrefix("cie").replace(Regex("^f(?=[0-9])"), "fl")
             return Bundled.lamps.firstOrNull { plain(it) == key }
         }
     }

@@ -93,6 +93,15 @@ public class Mosaic(
                 "Give one of the orders ${CFA_ORDERS.joinToString()} and four black levels.",
             )
         }
+        if (!(white > 0 && white.isFinite()) || !black.all { it.isFinite() }) {
+            throw InvalidArgument(
+                "$name: a white level of $white over black levels of ${black.joinToString()}.",
+                "Give them in DN, as the sensor's characteristics or the file have them.",
+            )
+        }
+        if (orientation !in 1..8) {
+            throw InvalidArgument("$name: an orientation of $orientation.", "Give TIFF's, 1 to 8; 1 where unknown.")
+        }
     }
 
     /**

@@ -2,19 +2,33 @@ package org.camssf
 
 import java.math.BigDecimal
 import java.math.MathContext
-import java.util.Locale
+import java.math.RoundingMode
+import kotlin.math.abs
+import kotlin.math.withSign
 
 /** 0.1234 → "12.3 %" without the blank, as Python's messages have it: "12.3%". */
 internal fun percent(value: Double, digits: Int): String = fixed(100.0 * value, digits) + "%"
 
-/** A number with so many digits behind the point, in any locale. */
-internal fun fixed(value: Double, digits: Int): String = String.format(Locale.ROOT, "%.${digits}f", value)
+/** A number with so many digits behind the point, in any locale. As in Python, ties of the binary value go to even. */
+internal fun fixed(value: Double, digits: Int): String {
+    if (!value.isFinite()) {
+        return if (value.isNaN()) {
+            "nan"
+        } else if (value > 0) {
+            "inf"
+        } else {
+            "-inf"
+        }
+    }
+    val size = BigDecimal(abs(value)).setScale(digits, RoundingMode.HALF_EVEN).toPlainString()
+    return if (1.0.withSign(value) < 0) "-$size" else size
+}
 
 /** A number with up to six digits and no exponent: 0.5, 16383, 2856. */
 internal fun short(value: Double): String = when {
     value.isNaN() || value.isInfinite() -> value.toString()
     value == 0.0 -> "0"
-    else -> BigDecimal(value).round(MathContext(6)).stripTrailingZeros().toPlainString()
+    else -> BigDecimal(value).round(MathContext(6, RoundingMode.HALF_EVEN)).stripTrailingZeros().toPlainString()
 }
 
 /** Middle value, or the mean of the two in the middle; NaN of nothing. */

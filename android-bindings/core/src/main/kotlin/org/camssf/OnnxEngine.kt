@@ -17,7 +17,18 @@ import java.nio.DoubleBuffer
  * is a second session, opened when first asked for.
  */
 internal class OnnxEngine private constructor(override val basis: String, private val content: ByteArray) : Engine {
-    private class Session(val options: OrtSession.SessionOptions, val override: OnnxTensor?, val session: OrtSession)
+    private class Session(
+        val options: OrtSession.SessionOptions,
+        val override: OnnxTensor?,
+        val session: OrtSession,
+    ) {
+        /** Options outlive their session. */
+        fun close() {
+            session.close()
+            options.close()
+            override?.close()
+        }
+    }
 
     private val environment = OrtEnvironment.getEnvironment()
     private val sessions = HashMap<Boolean, Session>()
@@ -28,8 +39,13 @@ internal class OnnxEngine private constructor(override val basis: String, privat
 
     init {
         val usual = start(null)
+        metadata = try {
+            usual.session.metadata.customMetadata
+        } catch (error: Throwable) {
+            usual.close()
+            throw error
+        }
         sessions[basis == PAPER] = usual
-        metadata = usual.session.metadata.customMetadata
     }
 
     private fun start(nonnegative: Boolean?): Session {
@@ -58,8 +74,15 @@ internal class OnnxEngine private constructor(override val basis: String, privat
 
     @Synchronized
     override fun run(inputs: ModelInputs): ModelOutputs {
-        check(open) { "This SsfCalibrator was closed." }
-        val session = sessions.getOrPut(inputs.nonnegative) { start(inputs.nonnegative) }.session
+        check(open) { "This SsfCalibrator was closed. Open another." }
+        try {
+            return run(sessions.getOrPut(inputs.nonnegative) { start(inputs.nonnegative) }.session, inputs)
+        } catch (error: OrtException) {
+            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
+        }
+    }
+
+    private fun run(session: OrtSession, inputs: ModelInputs): ModelOutputs {
         val given = linkedMapOf(
             "chart" to inputs.chart,
             "white" to inputs.white,
@@ -107,22 +130,16 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
     }
 
-    /** Options outlive their session; a second call does nothing; the process's environment stays. */
+    /** A second call does nothing; the process's environment stays. */
     @Synchronized
     override fun close() {
         if (!open) return
         open = false
-        for (each in sessions.values) {
-            each.session.close()
-            each.options.close()
-            each.override?.close()
-        }
+        sessions.values.forEach { it.close() }
         sessions.clear()
     }
 
     companion object {
-        /** Bases whose model is shipped. */
-        val SHIPPED = listOf("cameras", "gaussian")
         const val PAPER = "gaussian"
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
@@ -134,8 +151,8 @@ internal class OnnxEngine private constructor(override val basis: String, privat
          * @throws InvalidArgument if there is no such model, or it is not the one that this version belongs to.
          */
         fun load(basis: String): OnnxEngine {
-            if (basis !in SHIPPED) {
-                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${SHIPPED.joinToString()}.")
+            if (basis !in SHIPPED_BASES) {
+                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${SHIPPED_BASES.joinToString()}.")
             }
             val name = "camssf-$basis.onnx"
             val content = try {

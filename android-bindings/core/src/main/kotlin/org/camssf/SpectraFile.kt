@@ -126,14 +126,26 @@ internal object SpectraFile {
 
     /** The fields as numbers, or null. A comma that is left is a decimal comma: half of Europe writes it. */
     private fun numbers(fields: List<String>): DoubleArray? {
-        val values = fields.map { it.replace(',', '.').trim().toDoubleOrNull() ?: return null }
+        val values = fields.map { number(it.replace(',', '.').trim()) ?: return null }
         return values.toDoubleArray()
     }
+
+    /** As Python reads it: Java's own reader takes 380f, 1d and 0x1p0, too, and no "nan". */
+    private fun number(text: String): Double? = when {
+        NUMBER.matches(text) -> text.toDouble()
+        NO_NUMBER.matches(text) -> Double.NaN
+        else -> null
+    }
+
+    private val NUMBER = Regex("""[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?""")
+
+    /** Known words for a value that is none: the callers refuse what is not finite. */
+    private val NO_NUMBER = Regex("""[+-]?(?:nan|inf|infinity)""", RegexOption.IGNORE_CASE)
 
     private fun column(rows: List<DoubleArray>, at: Int): DoubleArray = DoubleArray(rows.size) { rows[it][at] }
 
     private val WAVELENGTH =
-        Regex("""(?:spectral_?|spec_?|reflectance_?|r_?)?(?:nm_?)?(\d{3,4}(?:[.,]\d+)?) ?(?:nm)?""")
+        Regex("""(?:spectral_?|spec_?|reflectance_?|r_?)?(?:nm_?)?([0-9]{3,4}(?:[.,][0-9]+)?) ?(?:nm)?""")
 
     /** 380 of 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380 ...; null of anything else. */
     private fun wavelength(field: String): Double? {
@@ -173,7 +185,7 @@ internal object SpectraFile {
         }.map { words.indexOf(it) }.ifEmpty { listOf(0).filter { it !in at } }
         val named = columns.map { column -> body.map { it[column] } } + listOf(body.indices.map { "${it + 1}" })
         // A column of positions (A1 ...) orders the patches; without one, the first column of names.
-        val position = Regex("[A-Na-n]\\d{1,2}")
+        val position = Regex("[A-Na-n][0-9]{1,2}")
         val names = named.firstOrNull { each -> each.all { position.matches(it) } } ?: named[0]
         return Spectra(names, at.map { wavelength(header[it])!! }.toDoubleArray(), values)
     }

@@ -4,6 +4,10 @@ import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.ensureActive
 import kotlinx.coroutines.withContext
 import java.io.Closeable
+import java.io.InterruptedIOException
+import java.net.SocketTimeoutException
+import java.nio.channels.ClosedByInterruptException
+import java.util.concurrent.CancellationException
 
 /**
  * Recovers a camera's spectral sensitivity from photos of a ColorChecker, on this device; nothing leaves it.
@@ -24,6 +28,9 @@ import java.io.Closeable
  * nothing; calls after it throw [IllegalStateException]. Results belong to the caller and outlive it.
  */
 public class SsfCalibrator private constructor(private val engine: Engine) : Closeable {
+    @Volatile
+    private var closed = false
+
     /** The basis of the curves: "cameras", or "gaussian", the paper's. */
     public val basis: String get() = engine.basis
 
@@ -44,17 +51,26 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         capture: Capture,
         settings: Settings = Settings(),
         progress: Progress? = null,
-    ): Calibration = run(capture, settings, blocking(progress))
+    ): Calibration {
+        checkOpen()
+        return run(capture, settings, blocking(progress))
+    }
 
-    /** [calibrate] on [Dispatchers.Default]; cancelling its job ends it at the next step. */
+    /**
+     * [calibrate] on [Dispatchers.IO], as it reads files and may wait at the model; cancelling its job ends it at the
+     * next step. `progress` is called there, not on the caller's dispatcher.
+     */
     public suspend fun calibrateSuspending(
         capture: Capture,
         settings: Settings = Settings(),
         progress: Progress? = null,
-    ): Calibration = withContext(Dispatchers.Default) {
-        run(capture, settings) { stage, part ->
-            ensureActive()
-            progress?.report(stage, part)
+    ): Calibration {
+        checkOpen()
+        return withContext(Dispatchers.IO) {
+            run(capture, settings) { stage, part ->
+                ensureActive()
+                progress?.report(stage, part)
+            }
         }
     }
 
@@ -62,9 +78,13 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
      * Measures one shot, so that its frames can be let go at once; [solve] takes several of them later.
      *
      * @throws CalibrationException the shot carries no answer, or the call is wrong.
+     * @throws InterruptedException if the thread is interrupted; nothing is left behind.
      */
-    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot =
-        Measure.measure(Capture(shot, chart), Begun(chart)) { _, _ -> }.shots[0]
+    @Throws(InterruptedException::class)
+    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot {
+        checkOpen()
+        return interruptible { Measure.measure(Capture(shot, chart), Begun(chart), blocking(null)).shots[0] }
+    }
 
     /**
      * From measured shots to curves, scores and verdict.
@@ -72,6 +92,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
      * @param shots of one chart with one camera, as [measure] gave them.
      * @param whiteReflectance of the white frames' card; null for a perfect diffuser.
      * @throws InvalidArgument the call itself is wrong.
+     * @throws InterruptedException if the thread is interrupted.
      */
     @JvmOverloads
     @Throws(InterruptedException::class)
@@ -82,6 +103,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         settings: Settings = Settings(),
         progress: Progress? = null,
     ): Calibration {
+        checkOpen()
         val begun = Begun(chart)
         return refusing(begun) {
             begun.shots += shots
@@ -104,7 +126,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
 
     private fun refusing(begun: Begun, work: () -> Solution): Calibration {
         try {
-            val solution = work()
+            val solution = interruptible(work)
             if (solution.verdict.status == "refused") {
                 return Refused(Judge.refusal(solution.verdict), solution.verdict, begun)
             }
@@ -117,28 +139,58 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         }
     }
 
+    private fun checkOpen() = check(!closed) { "This SsfCalibrator was closed. Open another." }
+
     /** Releases the model; waits for a run that is in work. */
     override fun close() {
+        closed = true
         engine.close()
     }
 
     public companion object {
         /** Bases that [open] knows: "cameras" learned from measured cameras, "gaussian" the paper's. */
         @JvmField
-        public val BASES: List<String> = OnnxEngine.SHIPPED
+        public val BASES: List<String> = SHIPPED_BASES
 
         /**
          * Loads the shipped model of a basis and checks its hash, grid and vocabulary.
          *
-         * @throws InvalidArgument there is no such basis, or the app carries another model than this version's.
+         * @throws InvalidArgument there is no such basis, the app carries another model than this version's, or ONNX
+         *   Runtime is missing.
          */
         @JvmStatic
         @JvmOverloads
-        public fun open(basis: String = "cameras"): SsfCalibrator = SsfCalibrator(OnnxEngine.load(basis))
+        public fun open(basis: String = "cameras"): SsfCalibrator = try {
+            SsfCalibrator(OnnxEngine.load(basis))
+        } catch (error: LinkageError) {
+            throw InvalidArgument(
+                "ONNX Runtime is missing or cannot load its native library (${error.message}).",
+                "Add com.microsoft.onnxruntime:onnxruntime-android of version 1.29.0, with the native library " +
+                    "of the device's ABI; on a desktop onnxruntime of the same version.",
+                cause = error,
+            )
+        }
 
         private fun blocking(progress: Progress?): Tell = { stage, part ->
             if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
             progress?.report(stage, part)
         }
+
+        /** An interrupt that ended a read comes out as one, whatever the read made of it; the flag is cleared. */
+        private fun <T> interruptible(work: () -> T): T = try {
+            work()
+        } catch (error: Exception) {
+            if (error is InterruptedException || error is CancellationException || !interrupt(error)) throw error
+            Thread.interrupted()
+            throw InterruptedException("The calibration was interrupted.").apply { initCause(error) }
+        }
+
+        private fun interrupt(error: Throwable): Boolean = generateSequence(error) { it.cause }.take(DEEPEST).any {
+            it is ClosedByInterruptException || it is InterruptedException ||
+                (it is InterruptedIOException && it !is SocketTimeoutException)
+        }
+
+        /** Causes that are looked at: a chain may run in a circle. */
+        private const val DEEPEST = 16
     }
 }

@@ -114,4 +114,29 @@ class LampTest {
         val wrong = listOf("", "hello", "380,1\n380,2\n390,1", "0.38,1\n0.39,1\n0.40,1")
         for (text in wrong) assertThrows(InvalidArgument::class.java) { Lamp.parse("x.csv", text.toByteArray()) }
     }
+
+    @Test
+    fun `numbers are what Python takes for numbers`() {
+        fun rows(end: String, first: String = "380") = flat().joinToString("\n") { (nm, power) ->
+            if (nm == 380) "$first,$power$end" else "$nm,$power$end"
+        }.toByteArray()
+        for (end in listOf("", "e0", "E+00")) assertEquals(Grid.SIZE, Lamp.parse("x.csv", rows(end)).values.size)
+        for (end in listOf("f", "d", "D", "e", "x")) {
+            assertThrows(InvalidArgument::class.java, { Lamp.parse("x.csv", rows(end)) }, end)
+        }
+        // A first line that is no number is a heading: the table then begins at 385 nm.
+        for (first in listOf("380.0f", "0x1p0", "\u0663\u0668\u0660")) {
+            assertTrue("outside 385" in Lamp.parse("x.csv", rows("", first)).source, first)
+        }
+        val none = flat().joinToString("\n") { "${it.first},${if (it.first == 500) "nan" else "1"}" }
+        assertThrows(LampUnfit::class.java) { Lamp.parse("x.csv", none.toByteArray()) }
+    }
+
+    @Test
+    fun `digits of other scripts are no temperature`() {
+        for (text in listOf("\u0663\u0660\u0660\u0660K", "D:\u0665\u0665\u0660\u0660")) {
+            assertThrows(InvalidArgument::class.java) { Lamp.read(text) }
+        }
+        assertThrows(InvalidArgument::class.java) { Lamp.read("D55").withTolerance("\u0662%") }
+    }
 }

@@ -4,6 +4,7 @@ import android.hardware.camera2.CameraCharacteristics
 import android.hardware.camera2.CameraMetadata
 import android.hardware.camera2.CaptureRequest
 import android.hardware.camera2.CaptureResult
+import android.util.Range
 
 /**
  * Something that a camera, request or result lacks.
@@ -11,8 +12,9 @@ import android.hardware.camera2.CaptureResult
  * @property key Camera2's name of the setting.
  * @property found what it holds, "not set" where nothing.
  * @property wanted what it should hold.
- * @property fatal true where the samples would not be the sensor's own: [RawFrames.read] refuses such a frame. Else the
- *   calibration runs, at a cost that [advice] names.
+ * @property fatal true where the frame would not be what is asked for: samples other than the sensor's own, which
+ *   [RawFrames.read] refuses, or an exposure that the camera cannot set. Else the calibration runs, at a cost that
+ *   [advice] names.
  * @property advice what to do.
  */
 public class Shortfall(
@@ -36,11 +38,23 @@ public class Shortfall(
  * | lens shading map | on, shading mode not off | how much darker the corners are, where no white frame tells it |
  * | exposure | by hand, the same for chart, white and dark frame | automatic exposure differs between them |
  * | flash | off, not fired | its spectrum would be part of the lamp's |
+ * | focus | on the chart, locked | the app's own part: [apply] leaves it as it is |
+ *
+ * Begin with `TEMPLATE_STILL_CAPTURE`, focus on the chart and lock (`CONTROL_AF_TRIGGER`, until the state is
+ * `FOCUSED_LOCKED`), and take all frames with that same focus mode. `TEMPLATE_MANUAL` switches the autofocus off and
+ * needs the capability MANUAL_SENSOR.
  *
  * Zoom, crop, white balance, tone curves, stabilisation and the post-RAW boost do not touch RAW.
  */
 public object CaptureRequirements {
-    /** Sets all of it, with the exposure in ns and the ISO sensitivity, as far as the camera offers it. */
+    /**
+     * Sets all of it but the focus, as far as the camera offers it; [check] then says what is lacking.
+     *
+     * @param builder of `TEMPLATE_STILL_CAPTURE`, or another.
+     * @param camera that it is for; without MANUAL_SENSOR the exposure stays automatic.
+     * @param exposureTime ns.
+     * @param iso sensitivity.
+     */
     @JvmStatic
     public fun apply(builder: CaptureRequest.Builder, camera: CameraCharacteristics, exposureTime: Long, iso: Int) {
         if (hasQuietRaw(camera)) {
@@ -51,18 +65,25 @@ public object CaptureRequirements {
             builder.set(CaptureRequest.STATISTICS_LENS_SHADING_MAP_MODE, MAP_ON)
         }
         builder.set(CaptureRequest.FLASH_MODE, CameraMetadata.FLASH_MODE_OFF)
+        if (!isManual(camera)) return
+        builder.set(CaptureRequest.CONTROL_MODE, CameraMetadata.CONTROL_MODE_AUTO) // a scene mode would set its own
         builder.set(CaptureRequest.CONTROL_AE_MODE, CameraMetadata.CONTROL_AE_MODE_OFF)
         builder.set(CaptureRequest.SENSOR_EXPOSURE_TIME, exposureTime)
         builder.set(CaptureRequest.SENSOR_SENSITIVITY, iso)
     }
 
-    /** What the camera itself cannot do; empty for a camera that serves fully. */
+    /**
+     * What the camera itself cannot do; empty for a camera that serves fully.
+     *
+     * @param manualExposure whether chart, white and dark frame need one exposure: false for a chart alone.
+     */
     @JvmStatic
-    public fun check(camera: CameraCharacteristics): List<Shortfall> {
+    @JvmOverloads
+    public fun check(camera: CameraCharacteristics, manualExposure: Boolean = true): List<Shortfall> {
         val found = Findings()
-        val abilities = camera.get(CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES) ?: IntArray(0)
-        val raw = CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_RAW in abilities
+        val raw = can(camera, CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_RAW)
         found.unless(raw, "capability RAW", "missing", "offered", true, "Choose another camera of this phone.")
+        if (manualExposure) found.manual(camera)
         val filters = camera.get(CameraCharacteristics.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT)
         val bayer = "camssf reads RGGB, GRBG, GBRG and BGGR (0 to 3); choose another camera of this phone."
         found.unless(filters in 0..3, "sensor.info.colorFilterArrangement", filters, "0 to 3", true, bayer)
@@ -79,7 +100,8 @@ public object CaptureRequirements {
         found.pattern(request.get(CaptureRequest.SENSOR_TEST_PATTERN_MODE))
         val map = request.get(CaptureRequest.STATISTICS_LENS_SHADING_MAP_MODE)
         found.shading(request.get(CaptureRequest.SHADING_MODE), map == MAP_ON, camera)
-        found.exposure(request.get(CaptureRequest.CONTROL_AE_MODE))
+        found.exposure(request, camera)
+        found.focus(request, camera)
         val flash = request.get(CaptureRequest.FLASH_MODE)
         val off = flash == null || flash == CameraMetadata.FLASH_MODE_OFF
         found.unless(off, "flash.mode", flash, "0 (OFF)", false, FLASH)
@@ -95,11 +117,20 @@ public object CaptureRequirements {
         val map = result.get(CaptureResult.STATISTICS_LENS_SHADING_CORRECTION_MAP)
         found.shading(result.get(CaptureResult.SHADING_MODE), map != null, camera)
         found.exposure(result.get(CaptureResult.CONTROL_AE_MODE))
+        val lens = result.get(CaptureResult.LENS_STATE)
+        val moving = "Focus on the chart, lock, and take it again: the patches may be blurred."
+        found.unless(lens != CameraMetadata.LENS_STATE_MOVING, "lens.state", lens, "0 (STATIONARY)", false, moving)
         val flash = result.get(CaptureResult.FLASH_STATE)
         val fired = flash == CameraMetadata.FLASH_STATE_FIRED || flash == CameraMetadata.FLASH_STATE_PARTIAL
         found.unless(!fired, "flash.state", flash, "not fired", false, FLASH)
         return found.list
     }
+
+    private fun can(camera: CameraCharacteristics, ability: Int): Boolean =
+        camera.get(CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES)?.let { ability in it } == true
+
+    private fun isManual(camera: CameraCharacteristics): Boolean =
+        can(camera, CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_MANUAL_SENSOR)
 
     private fun hasQuietRaw(camera: CameraCharacteristics): Boolean {
         val modes = camera.get(CameraCharacteristics.NOISE_REDUCTION_AVAILABLE_NOISE_REDUCTION_MODES)
@@ -112,6 +143,7 @@ public object CaptureRequirements {
         return !shaded && modes != null && MAP_ON in modes
     }
 
+    private const val AF_OFF = CameraMetadata.CONTROL_AF_MODE_OFF
     private const val MAP_ON = CameraMetadata.STATISTICS_LENS_SHADING_MAP_MODE_ON
     private const val FLASH = "Switch it off, or give the lamp's spectrum with the flash in it."
 
@@ -146,6 +178,37 @@ public object CaptureRequirements {
         fun exposure(mode: Int?) {
             val advice = "Set exposure time and sensitivity by hand, the same for chart, white and dark frame."
             unless(mode == CameraMetadata.CONTROL_AE_MODE_OFF, "control.aeMode", mode, "0 (OFF)", false, advice)
+        }
+
+        fun manual(camera: CameraCharacteristics) {
+            val advice = "Choose another camera of this phone, or take the chart alone with automatic exposure."
+            unless(isManual(camera), "capability MANUAL_SENSOR", "missing", "offered", true, advice)
+        }
+
+        fun exposure(request: CaptureRequest.Builder, camera: CameraCharacteristics) {
+            val mode = request.get(CaptureRequest.CONTROL_AE_MODE)
+            exposure(mode)
+            if (mode != CameraMetadata.CONTROL_AE_MODE_OFF) return
+            manual(camera)
+            val times = camera.get(CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE)
+            within(times, "sensor.exposureTime", request.get(CaptureRequest.SENSOR_EXPOSURE_TIME))
+            val sensitivities = camera.get(CameraCharacteristics.SENSOR_INFO_SENSITIVITY_RANGE)
+            within(sensitivities, "sensor.sensitivity", request.get(CaptureRequest.SENSOR_SENSITIVITY))
+        }
+
+        private fun <T : Comparable<T>> within(offered: Range<T>?, key: String, value: T?) {
+            val good = value != null && offered?.contains(value) != false
+            val wanted = offered?.let { "${it.lower} to ${it.upper}" } ?: "set by hand"
+            unless(good, key, value, wanted, true, "Ask for what the camera offers, and change the light instead.")
+        }
+
+        fun focus(request: CaptureRequest.Builder, camera: CameraCharacteristics) {
+            val nearest = camera.get(CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE) ?: 0f
+            if (nearest <= 0f || request.get(CaptureRequest.CONTROL_AF_MODE) != AF_OFF) return
+            val distance = request.get(CaptureRequest.LENS_FOCUS_DISTANCE)
+            val advice = "Begin with TEMPLATE_STILL_CAPTURE and lock the focus on the chart, or set its distance."
+            val near = distance != null && distance > 0f
+            unless(near, "lens.focusDistance", distance, "the chart's, in 1/m", false, advice)
         }
     }
 }

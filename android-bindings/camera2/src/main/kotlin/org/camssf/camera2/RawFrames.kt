@@ -47,13 +47,18 @@ public object RawFrames {
      * The mosaic equals what the platform's own DNG of this frame holds, but for its black level (the DNG's is cut to
      * 1/100), white level (the DNG's is the static one) and bad pixels (not read here).
      *
+     * Of a logical multi-camera, let one physical camera write the image (`OutputConfiguration.setPhysicalCameraId`) and
+     * hand over that camera's characteristics and result (`TotalCaptureResult.getPhysicalCameraResults`): otherwise the
+     * frame may come from another lens than they describe, which cannot be seen here.
+     *
      * @param image of format RAW_SENSOR, as big as the pixel array or as the pre-correction active array.
      * @param camera that took it.
      * @param result of the same capture.
      * @param name for messages and results.
      * @throws InvalidArgument an image of another format or capture, or a closed one.
      * @throws UnsupportedRaw a colour filter or size that camssf does not read.
-     * @throws NotSensorRaw noise reduction or a test pattern changed the samples.
+     * @throws NotSensorRaw a test pattern changed the samples, or noise reduction that the camera could have left out;
+     *   where it offers no OFF, the frame is taken and [RawFrame.shortfalls] names it.
      */
     @JvmStatic
     public fun read(image: Image, camera: CameraCharacteristics, result: CaptureResult, name: String): RawFrame {

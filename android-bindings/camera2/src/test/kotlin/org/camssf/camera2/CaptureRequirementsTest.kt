@@ -60,6 +60,7 @@ class CaptureRequirementsTest {
             CaptureResult.SENSOR_TEST_PATTERN_MODE to (1 to "sensor.testPatternMode"),
             CaptureResult.SHADING_MODE to (0 to "shading.mode"),
             CaptureResult.CONTROL_AE_MODE to (1 to "control.aeMode"),
+            CaptureResult.LENS_STATE to (CameraMetadata.LENS_STATE_MOVING to "lens.state"),
             CaptureResult.FLASH_STATE to (CameraMetadata.FLASH_STATE_FIRED to "flash.state"),
         )
         for ((key, wrong) in cases) {
@@ -86,9 +87,56 @@ class CaptureRequirementsTest {
         }
         val found = CaptureRequirements.check(poor)
         val filters = "sensor.info.colorFilterArrangement"
-        val names = listOf("capability RAW", filters, "noise reduction OFF")
+        val names = listOf("capability RAW", "capability MANUAL_SENSOR", filters, "noise reduction OFF")
         assertEquals(names, lacking(found))
-        assertEquals(listOf(true, true, false), found.map { it.fatal })
+        assertEquals(listOf(true, true, true, false), found.map { it.fatal })
+        assertEquals(names - "capability MANUAL_SENSOR", lacking(CaptureRequirements.check(poor, false)))
+    }
+
+    @Test
+    fun `without manual control the exposure stays automatic, and a request for it is fatal`() {
+        val automatic = camera { it[CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES] = intArrayOf(0, 3) }
+        val request = CaptureRequest.Builder(CameraMetadataNative(), false, -1, "0", null)
+        request.set(CaptureRequest.CONTROL_AE_MODE, CameraMetadata.CONTROL_AE_MODE_ON)
+        CaptureRequirements.apply(request, automatic, 10_000_000L, 100)
+        assertEquals(CameraMetadata.CONTROL_AE_MODE_ON, request.get(CaptureRequest.CONTROL_AE_MODE))
+        assertEquals(null, request.get(CaptureRequest.SENSOR_EXPOSURE_TIME))
+        val kept = CaptureRequirements.check(request, automatic)
+        assertEquals(listOf("control.aeMode" to false), kept.map { it.key to it.fatal })
+        val forced = CaptureRequirements.check(applied(camera()), automatic)
+        assertEquals(listOf("capability MANUAL_SENSOR" to true), forced.map { it.key to it.fatal })
+    }
+
+    @Test
+    fun `exposure and sensitivity outside what the camera offers are fatal`() {
+        val cases = listOf(
+            CaptureRequest.SENSOR_EXPOSURE_TIME to listOf(100_000L, 1_000_000_000L, 99_999L, 1_000_000_001L, null),
+            CaptureRequest.SENSOR_SENSITIVITY to listOf(50, 3200, 49, 3201, null),
+        )
+        for ((key, values) in cases) {
+            values.forEachIndexed { i, value ->
+                val request = applied(camera())
+                @Suppress("UNCHECKED_CAST")
+                request.set(key as CaptureRequest.Key<Any?>, value)
+                val found = CaptureRequirements.check(request, camera())
+                assertEquals(if (i < 2) emptyList() else listOf(key.name.substringAfter("android.")), lacking(found))
+                assertTrue(found.all { it.fatal && " to " in it.wanted })
+            }
+        }
+    }
+
+    @Test
+    fun `a lens that is switched to infinity is named, but for one that cannot move`() {
+        val off = CaptureRequest.CONTROL_AF_MODE to CameraMetadata.CONTROL_AF_MODE_OFF
+        val request = applied(camera(), off)
+        for ((distance, good) in listOf(null to false, 0f to false, 2.5f to true)) {
+            request.set(CaptureRequest.LENS_FOCUS_DISTANCE, distance)
+            val found = CaptureRequirements.check(request, camera())
+            assertEquals(if (good) emptyList() else listOf("lens.focusDistance"), lacking(found))
+            assertTrue(found.none { it.fatal })
+        }
+        val fixed = camera { it[CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE] = 0f }
+        assertEquals(emptyList<String>(), lacking(CaptureRequirements.check(applied(fixed, off), fixed)))
     }
 
     private fun lacking(found: List<Shortfall>) = found.map { it.key }

@@ -1,6 +1,7 @@
 package org.camssf.camera2
 
 import android.content.ContentProvider
+import android.content.ContentResolver
 import android.content.ContentValues
 import android.database.Cursor
 import android.database.MatrixCursor
@@ -15,6 +16,9 @@ import org.junit.Assert.assertThrows
 import org.junit.Assert.assertTrue
 import org.junit.Test
 import org.junit.runner.RunWith
+import org.mockito.ArgumentMatchers.any
+import org.mockito.Mockito.mock
+import org.mockito.Mockito.`when`
 import org.robolectric.Robolectric
 import org.robolectric.RobolectricTestRunner
 import org.robolectric.RuntimeEnvironment
@@ -51,12 +55,21 @@ class PhotosTest {
 
     @Test
     fun `what can only be streamed is read whole`() {
-        val provider = Robolectric.setupContentProvider(Files::class.java, "files")
-        provider.file = file
-        provider.streams = true
-        Photos.open(resolver, Uri.parse("content://files/document/17")).use { source ->
-            assertTrue(file.delete()) // nothing is read from the file any more
+        val pipe = Pipe(file) { -1L } // as a pipe answers
+        Photos.open(giving(pipe), Uri.parse("content://files/document/17")).use { source ->
+            assertTrue(pipe.closed) // nothing is read from it any more
             assertContent(source)
+        }
+    }
+
+    @Test
+    fun `a descriptor that cannot be read is closed`() {
+        for (failure in listOf(IllegalStateException("gone"), SecurityException("no"))) {
+            val pipe = Pipe(file) { throw failure }
+            val uri = Uri.parse("content://files/document/17")
+            val error = assertThrows(UnreadableRaw::class.java) { Photos.open(giving(pipe), uri) }
+            assertEquals(failure, error.cause)
+            assertTrue(failure.message, pipe.closed)
         }
     }
 
@@ -70,10 +83,26 @@ class PhotosTest {
     }
 
     @Test
+    fun `a provider that fails in its own way is said`() {
+        val provider = Robolectric.setupContentProvider(Files::class.java, "files")
+        provider.failure = IllegalStateException("no network")
+        val error = assertThrows(UnreadableRaw::class.java) { Photos.open(resolver, Uri.parse("content://files/2")) }
+        assertTrue(error.message, "IMG_1.dng failed" in error.message)
+        assertTrue(error.advice, error.advice.startsWith("Copy it"))
+        assertEquals("no network", error.cause?.message)
+    }
+
+    @Test
     fun `a provider without names or that throws is named by its address`() {
         Robolectric.setupContentProvider(Files::class.java, "files").file = file
         assertEquals("17", Photos.name(resolver, Uri.parse("content://files/document/17?nameless")))
         assertEquals("18", Photos.name(resolver, Uri.parse("content://files/document/18?broken")))
+    }
+
+    private fun giving(file: ParcelFileDescriptor): ContentResolver {
+        val resolver = mock(ContentResolver::class.java)
+        `when`(resolver.openFileDescriptor(any(), any())).thenReturn(file)
+        return resolver
     }
 
     private fun assertContent(source: DngSource) {
@@ -88,18 +117,15 @@ class PhotosTest {
     class Files : ContentProvider() {
         var file: File? = null
         var refuses = false
-        var streams = false
+        var failure: RuntimeException? = null
 
         override fun onCreate() = true
 
         override fun openFile(uri: Uri, mode: String): ParcelFileDescriptor {
             if (refuses) throw SecurityException("no")
+            failure?.let { throw it }
             val known = file ?: throw FileNotFoundException()
-            val open = ParcelFileDescriptor.open(known, ParcelFileDescriptor.MODE_READ_ONLY)
-            if (!streams) return open
-            return object : ParcelFileDescriptor(open) {
-                override fun getStatSize() = -1L // as a pipe answers
-            }
+            return ParcelFileDescriptor.open(known, ParcelFileDescriptor.MODE_READ_ONLY)
         }
 
         override fun query(
@@ -117,5 +143,16 @@ class PhotosTest {
         override fun delete(uri: Uri, where: String?, values: Array<String>?) = 0
 
         override fun update(uri: Uri, values: ContentValues?, where: String?, arguments: Array<String>?) = 0
+    }
+
+    private class Pipe(file: File, private val size: () -> Long) : ParcelFileDescriptor(open(file, MODE_READ_ONLY)) {
+        var closed = false
+
+        override fun getStatSize() = size()
+
+        override fun close() {
+            closed = true
+            super.close()
+        }
     }
 }

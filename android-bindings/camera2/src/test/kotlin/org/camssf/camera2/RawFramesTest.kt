@@ -10,6 +10,7 @@ import android.hardware.camera2.params.ColorSpaceTransform
 import android.hardware.camera2.params.LensShadingMap
 import android.media.Image
 import android.util.Pair
+import android.util.Range
 import android.util.Rational
 import android.util.Size
 import org.camssf.CalibrationException
@@ -256,6 +257,9 @@ internal fun camera(change: (Values<CameraCharacteristics.Key<*>>) -> Unit = {})
     values[CameraCharacteristics.NOISE_REDUCTION_AVAILABLE_NOISE_REDUCTION_MODES] = intArrayOf(0, 1, 2)
     values[CameraCharacteristics.STATISTICS_INFO_AVAILABLE_LENS_SHADING_MAP_MODES] = intArrayOf(0, 1)
     values[CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES] = intArrayOf(0, 1, 3)
+    values[CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE] = Range(100_000L, 1_000_000_000L)
+    values[CameraCharacteristics.SENSOR_INFO_SENSITIVITY_RANGE] = Range(50, 3200)
+    values[CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE] = 10f
     change(values)
     val camera = ShadowCameraCharacteristics.newCameraCharacteristics()
     val shadow = Shadow.extract<ShadowCameraCharacteristics>(camera)

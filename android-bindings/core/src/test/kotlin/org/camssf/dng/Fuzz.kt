@@ -1,9 +1,11 @@
 package org.camssf.dng
 
+import com.sun.management.ThreadMXBean
 import org.camssf.DngReader
 import org.camssf.DngSource
 import org.camssf.RawError
 import org.camssf.Region
+import java.lang.management.ManagementFactory
 import java.util.Random
 import kotlin.system.exitProcess
 
@@ -20,6 +22,13 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
         private set
     var slowestSeed = 0L
         private set
+
+    /** Most bytes that a read allocated, garbage included. */
+    var hungriest = 0L
+        private set
+    var hungriestSeed = 0L
+        private set
+    private val memory = ManagementFactory.getThreadMXBean() as ThreadMXBean
 
     /** File number `seed`; the same bytes on every machine. */
     fun damaged(seed: Long): ByteArray {
@@ -87,11 +96,13 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
      * @throws IllegalStateException for anything but samples or a [RawError], with the seed.
      */
     fun once(seed: Long) {
-        val bytes = damaged(seed)
+        val file = damaged(seed)
+        val thread = Thread.currentThread().id
+        val before = memory.getThreadAllocatedBytes(thread)
         val start = System.nanoTime()
         try {
             val whole = seed % 3 != 0L
-            val found = DngReader.read(DngSource.of(bytes, "fuzz.dng"), if (whole) null else Region(0, 0, 9, 20))
+            val found = DngReader.read(DngSource.of(file, "fuzz.dng"), if (whole) null else Region(0, 0, 9, 20))
             check(found.samples.size == found.region.width * found.region.height) {
                 "seed $seed: samples are missing"
             }
@@ -106,6 +117,11 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
             throw IllegalStateException("seed $seed: $error", error)
         }
         val time = System.nanoTime() - start
+        val bytes = memory.getThreadAllocatedBytes(thread) - before
+        if (bytes > hungriest) {
+            hungriest = bytes
+            hungriestSeed = seed
+        }
         if (time > slowest) {
             slowest = time
             slowestSeed = seed
@@ -147,6 +163,7 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
             println("$count files from seed $first, heap of $megabytes MB, $seconds s")
             println("read ${fuzz.read}, refused ${fuzz.refused.values.sum()}, nothing else")
             println("slowest ${fuzz.slowest / 1_000_000} ms, seed ${fuzz.slowestSeed}")
+            println("hungriest ${fuzz.hungriest shr 10} KiB, seed ${fuzz.hungriestSeed}")
             for ((reason, times) in fuzz.refused.entries.sortedByDescending { it.value }) {
                 println("%7d  %s".format(times, reason))
             }

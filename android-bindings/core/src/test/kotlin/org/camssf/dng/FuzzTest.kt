@@ -10,9 +10,10 @@ class FuzzTest {
     @Timeout(60)
     fun damagedFilesAreReadOrRefused() {
         val fuzz = Fuzz()
-        for (seed in 0L until 3000L) fuzz.once(seed)
+        for (seed in 0L until 100_000L) fuzz.once(seed)
         assertTrue(fuzz.slowest < 2_000_000_000, "seed ${fuzz.slowestSeed}: ${fuzz.slowest} ns")
-        assertTrue(fuzz.read > 300, "the damage is too heavy: ${fuzz.read} files read")
+        assertTrue(fuzz.read > 10_000, "the damage is too heavy: ${fuzz.read} files read")
+        assertTrue(fuzz.hungriest < 1L shl 20, "seed ${fuzz.hungriestSeed}: ${fuzz.hungriest} bytes")
         assertTrue(fuzz.refused.size > 30, "the damage is too uniform: ${fuzz.refused.keys}")
     }
 }

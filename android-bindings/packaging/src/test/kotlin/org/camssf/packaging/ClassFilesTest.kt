@@ -1,9 +1,11 @@
 package org.camssf.packaging
 
+import org.camssf.SsfCalibrator
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.TestFactory
 import org.objectweb.asm.ClassReader
 import org.objectweb.asm.ClassVisitor
@@ -30,6 +32,13 @@ class ClassFilesTest {
             }
             assertTrue(count > 0)
         }
+    }
+
+    /** A compiler reads the metadata of the version after its own: docs/android.md asks for Kotlin 2.3. */
+    @Test
+    fun `Kotlin's metadata is of the version that the docs name`() {
+        val metadata = SsfCalibrator::class.java.getAnnotation(Metadata::class.java)
+        assertEquals(listOf(2, 4), metadata.metadataVersion.take(2))
     }
 
     /** Internal names of all classes that a class file refers to. */

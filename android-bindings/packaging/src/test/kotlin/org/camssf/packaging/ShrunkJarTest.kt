@@ -11,8 +11,9 @@ import java.util.zip.ZipFile
 import java.util.zip.ZipOutputStream
 
 /**
- * The golden vectors through one jar of everything an app has, shrunk and obfuscated by R8 with the rules that the jars
- * carry and nothing else: what an app's release build does to us, as far as a JVM can show it.
+ * The golden vectors and whole calibrations through one jar of everything an app has but camera2, shrunk and obfuscated
+ * by R8 with the rules that the jars carry and nothing else: what an app's release build does to us, as far as a JVM can
+ * show it.
  */
 class ShrunkJarTest {
     @TempDir
@@ -26,15 +27,42 @@ class ShrunkJarTest {
         listOf("kotlin-stdlib-", "kotlinx-coroutines-", "kotlinx-serialization-json-", "annotations-")
             .map(::jar) + jar("kotlinx-serialization-core-")
 
+    /** An app's own class of this module, and the natives, which are all that the shrunk jar leaves in ONNX Runtime's. */
+    private val app by lazy { packed("app.jar") }
+    private val natives by lazy { unpack(runtime) { it.startsWith(NATIVE) && ".dSYM/" !in it } }
+
     @Test
-    fun `golden vectors pass with the rules that are shipped`() {
+    fun `golden vectors pass and results are the same with the rules that are shipped`() {
         val jar = shrink((ours + others).flatMap(::rules))
         val names = ZipFile(jar).use { zip -> zip.entries().toList().map { it.name } }
         assertTrue(names.none { it == "org/camssf/Recover.class" }, "nothing was renamed")
         assertTrue("org/camssf/model/camssf-cameras.onnx" in names, "the model is gone")
         val (status, said) = golden(jar)
-        println("shrunk to ${jar.length() / 1024} kB, models included; ${said.trim().lines().last()}")
         assertEquals(0, status, said)
+        for ((name, arguments) in CALIBRATIONS) {
+            val shrunk = calibrate(listOf(jar), arguments)
+            assertEquals(calibrate(ours + others + runtime, arguments), shrunk, name)
+            assertEquals(name != "refused", "\"ssf\":" in shrunk, name)
+        }
+        val suspended = File(folder, "suspended.json")
+        val main = listOf(MAINS[2], CHART, CORNERS, suspended.path)
+        val (end, words) = java(listOf(jar, natives), main)
+        assertEquals(0, end, words)
+        assertEquals(calibrate(listOf(jar), CALIBRATIONS.getValue("accepted")), suspended.readText())
+        println(said.trim().lines().last())
+    }
+
+    /** Of an app that does what docs/android.md shows, in the jar's own compression. */
+    @Test
+    fun `sizes are those that the docs state`() {
+        val jar = shrink((ours + others).flatMap(::rules), MAINS.takeLast(1))
+        val entries = ZipFile(jar).use { zip -> zip.entries().toList() }
+        val code = entries.filter { it.name.endsWith(".class") }.sumOf { it.compressedSize } / 1000
+        val models = entries.filter { it.name.startsWith("org/camssf/model/") }
+        val data = models.filterNot { it.name.endsWith(".class") }.sumOf { it.size } / 1000
+        println("an app's part: classes $code kB, models and tables $data kB")
+        assertTrue(code in 100..CODE, "classes take $code kB")
+        assertTrue(data in 100..DATA, "models and tables take $data kB")
     }
 
     @Test
@@ -44,12 +72,12 @@ class ShrunkJarTest {
         assertTrue("UnsatisfiedLinkError" in said, said)
     }
 
-    /** All classes of an app in one jar, R8 in class-file mode; only `main` is kept by name. */
-    private fun shrink(rules: List<String>): File {
-        val app = "-keep class org.camssf.golden.GoldenRunner { public static void main(java.lang.String[]); }"
-        val conf = File(folder, "rules.pro").apply { writeText((rules + app).joinToString("\n")) }
+    /** All classes of an app in one jar, R8 in class-file mode; only each `main` is kept by name. */
+    private fun shrink(rules: List<String>, names: List<String> = MAINS): File {
+        val mains = names.map { "-keep class $it { public static void main(java.lang.String[]); }" }
+        val conf = File(folder, "rules.pro").apply { writeText((rules + mains).joinToString("\n")) }
         val out = File(folder, "shrunk.jar")
-        val program = (ours + others + runtime).map(::bare)
+        val program = (ours + others + runtime).map(::bare) + app
         val r8 = short + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
         val options = listOf("--classfile", "--release", "--lib", System.getProperty("java.home"))
         val files = listOf("--pg-conf", conf.path, "--output", out.path)
@@ -85,17 +113,71 @@ class ShrunkJarTest {
         }
     }
 
-    /** ONNX Runtime's own jar comes last: its natives are found there, its classes in the shrunk jar. */
-    private fun golden(jar: File): Pair<Int, String> {
-        val path = listOf(jar, runtime).joinToString(File.pathSeparator)
-        val cases = File(System.getProperty("camssf.root"), "golden").path
-        return run(short + listOf("-cp", path, "org.camssf.golden.GoldenRunner", cases))
+    /** The classes of [Suspending], its lambdas' too. */
+    private fun packed(name: String): File = File(folder, name).apply {
+        val place = File(Suspending::class.java.protectionDomain.codeSource.location.toURI())
+        val classes = File(place, PACKAGE).listFiles().orEmpty().filter { it.name.startsWith("Suspending") }
+        ZipOutputStream(outputStream()).use { out ->
+            for (each in classes) {
+                out.putNextEntry(ZipEntry(PACKAGE + each.name))
+                each.inputStream().use { it.copyTo(out) }
+            }
+        }
     }
+
+    /** A folder of the entries that are wanted. */
+    private fun unpack(jar: File, wanted: (String) -> Boolean): File = File(folder, "natives").apply {
+        ZipFile(jar).use { zip ->
+            for (entry in zip.entries().toList().filter { !it.isDirectory && wanted(it.name) }) {
+                val file = File(this, entry.name).apply { parentFile.mkdirs() }
+                zip.getInputStream(entry).use { input -> file.outputStream().use { input.copyTo(it) } }
+            }
+        }
+    }
+
+    private fun golden(jar: File): Pair<Int, String> =
+        java(listOf(jar, natives), listOf(MAINS[0], GOLDEN))
+
+    /** The JSON that the command writes. */
+    private fun calibrate(path: List<File>, arguments: List<String>): String {
+        val output = File(folder, "result.json").apply { delete() }
+        val main = listOf(MAINS[1]) + arguments + listOf("-o", output.path)
+        val (_, said) = java(path + natives, main)
+        assertTrue(output.isFile, said)
+        return output.readText()
+    }
+
+    private fun java(path: List<File>, main: List<String>): Pair<Int, String> =
+        run(short + listOf("-cp", path.joinToString(File.pathSeparator)) + main)
 
     private fun run(command: List<String>): Pair<Int, String> {
         val said = File.createTempFile("said", ".txt", folder)
         val process = ProcessBuilder(command).redirectErrorStream(true).redirectOutput(said).start()
         assertTrue(process.waitFor(5, TimeUnit.MINUTES), "no end: ${command.last()}")
         return process.exitValue() to said.readText()
+    }
+
+    private companion object {
+        const val NATIVE = "ai/onnxruntime/native/"
+
+        /** kB; docs/android.md states them. */
+        const val CODE = 700
+        const val DATA = 400
+        const val PACKAGE = "org/camssf/packaging/"
+        val MAINS = listOf("golden.GoldenRunner", "golden.Calibrate", "packaging.Suspending").map { "org.camssf.$it" }
+        val GOLDEN: String = File(System.getProperty("camssf.root"), "golden").path
+        val CHART = "$GOLDEN/dng/chart-turned-0.dng"
+        const val CORNERS = "22.44,17.44,156.56,22.44,162.56,116.56,16.44,109.56"
+        const val FLAT = "19.44,19.44,160.56,19.44,160.56,112.56,19.44,112.56"
+
+        /** Arguments of the command; the last one's white frame is of another light. */
+        val CALIBRATIONS = mapOf(
+            "accepted" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS),
+            "paper" to listOf(CHART, "--lamp", "daylight", "--corners", CORNERS, "--basis", "gaussian"),
+            "refused" to listOf(
+                "$GOLDEN/dng/patches-shaded.dng", "--lamp", "D55", "--corners", FLAT,
+                "--white", "$GOLDEN/dng/patches-white.dng", "--dark", "$GOLDEN/dng/patches-dark.dng",
+            ),
+        )
     }
 }

@@ -6,7 +6,13 @@ import org.camssf.golden.Outcome
 import org.json.JSONArray
 import org.json.JSONObject
 
-/** What the user sends back: the device, the golden vectors, the calibration. No photo, no place, no name. */
+/**
+ * What the user sends back: the device, the golden vectors, the calibration. No photo, no place, no time.
+ *
+ * A result carries its photos' names, and Android's hold date and time (IMG_20261121_130000.dng): whoever calls
+ * [calibration] calls the photo something else, as [Nameless] does. The photo's SHA-256 stays, so that the sender can
+ * show which photo it was.
+ */
 internal class Report(private val device: Map<String, String>) {
     private var golden: JSONObject? = null
     private var calibration: JSONObject? = null
@@ -23,9 +29,12 @@ internal class Report(private val device: Map<String, String>) {
             .put("milliseconds", milliseconds)
     }
 
-    /** Takes a result and the time that it took, ms. */
-    fun calibration(found: Calibration, milliseconds: Long) {
-        calibration = JSONObject().put("milliseconds", milliseconds).put("result", JSONObject(found.toJson()))
+    /** Takes a result, the time that it took, ms, and the memory afterwards, bytes (see [Memory]). */
+    fun calibration(found: Calibration, milliseconds: Long, memory: Map<String, Long>) {
+        calibration = JSONObject()
+            .put("milliseconds", milliseconds)
+            .put("memory", JSONObject(memory))
+            .put("result", JSONObject(found.toJson()))
     }
 
     /** "camssf-selftest/1". */

@@ -36,7 +36,7 @@ import java.util.concurrent.Executors
  */
 public class SelfTestActivity : Activity() {
     private val worker = Executors.newSingleThreadExecutor()
-    private val report = Report(device())
+    internal val report by lazy { Report(device()) }
     internal var files = GoldenFiles { path -> assets.open("golden/$path").use { it.readBytes() } }
     private lateinit var said: TextView
     private lateinit var lamps: Spinner
@@ -108,12 +108,13 @@ public class SelfTestActivity : Activity() {
         val chart = charts.selectedItem as String
         work("Calibrating …") {
             val start = System.nanoTime()
-            val photo = Frame.dng { Photos.open(contentResolver, uri) }
+            val photo = Frame.dng { Nameless(Photos.open(contentResolver, uri)) }
             val capture = Capture(Shot(photo, Lamp.read(lamp), corners), ChartTable.read(chart))
             val found = SsfCalibrator.open().use { it.calibrate(capture) { stage, _ -> tell(stage) } }
             val time = (System.nanoTime() - start) / 1_000_000
+            val memory = Memory.now()
             post {
-                report.calibration(found, time)
+                report.calibration(found, time, memory)
                 curves.ssf = (found as? Calibrated)?.ssf
                 tell(words(found, time))
             }
@@ -134,7 +135,7 @@ public class SelfTestActivity : Activity() {
         work("Saving …") {
             val stream = contentResolver.openOutputStream(uri) ?: throw IOException("no stream")
             stream.use { it.write(text.toByteArray()) }
-            tell("Saved. Send that file back; it holds no photo.")
+            tell("Saved. Send that file back; it holds no photo, and not its name.")
         }
     }
 
@@ -183,6 +184,7 @@ public class SelfTestActivity : Activity() {
         "android" to Build.VERSION.RELEASE,
         "sdk" to Build.VERSION.SDK_INT.toString(),
         "abis" to Build.SUPPORTED_ABIS.joinToString(),
+        "page_size" to Memory.page().toString(),
     ).mapValues { it.value ?: "" }
 
     private companion object {

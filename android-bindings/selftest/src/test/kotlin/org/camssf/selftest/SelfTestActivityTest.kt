@@ -1,6 +1,10 @@
 package org.camssf.selftest
 
+import android.app.Activity
+import android.content.Intent
+import android.net.Uri
 import android.os.Looper
+import android.view.MotionEvent
 import android.view.View
 import android.view.ViewGroup
 import android.widget.Button
@@ -12,8 +16,11 @@ import org.camssf.golden.GoldenRunner
 import org.json.JSONObject
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
+import org.junit.Assert.assertFalse
 import org.junit.Assert.assertTrue
+import org.junit.Rule
 import org.junit.Test
+import org.junit.rules.TemporaryFolder
 import org.junit.runner.RunWith
 import org.robolectric.Robolectric
 import org.robolectric.RobolectricTestRunner
@@ -25,6 +32,8 @@ import java.io.File
 @RunWith(RobolectricTestRunner::class)
 @Config(sdk = [35])
 class SelfTestActivityTest {
+    @get:Rule
+    val scratch = TemporaryFolder()
     private val folder = File(System.getProperty("camssf.root"), "golden")
 
     @Test
@@ -33,13 +42,69 @@ class SelfTestActivityTest {
         activity.files = GoldenFiles.of(folder)
         val views = all(activity.window.decorView)
         views.filterIsInstance<Button>().single { "golden" in it.text }.performClick()
-        val end = System.nanoTime() + 60_000_000_000L
-        while (views.none { it is TextView && it.text.startsWith("golden: ") } && System.nanoTime() < end) {
-            Thread.sleep(50)
-            shadowOf(Looper.getMainLooper()).idle()
+        val said = waitFor(views, "golden: ")
+        assertTrue(said, " 0 failed" in said)
+    }
+
+    @Test
+    fun `a chosen DNG and four taps end in a result and a report without the photo's name`() {
+        val name = "IMG_20261121_130000.dng"
+        val photo = File(scratch.root, name)
+        File(folder, "dng/chart-turned-0.dng").copyTo(photo)
+        val activity = Robolectric.buildActivity(SelfTestActivity::class.java).setup().get()
+        val views = all(activity.window.decorView)
+        choose(activity, views, "Calibrate", Uri.fromFile(photo))
+        waitFor(views, "Tap ")
+        val picture = views.filterIsInstance<CornersView>().single()
+        picture.layout(0, 0, 2 * 180, 2 * 132) // the photo is 180 px wide: two pixels of the screen for one of it
+        for ((x, y) in listOf(162.56 to 116.56, 22.44 to 17.44, 16.44 to 109.56, 156.56 to 22.44)) {
+            val up = MotionEvent.obtain(0, 0, MotionEvent.ACTION_UP, 2 * x.toFloat(), 2 * y.toFloat(), 0)
+            picture.dispatchTouchEvent(up)
         }
-        val said = views.filterIsInstance<TextView>().map { it.text.toString() }
-        assertTrue(said.toString(), said.any { it.startsWith("golden: ") && " 0 failed" in it })
+        waitFor(views, "accepted, ")
+        assertEquals(681, views.filterIsInstance<CurvesView>().single().ssf!!.curve(0).size)
+
+        val saved = File(scratch.root, "report.json")
+        shadowOf(activity.contentResolver).registerOutputStream(Uri.fromFile(saved), saved.outputStream())
+        choose(activity, views, "Save", Uri.fromFile(saved))
+        waitFor(views, "Saved.")
+        val text = saved.readText()
+        assertFalse(text, "IMG_" in text || "20261121" in text)
+        val calibration = JSONObject(text).getJSONObject("calibration")
+        assertTrue(calibration.getJSONObject("memory").getLong("peak_resident") > 1 shl 20)
+        val result = calibration.getJSONObject("result")
+        assertEquals("accepted", result.getJSONObject("verdict").getString("status"))
+        val shot = result.getJSONArray("shots").getJSONObject(0).getJSONObject("photo")
+        assertEquals("photo", shot.getString("name"))
+        assertEquals(64, shot.getString("sha256").length)
+    }
+
+    @Test
+    fun `what is no DNG is said`() {
+        val photo = File(scratch.root, "note.dng").apply { writeText("no photo") }
+        val activity = Robolectric.buildActivity(SelfTestActivity::class.java).setup().get()
+        val views = all(activity.window.decorView)
+        choose(activity, views, "Calibrate", Uri.fromFile(photo))
+        waitFor(views, "unreadable_raw: note.dng")
+    }
+
+    /** Presses a button and answers what it asks of the system. */
+    private fun choose(activity: SelfTestActivity, views: List<View>, words: String, uri: Uri) {
+        views.filterIsInstance<Button>().single { words in it.text }.performClick()
+        val asked = shadowOf(activity).nextStartedActivityForResult
+        shadowOf(activity).receiveResult(asked.intent, Activity.RESULT_OK, Intent().setData(uri))
+    }
+
+    /** What the screen says, as soon as it begins like this. */
+    private fun waitFor(views: List<View>, begin: String): String {
+        val end = System.nanoTime() + 60_000_000_000L
+        while (true) {
+            shadowOf(Looper.getMainLooper()).idle()
+            val said = views.filterIsInstance<TextView>().map { it.text.toString() }
+            said.firstOrNull { it.startsWith(begin) }?.let { return it }
+            assertTrue(said.toString(), System.nanoTime() < end)
+            Thread.sleep(50)
+        }
     }
 
     @Test

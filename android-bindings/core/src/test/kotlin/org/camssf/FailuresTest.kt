@@ -1,0 +1,194 @@
+package org.camssf
+
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertFalse
+import org.junit.jupiter.api.Assertions.assertSame
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import java.io.IOException
+import java.io.InputStream
+import java.io.InterruptedIOException
+import java.lang.reflect.InvocationTargetException
+import java.net.SocketTimeoutException
+import java.net.URLClassLoader
+import kotlin.coroutines.Continuation
+import kotlin.coroutines.EmptyCoroutineContext
+
+/** What goes wrong around a calibration comes out as what it is. */
+class FailuresTest {
+    private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
+    private val corners = doubleArrayOf(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val chart = ChartTable.read("classic24")
+
+    private fun shot(frame: Frame, at: DoubleArray = corners) = Shot(frame, Lamp.read("E"), at)
+
+    private fun stream(thrown: IOException) = object : InputStream() {
+        override fun read(): Int = throw thrown
+    }
+
+    private fun refusal(calibrator: SsfCalibrator, frame: Frame): CalibrationException =
+        (calibrator.calibrate(Capture(shot(frame), chart)) as Refused).error
+
+    @Test
+    fun `an interrupt during reading is an interrupt`() {
+        val frames = listOf(
+            Frame { region ->
+                // closes the channel
+                Thread.currentThread().interrupt()
+                Frame.of(photo).read(region)
+            },
+            Frame.dng {
+                val source = DngSource.of(photo)
+                object : DngSource by source {
+                    override fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
+                        if (at > 0) Thread.currentThread().interrupt()
+                        source.read(at, into, offset, length)
+                    }
+                }
+            },
+            Frame.dng { DngSource.of(stream(InterruptedIOException()), "stream.dng") },
+            Frame { region ->
+                // a reader that looks for no interrupt: the next step does
+                val found = Frame.of(photo).read(region)
+                Thread.currentThread().interrupt()
+                found
+            },
+        )
+        SsfCalibrator.open().use { calibrator ->
+            for (frame in frames) {
+                val calls = listOf<() -> Any>(
+                    { calibrator.calibrate(Capture(shot(frame), chart)) },
+                    { calibrator.measure(shot(frame), chart) },
+                )
+                for (call in calls) {
+                    try {
+                        assertThrows(InterruptedException::class.java) { call() }
+                        assertFalse(Thread.currentThread().isInterrupted)
+                    } finally {
+                        Thread.interrupted()
+                    }
+                }
+            }
+            val slow = refusal(calibrator, Frame.dng { DngSource.of(stream(SocketTimeoutException()), "cloud.dng") })
+            assertEquals("unreadable_raw", slow.code)
+        }
+    }
+
+    @Test
+    fun `what a provider throws is an unreadable photo`() {
+        SsfCalibrator.open().use { calibrator ->
+            val provider = listOf(SecurityException("no permission"), IOException("no file"), NullPointerException())
+            for (thrown in provider) {
+                val error = refusal(calibrator, Frame.dng { throw thrown })
+                assertEquals("unreadable_raw", error.code)
+                assertSame(thrown, error.cause)
+                assertTrue((thrown.message ?: "NullPointer") in error.message && error.advice.isNotEmpty())
+            }
+            val own = UnsupportedRaw("a.dng", "b")
+            assertSame(own, refusal(calibrator, Frame.dng { throw own }))
+            val stop = java.util.concurrent.CancellationException("enough")
+            val thrown = assertThrows(stop.javaClass) { refusal(calibrator, Frame.dng { throw stop }) }
+            assertSame(stop, thrown)
+            val closing = Frame.dng {
+                val source = DngSource.of(photo)
+                object : DngSource by source {
+                    override fun close() {
+                        source.close()
+                        throw IOException("gone")
+                    }
+                }
+            }
+            assertEquals("unreadable_raw", refusal(calibrator, closing).code)
+        }
+    }
+
+    @Test
+    fun `after close nothing works`() {
+        val calibrator = SsfCalibrator.open()
+        val capture = Capture(shot(Frame { throw UnreadableRaw("a", "b") }), chart)
+        calibrator.close()
+        calibrator.close()
+        val next = Continuation<Calibration>(EmptyCoroutineContext) { }
+        val suspending: suspend () -> Calibration = { calibrator.calibrateSuspending(capture) }
+
+        @Suppress("UNCHECKED_CAST")
+        val calls = listOf<() -> Any?>(
+            { calibrator.calibrate(capture) },
+            { calibrator.measure(shot(Frame.of(photo)), chart) },
+            { calibrator.solve(emptyList(), chart) },
+            { (suspending as (Continuation<Calibration>) -> Any?)(next) },
+        )
+        for (call in calls) {
+            val error = assertThrows(IllegalStateException::class.java) { call() }
+            assertTrue("was closed" in error.message!!)
+        }
+    }
+
+    @Test
+    fun `a corner outside the photo, near or far`() {
+        SsfCalibrator.open().use { calibrator ->
+            val said = listOf(170.0, 5000.0).map { by ->
+                val moved = DoubleArray(8) { corners[it] + by }
+                assertThrows(InvalidArgument::class.java) {
+                    calibrator.calibrate(Capture(shot(Frame.of(photo), moved), chart))
+                }.toString()
+            } + assertThrows(InvalidArgument::class.java) {
+                calibrator.measure(shot(Frame.of(photo), DoubleArray(8) { corners[it] - 20 }), chart)
+            }.toString()
+            assertEquals(1, said.toSet().size, said.toString())
+            assertTrue("outside chart-turned-0.dng" in said[0] && "preview" in said[0], said[0])
+            assertFalse("Region" in said[0])
+        }
+    }
+
+    @Test
+    fun `memory that is not there`() {
+        val source = object : DngSource by DngSource.of(photo) {
+            override fun read(at: Long, into: ByteArray, offset: Int, length: Int): Unit = throw OutOfMemoryError()
+        }
+        assertTrue("part" in assertThrows(UnsupportedRaw::class.java) { DngReader.read(source) }.advice)
+        val part = assertThrows(UnsupportedRaw::class.java) { DngReader.read(source, Region(0, 0, 9, 9)) }
+        assertTrue("largeHeap" in part.advice && "part" !in part.advice, part.advice)
+    }
+
+    @Test
+    fun `the engine's errors are typed`() {
+        assertThrows(InvalidArgument::class.java) { OnnxEngine.open("cameras", "x.onnx", ByteArray(10)) }
+        OnnxEngine.load("cameras").use { engine ->
+            val one = Tensor.scalar(1.0)
+            val inputs = ModelInputs(one, one, one, one, one, one, one, 1.0, one, one, one, 1.0, 1.0, true)
+            val error = assertThrows(InvalidArgument::class.java) { engine.run(inputs) }
+            assertTrue(error.cause is ai.onnxruntime.OrtException, error.toString())
+        }
+    }
+
+    /** A class path as an app's that left ONNX Runtime out. */
+    @Test
+    fun `without ONNX Runtime the advice names it`() {
+        val needed = listOf(
+            SsfCalibrator::class.java,
+            org.camssf.model.Models::class.java,
+            Unit::class.java,
+            kotlinx.coroutines.Job::class.java,
+            kotlinx.serialization.json.Json::class.java,
+            kotlinx.serialization.KSerializer::class.java,
+        )
+        val places = needed.map { it.protectionDomain.codeSource.location }.distinct().toTypedArray()
+        assertTrue(places.none { "onnxruntime" in it.path })
+        URLClassLoader(places, ClassLoader.getPlatformClassLoader()).use { loader ->
+            val type = loader.loadClass("org.camssf.SsfCalibrator")
+            assertEquals(listOf("cameras", "gaussian"), type.getField("BASES").get(null))
+            val companion = type.getField("Companion").get(null)
+            repeat(2) {
+                val open = companion.javaClass.getMethod("open", String::class.java)
+                val thrown =
+                    assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "cameras") }
+                val error = thrown.targetException
+                assertEquals("org.camssf.InvalidArgument", error.javaClass.name, error.toString())
+                assertTrue("onnxruntime-android of version 1.29.0" in error.toString(), error.toString())
+            }
+        }
+    }
+}

@@ -1,0 +1,28 @@
+package org.camssf
+
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Test
+
+/** The wanted words are what Python's `f"{value:.1f}"` and `f"{value:g}"` give. */
+class NumbersTest {
+    @Test
+    fun `ties of the binary value go to even`() {
+        assertEquals("2.2", fixed(2.25, 1))
+        assertEquals("2.8", fixed(2.75, 1))
+        assertEquals("0.12", fixed(0.125, 2))
+        assertEquals("2", fixed(2.5, 0))
+        assertEquals("0.1", fixed(0.15, 1)) // a little less than it is written
+        assertEquals("1.00", fixed(0.995000000000000106, 2)) // a little more
+        assertEquals("12%", percent(0.125, 0))
+        assertEquals("100000", short(100000.5))
+    }
+
+    @Test
+    fun `signs, large numbers and none`() {
+        assertEquals("-0.0", fixed(-0.04, 1))
+        assertEquals("-2.2", fixed(-2.25, 1))
+        assertEquals("100000000000000000000.0", fixed(1e20, 1))
+        assertEquals("nan", fixed(Double.NaN, 1))
+        assertEquals("-inf", fixed(Double.NEGATIVE_INFINITY, 1))
+    }
+}
