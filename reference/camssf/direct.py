@@ -14,12 +14,9 @@ The brackets turn signal a pixel into signal a nanometre: the two cameras need n
 from __future__ import annotations
 
 import csv
-import errno
 import hashlib
 import io
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +28,7 @@ from numpy.typing import NDArray
 from camssf import __version__
 from camssf.dispersion import Dispersion, disperse, fine_structure
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexposed, UnreadableRaw
+from camssf.files import write_files
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.mosaic import Mosaic, read_dng
 
@@ -39,7 +37,6 @@ Progress: TypeAlias = Callable[[str, float], None]
 Json: TypeAlias = dict[str, Any]
 
 CHANNELS = ("red", "green", "blue")
-NAMES = ("direct.json", "ssf.csv")
 FIRST, LAST = 400.0, 700.0
 """Both frames, or a sweep, must cover these, nm."""
 FAINTEST = 0.004
@@ -141,7 +138,6 @@ class Direct:
         Raises:
             InvalidArgument: the folder cannot be written to.
         """
-        folder = Path(folder)
         document = self.document()
         columns = [WAVELENGTHS, *(np.array(document["ssf"][c]) for c in CHANNELS)]
         head = ["wavelength_nm", *CHANNELS]
@@ -153,22 +149,7 @@ class Direct:
             "direct.json": json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n",
             "ssf.csv": "\n".join([",".join(head), *rows, ""]),
         }
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
-                for name, text in texts.items():
-                    Path(aside, name).write_text(text, encoding="utf-8")
-                for name in texts:
-                    if (folder / name).is_dir():
-                        raise IsADirectoryError(errno.EISDIR, f"{name} is a folder there")
-                for name in texts:
-                    os.replace(Path(aside, name), folder / name)
-        except OSError as error:
-            raise InvalidArgument(
-                f"Cannot write into {folder}: {error.strerror or error}.",
-                "Free some space, or choose a folder that you may write to.",
-            ) from error
-        return [folder / name for name in NAMES]
+        return write_files(folder, texts)
 
 
 def divide(

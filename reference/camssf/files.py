@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -72,6 +73,8 @@ def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
     committing = False
     try:
         for name, content in contents.items():
+            if (folder / name).is_dir():
+                raise IsADirectoryError(errno.EISDIR, f"{name} is a folder there")
             if (folder / name).is_file():
                 shutil.copy2(folder / name, beside / f"old-{name}")
             if content is not None:
