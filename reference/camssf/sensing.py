@@ -71,15 +71,15 @@ def anchor(basis: Basis, white: Floats) -> Basis:
     return replace(basis, dictionary=basis.dictionary - basis.mean[:, :, None] * share[:, None, :])
 
 
-def smooth_errors(length: float) -> Floats:
-    """Directions Φ of a smooth random error on the 5-nm nodes: ε = Φ u with u standard normal, (69, p).
+def smooth_errors(length: float, at: Floats = NODES) -> Floats:
+    """Directions Φ of a smooth random error at these wavelengths: ε = Φ u with u standard normal, (len(at), p).
 
     White noise on points ℓ/2 apart, smoothed so that Φ Φᵀ = exp(-½ (Δλ / ℓ)²), to 1e-3 at the ends of the grid.
     """
     step = length / 2.0
     points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
     weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    return np.asarray(weight * np.exp(-(((NODES[:, None] - points) / length) ** 2)))
+    return np.asarray(weight * np.exp(-(((at[:, None] - points) / length) ** 2)))
 
 
 def sense(

@@ -82,6 +82,7 @@ from camssf.sensing import (
     LAMP_CORRELATION,
     RELATIVE,
     TABLE_CORRELATION,
+    smooth_errors,
 )
 from camssf.signals import Signals
 from camssf.spectra import ChartTable, Lamp
@@ -225,10 +226,7 @@ def directions(length: float) -> Floats:
     h = ℓ / 2, t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ: white noise, smoothed, so that
     Φ Φᵀ = exp(-½ (Δλ / ℓ)²).
     """
-    step = length / 2.0
-    points = 380.0 - 2.0 * length + step * np.arange(int(np.ceil((340.0 + 4.0 * length) / step)) + 1)
-    weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    found: Floats = weight * np.exp(-(((WAVELENGTHS[:, None] - points) / length) ** 2))
+    found = smooth_errors(length, WAVELENGTHS)
     found.setflags(write=False)
     return found
 
