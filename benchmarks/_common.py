@@ -22,10 +22,10 @@ from camssf.basis import Basis, interpolate
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.sensing import Sensing, anchor, sense
-from camssf.spectra import camera_names, read_camera, read_chart, read_lamp
+from camssf.spectra import read_chart, read_lamp
 
 RESULTS = Path(__file__).parent / "results"
-CURVES = Path(__file__).parents[2] / "shared" / "data" / "ssf" / "rawtoaces.csv"
+CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
 WIEN = 1.438776877e7
 """Planck's second constant, nm K: ln L of a hot body falls by WIEN / (λ T)."""
 
@@ -83,12 +83,9 @@ class Problem:
 @cache
 def cameras() -> tuple[dict[str, Floats], str]:
     """Measured cameras, name → (681, 3), and a sentence that says which."""
-    if CURVES.exists():
-        from camssf.learn import read_curves
+    from camssf.learn import read_curves
 
-        return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
-    known = {name: read_camera(name).values for name in camera_names()}
-    return known, f"colour-science's {len(known)} cameras only: the measured ones are not on this machine"
+    return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
 
 
 @cache

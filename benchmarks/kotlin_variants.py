@@ -2,7 +2,7 @@
 
 Has Kotlin's test writer put out its variants, decodes each with LibRaw (rawpy) and with tifffile and imagecodecs, and
 stores the SHA-256 of the active area's samples (little-endian 16 bit), or the words of the refusal, where Kotlin's
-tests find them. The same for the real files of shared/data/dng. Run it anew when a variant is added. tifffile applies
+tests find them. The same for the real files of data/dng. Run it anew when a variant is added. tifffile applies
 no LinearizationTable.
 """
 
@@ -28,7 +28,7 @@ from benchmarks._common import one_thread, versions
 from benchmarks.kotlin_decode import BINDINGS, Unavailable, class_path
 
 STORED = BINDINGS / "core" / "src" / "test" / "resources" / "dng" / "judges.json"
-REAL = Path(__file__).parents[2] / "shared" / "data" / "dng"
+REAL = Path(__file__).parents[1] / "data" / "dng"
 
 
 def mosaic_page(tiff: tifffile.TiffFile) -> Any:

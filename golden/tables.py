@@ -10,7 +10,7 @@ from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
 from golden.reading import ROOT, Json, digest, spectra
 
-CURVES = ROOT.parents[1] / "shared" / "data" / "ssf" / "rawtoaces.csv"
+CURVES = ROOT.parent / "data" / "ssf" / "rawtoaces.csv"
 CHARTS = {"babelcolor": "classic24", "ohta": "classic24:ohta"}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
 CAMERAS = (
@@ -21,7 +21,7 @@ DECIMALS = 6
 
 
 def write_tables() -> dict[str, Json]:
-    """golden/spectra/<name>.json by name; cameras are taken from that file where the measured curves are missing."""
+    """golden/spectra/<name>.json by name."""
     grid = "380 to 720 nm every 0.5 nm"
     science = "colour-science, BSD-3-Clause"
     return {
@@ -42,8 +42,6 @@ def write_tables() -> dict[str, Json]:
 
 
 def _cameras(path: Path) -> Json:
-    if not path.exists():
-        return spectra("cameras")
     from camssf.learn import read_curves
 
     curves = read_curves(path)

@@ -13,7 +13,7 @@ from camssf.patches import measure_patches
 from camssf.simulate import Frames, Scene, Sensor
 from tests.scenes import SIZE, mosaic, semi_gloss, shoot, table
 
-DNG = Path(__file__).parents[2] / "shared" / "data" / "dng"
+DNG = Path(__file__).parents[1] / "data" / "dng"
 
 # Read off an enlarged picture of the photo by eye: outer corners of the classic page's block of patches.
 BY_EYE = np.array([[672, 586], [1297, 571], [1303, 963], [655, 976]], dtype=float)
@@ -59,10 +59,7 @@ def worst(pose: Pose, truth: Pose) -> float:
 
 @pytest.fixture(scope="module")
 def real() -> Mosaic:
-    path = DNG / "colorchart.dng"
-    if not path.exists():
-        pytest.skip("the shared photo colorchart.dng is not on this machine")
-    return read_dng(path)
+    return read_dng(DNG / "colorchart.dng")
 
 
 @pytest.fixture(scope="module")
@@ -235,11 +232,8 @@ def test_photo_that_is_too_small(shape: tuple[int, int]) -> None:
 
 
 def test_real_photo_without_a_chart() -> None:
-    path = DNG / "blackmagic_ljpeg.dng"
-    if not path.exists():
-        pytest.skip("the shared photo blackmagic_ljpeg.dng is not on this machine")
     with pytest.raises(ChartNotFound, match="--corners"):
-        find_chart(read_dng(path), table())
+        find_chart(read_dng(DNG / "blackmagic_ljpeg.dng"), table())
 
 
 def test_grid_with_other_colours_is_no_chart() -> None:

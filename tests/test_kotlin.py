@@ -25,7 +25,7 @@ from camssf.simulate import SimulatedShot, simulate
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
 GOLDEN = BINDINGS / "golden" / "target"
-PHOTO = Path(__file__).parents[2] / "shared" / "data" / "dng" / "colorchart.dng"
+PHOTO = Path(__file__).parents[1] / "data" / "dng" / "colorchart.dng"
 CORNERS = [[679.0, 580.0], [1288.0, 577.0], [1309.0, 972.0], [649.0, 968.0]]
 """Of that photo's chart, by hand."""
 OFF = np.array([[7.0, -6.0], [-7.0, 5.0], [4.0, 8.0], [-5.0, -7.0]])
@@ -253,7 +253,6 @@ def test_a_refused_verdict_is_the_same(tmp_path: Path, kotlin: Kotlin) -> None:
     check(ours, theirs)
 
 
-@pytest.mark.skipif(not PHOTO.exists(), reason="../shared/data is not here")
 def test_the_real_photo(tmp_path: Path, kotlin: Kotlin) -> None:
     shot = SimulatedShot(PHOTO, None, None, "3000K", "classic24", np.zeros((24, 3)))
     case = Case([shot], [np.array(CORNERS)], ["3000K"], white=False, dark=False)

@@ -29,7 +29,7 @@ from golden.dngs import (
     opcode_list,
 )
 
-SHARED = Path(__file__).parents[2] / "shared" / "data" / "dng"
+REAL = Path(__file__).parents[1] / "data" / "dng"
 ORDERS = {"RGGB": (0, 1, 1, 2), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1), "BGGR": (2, 1, 1, 0)}
 
 
@@ -50,13 +50,6 @@ def write(folder: Path, dng: Dng | bytes, name: str = "photo.dng") -> Path:
 
 def read(folder: Path, **dng: Any) -> Mosaic:
     return read_dng(write(folder, Dng(**dng)))
-
-
-def shared(name: str) -> Path:
-    path = SHARED / name
-    if not path.exists():
-        pytest.skip(f"shared/data/dng/{name} is not here")
-    return path
 
 
 def libraw_colours(path: Path) -> tuple[NDArray[np.uint16], NDArray[np.uint8], tuple[int, int]]:
@@ -415,7 +408,7 @@ def test_one_decode_and_one_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_real_files_against_libraw_and_tifffile(
     name: str, cfa: str, black: float, white: float, shape: tuple[int, int]
 ) -> None:
-    path = shared(name)
+    path = REAL / name
     found = read_dng(path)
     assert (found.cfa, found.white, found.samples.shape) == (cfa, white, shape)
     assert (found.black == black).all()
@@ -440,12 +433,12 @@ def test_real_files_against_libraw_and_tifffile(
 
 def test_hash_of_the_real_chart() -> None:
     wanted = "592dba160b03770752667847f60ef07e9d96c17bf841e78e2b0cb5cbc5616edd"
-    assert read_dng(shared("colorchart.dng")).sha256 == wanted
+    assert read_dng(REAL / "colorchart.dng").sha256 == wanted
 
 
 @pytest.mark.parametrize("cut", [0.001, 0.1, 0.5, 0.9, 0.999])
 @pytest.mark.parametrize("name", ["colorchart.dng", "blackmagic_ljpeg.dng"])
 def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
-    content = shared(name).read_bytes()
+    content = (REAL / name).read_bytes()
     with pytest.raises(UnreadableRaw, match="truncated"):
         read_dng(write(tmp_path, content[: int(cut * len(content))]))

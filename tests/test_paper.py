@@ -13,14 +13,12 @@ import numpy as np
 import pytest
 
 from benchmarks import _paper_captures, paper
-from benchmarks._common import CURVES
 from benchmarks._paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, page
 from benchmarks.rivals import TABLE_1, method
 from camssf.grid import WAVELENGTHS
 from camssf.spectra import read_chart
 
 DOCS = Path(__file__).parents[1] / "docs"
-needs_cameras = pytest.mark.skipif(not CURVES.exists(), reason="measured curves are not on this machine")
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +190,6 @@ def test_the_large_chart_is_not_the_small_one() -> None:
     assert apart.min() > 0.01
 
 
-@needs_cameras
 def test_cameras_learn_nothing_of_their_maker() -> None:
     every = paper.cameras()
     assert len(every) == 54
@@ -204,7 +201,6 @@ def test_cameras_learn_nothing_of_their_maker() -> None:
     assert len(nikon.training) == 52 - sum(c.maker == "nikon" and not c.name.endswith("(NPL)") for c in every)
 
 
-@needs_cameras
 def test_one_camera_through_fig_4_and_the_charts() -> None:
     index = 4
     fig = paper.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
@@ -216,14 +212,12 @@ def test_one_camera_through_fig_4_and_the_charts() -> None:
     assert charts["diagonal"]["same"] == pytest.approx(charts["product"]["same"], rel=0.02)
 
 
-@needs_cameras
 def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
     (row,) = (paper.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
     assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
     assert row["ignored"]["A"]["rmsre_percent"] < 3.0
 
 
-@needs_cameras
 def test_a_phone_through_files() -> None:
     camera = next(c for c in paper.cameras() if c.name in _paper_captures.PHONES)
     made = _paper_captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)

@@ -26,7 +26,7 @@ from camssf.spectra import (
     read_lamp,
 )
 
-SHARED = Path(__file__).parents[2] / "shared" / "data"
+DATA = Path(__file__).parents[1] / "data"
 TEN = np.arange(380, 731, 10)
 
 
@@ -663,9 +663,7 @@ def test_one_camera_of_many(tmp_path: Path) -> None:
 
 
 def test_rawtoaces() -> None:
-    path = SHARED / "ssf" / "rawtoaces.csv"
-    if not path.is_file():
-        pytest.skip(f"{path} is not on this machine")
+    path = DATA / "ssf" / "rawtoaces.csv"
     rows = [
         line.split(",") for line in path.read_text("utf-8").splitlines() if line.startswith("Canon EOS 5D Mark II,")
     ]

@@ -165,7 +165,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         } catch (error: LinkageError) {
             throw InvalidArgument(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
-                "Add com.microsoft.onnxruntime:onnxruntime-android of version 1.29.0, with the native library " +
+                "Add com.microsoft.onnxruntime:onnxruntime-android of version 1.28.0, with the native library " +
                     "of the device's ABI; on a desktop onnxruntime of the same version.",
                 cause = error,
             )

@@ -187,7 +187,7 @@ class FailuresTest {
                     assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "cameras") }
                 val error = thrown.targetException
                 assertEquals("org.camssf.InvalidArgument", error.javaClass.name, error.toString())
-                assertTrue("onnxruntime-android of version 1.29.0" in error.toString(), error.toString())
+                assertTrue("onnxruntime-android of version 1.28.0" in error.toString(), error.toString())
             }
         }
     }
