@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from camssf.basis import Basis, interpolate
+from camssf.curves.basis import Basis, interpolate
+from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import Sensing, anchor, sense
 from camssf.spectra import read_chart, read_lamp
 
 RESULTS = Path(__file__).parent / "results"
@@ -83,7 +83,7 @@ class Problem:
 @cache
 def cameras() -> tuple[dict[str, Floats], str]:
     """Measured cameras, name → (681, 3), and a sentence that says which."""
-    from camssf.learn import read_curves
+    from camssf.tools.learn import read_curves
 
     return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
 
@@ -184,7 +184,7 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
 
 
 def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
-    """Relative duality gap of x by the formula in `camssf.unrolled`, from whitened rows (N, r), (N,); γ > 0.
+    """Relative duality gap of x by the formula in `camssf.curves.unrolled`, from whitened rows (N, r), (N,); γ > 0.
 
     Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
     where x ≥ 0 is asked is judged after that entry is set to zero.

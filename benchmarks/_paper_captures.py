@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.spectrograph import Spectrograph, shoot
-from camssf.basis import Basis
-from camssf.calibrate import calibrate
-from camssf.capture import measure
-from camssf.direct import divide
+from camssf.calibration import calibrate
+from camssf.curves.basis import Basis
+from camssf.direct.spectrograph import divide
 from camssf.errors import CalibrationError
+from camssf.evidence.scores import rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.signals import normalise
-from camssf.simulate import simulate
+from camssf.photo.capture import measure
+from camssf.photo.signals import normalise
+from camssf.simulation.frames import simulate
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf.validate import rmse, rmsre, validate
 
 PHONES = {
     "Arashi Vision Insta360 X5": "1/1.28 inch, an action camera's: a phone's main sensor",

@@ -31,10 +31,8 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
-from camssf.basis import Basis, interpolate, read_basis
-from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.learn import learn, maker_of, read_curves
-from camssf.sensing import (
+from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.sensing import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
@@ -43,8 +41,10 @@ from camssf.sensing import (
     TABLE_CORRELATION,
     smooth_errors,
 )
+from camssf.curves.ssf import Ssf, recover
+from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
-from camssf.ssf import Ssf, recover
+from camssf.tools.learn import learn, maker_of, read_curves
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 BINS = tuple(range(400, 700, 20))

@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.certify import draw
-from camssf.engine import OUTPUTS, SHIPPED, load_model
+from camssf.curves.engine import OUTPUTS, SHIPPED, load_model
 from camssf.grid import Floats
 
 BAR, GAP_BAR = 1e-10, 1e-9

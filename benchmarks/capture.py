@@ -47,7 +47,7 @@ def main() -> int:
     options = parser.parse_args()
 
     from camssf import calibrate
-    from camssf.simulate import simulate
+    from camssf.simulation.frames import simulate
 
     with tempfile.TemporaryDirectory() as folder:
         print("simulating a 12-megapixel lossless-JPEG DNG ...", file=sys.stderr)

@@ -48,11 +48,11 @@ from benchmarks._common import (
     versions,
     whiten,
 )
-from camssf.basis import Basis, interpolate, read_basis
-from camssf.engine import load_model
+from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.engine import load_model
+from camssf.curves.sensing import CHART_CORRELATION, Sensing, smooth_errors
+from camssf.curves.unrolled import solve
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.sensing import CHART_CORRELATION, Sensing, smooth_errors
-from camssf.unrolled import solve
 
 GAP_BAR, CURVE_BAR = 1e-9, 1e-6
 LAMPS = ("A", "D50", "D55", "D65", "equal-energy", "FL2", "FL11", "HP1", "LED-B3", "LED-V1", "2400K", "3000K")

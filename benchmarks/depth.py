@@ -38,9 +38,9 @@ from benchmarks._common import (
     whiten,
 )
 from benchmarks.certify import oracle
-from camssf.basis import read_basis
+from camssf.curves.basis import read_basis
+from camssf.curves.unrolled import soft, solve
 from camssf.grid import Floats
-from camssf.unrolled import soft, solve
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64, 128, 512)
 LIGHTS = {

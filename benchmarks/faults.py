@@ -1,11 +1,11 @@
 """What does the verdict catch, and what does it miss? `python -m benchmarks.faults [--quick]`
 
-Every fault of `camssf.faults` in every severity, on captures of measured cameras under several lamps, solved with a
-basis learned without the camera's maker (as `benchmarks.accuracy`). Each capture has a real chart and a real lamp:
-a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the tolerance that the solver
-is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white frame is taken; the file's
-colour matrix is that of the camera's kin, 3 % off a channel. Poses are the true corners, 1 % of a pitch off, but for
-faults that concern the search: there it is the search's. Samples are measured in memory; severity 2 of every fault
+Every fault of `camssf.simulation.faults` in every severity, on captures of measured cameras under several lamps,
+solved with a basis learned without the camera's maker (as `benchmarks.accuracy`). Each capture has a real chart and
+a real lamp: a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the tolerance that
+the solver is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white frame is taken; the
+file's colour matrix is that of the camera's kin, 3 % off a channel. Poses are the true corners, 1 % of a pitch off, but
+for faults that concern the search: there it is the search's. Samples are measured in memory; severity 2 of every fault
 also goes through real DNG files and the whole of `calibrate`, and the verdicts are compared.
 
 Cameras are split in halves by maker: thresholds were set on the first (`--half tune`), the table is of the second.
@@ -31,18 +31,10 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import SEEN, left_out
-from camssf.basis import Basis, interpolate
-from camssf.calibrate import _recover, solve
-from camssf.calibrate import calibrate as from_files
-from camssf.capture import Capture, Shot, photo_of
-from camssf.chart import Pose, agreement, find_chart, plain_signals
-from camssf.errors import CalibrationError
-from camssf.faults import FAULTS, SEVERITIES, strike
-from camssf.grid import STEP, Floats
-from camssf.learn import maker_of
-from camssf.mosaic import Mosaic
-from camssf.patches import measure_patches
-from camssf.sensing import (
+from camssf.calibration import _recover, solve
+from camssf.calibration import calibrate as from_files
+from camssf.curves.basis import Basis, interpolate
+from camssf.curves.sensing import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
@@ -51,10 +43,18 @@ from camssf.sensing import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.signals import normalise
-from camssf.simulate import Plan, Scene, Sensor, simulate, take, true_pose
+from camssf.errors import CalibrationError
+from camssf.evidence.verdict import Verdict
+from camssf.grid import STEP, Floats
+from camssf.photo.capture import Capture, Shot, photo_of
+from camssf.photo.mosaic import Mosaic
+from camssf.photo.patches import measure_patches
+from camssf.photo.pose import Pose, agreement, find_chart, plain_signals
+from camssf.photo.signals import normalise
+from camssf.simulation.faults import FAULTS, SEVERITIES, strike
+from camssf.simulation.frames import Plan, Scene, Sensor, simulate, take, true_pose
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf.verdict import Verdict
+from camssf.tools.learn import maker_of
 
 SIZE = (720, 540)
 LAMPS = ("D55", "A", "LED-B3", "D65", "FL2", "3200K", "LED-B5", "D:5000")

@@ -112,7 +112,7 @@ def mutate_tree(value: Any, rng: random.Random) -> Any:
 
 
 def _dng(path: Path) -> None:
-    from camssf.mosaic import read_dng
+    from camssf.photo.mosaic import read_dng
 
     read_dng(path)
 
@@ -136,20 +136,20 @@ def _camera(path: Path) -> None:
 
 
 def _patches(path: Path) -> None:
-    from camssf.capture import Capture
-    from camssf.cli import PATCHES, _read
+    from camssf.cli.commands import PATCHES, _read
+    from camssf.photo.capture import Capture
 
     Capture.from_document(_read(str(path), PATCHES))
 
 
 def _result(path: Path) -> None:
-    from camssf.report import read_document, report
+    from camssf.documents.report import read_document, report
 
     report(read_document(path))
 
 
 def _manifest(path: Path) -> None:
-    from camssf.batch import read_manifest
+    from camssf.fleet.run import read_manifest
 
     read_manifest(path)
 
@@ -157,9 +157,9 @@ def _manifest(path: Path) -> None:
 @cache
 def _demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
-    from camssf.calibrate import solve
-    from camssf.capture import measure
-    from camssf.simulate import simulate
+    from camssf.calibration import solve
+    from camssf.photo.capture import measure
+    from camssf.simulation.frames import simulate
 
     with tempfile.TemporaryDirectory() as folder:
         shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=3).shots[0]

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
-from camssf.calibrate import calibrate
-from camssf.simulate import Simulation, simulate
+from camssf.calibration import calibrate
+from camssf.simulation.frames import Simulation, simulate
 
 BAR = 1.5
 CLOSE = 1e-9

@@ -21,13 +21,13 @@ import numpy as np
 
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, left_out, score
-from camssf.basis import interpolate
-from camssf.families import FAMILIES, Kind, principal_modes
+from camssf.curves.basis import interpolate
+from camssf.curves.sensing import LAMP_CORRELATION, smooth_errors
+from camssf.curves.ssf import recover
 from camssf.grid import Floats
-from camssf.learn import maker_of
-from camssf.sensing import LAMP_CORRELATION, smooth_errors
 from camssf.spectra import read_chart, read_lamp
-from camssf.ssf import recover
+from camssf.spectra.families import FAMILIES, Kind, principal_modes
+from camssf.tools.learn import maker_of
 
 SETTINGS = (
     ("daylight",),

@@ -36,15 +36,15 @@ from benchmarks._paper_page import page
 from benchmarks.accuracy import left_out
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.rivals.qr import READINGS
-from camssf.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.sensing import Sensing, anchor, sense
+from camssf.curves.ssf import recover
+from camssf.curves.unrolled import solve
 from camssf.errors import NotConverged
+from camssf.evidence.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.learn import maker_of, read_curves
-from camssf.sensing import Sensing, anchor, sense
 from camssf.spectra import colour_science, read_camera, read_chart
-from camssf.ssf import recover
-from camssf.unrolled import solve
-from camssf.validate import rmsre
+from camssf.tools.learn import maker_of, read_curves
 
 SEED = 7
 DOCS = Path(__file__).parents[1] / "docs"

@@ -18,11 +18,11 @@ import numpy as np
 
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import CHART, SEED, WHITE, Setting, left_out, photograph, score
-from camssf.basis import Basis
+from camssf.curves.basis import Basis
+from camssf.curves.ssf import recover
 from camssf.grid import Floats
-from camssf.learn import maker_of
 from camssf.spectra import read_chart
-from camssf.ssf import recover
+from camssf.tools.learn import maker_of
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 NOISES = {"0.1 %": (0.001, 0.0002), "0.5 %": (0.005, 0.001), "1 %": (0.01, 0.002)}

@@ -48,12 +48,12 @@ from benchmarks._common import (
     whiten,
 )
 from benchmarks._peers import PEERS, Missing
-from camssf.basis import Basis, gaussian_basis, read_basis
-from camssf.engine import load_model
+from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.engine import load_model
+from camssf.curves.ssf import recover
+from camssf.curves.unrolled import solve
 from camssf.grid import Floats
 from camssf.spectra import read_camera
-from camssf.ssf import recover
-from camssf.unrolled import solve
 
 ONNX, REFERENCE = "ONNX model, from raw patch means", "NumPy reference, from signals"
 ROWS = "(rows and whitening in NumPy: free for peers)"

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from camssf.basis import FWHM_TO_SIGMA
+from camssf.curves.basis import FWHM_TO_SIGMA
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.simulate import Sensor
+from camssf.simulation.frames import Sensor
 from camssf.spectra import CameraCurves, read_lamp
 
 FINE: Floats = np.arange(330.0, 830.0, 0.05)

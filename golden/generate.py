@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.engine import load_model
+from camssf.curves.engine import load_model
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.basis import Basis
+from camssf.curves.basis import Basis
+from camssf.curves.sensing import Sensing, anchor
 from camssf.grid import STEP, Floats
-from camssf.sensing import Sensing, anchor
 from golden.compare import optimality
 from golden.reading import Json
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf import errors
-from camssf.basis import interpolate
+from camssf.curves.basis import interpolate
 from camssf.grid import WAVELENGTHS, Floats
 from golden.compare import METRICS
 

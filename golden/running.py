@@ -9,22 +9,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from camssf.basis import Basis, gaussian_basis, read_basis
-from camssf.calibrate import solve as calibrate_capture
-from camssf.capture import Capture, Photo, Shot
-from camssf.chart import Pose, find_chart
-from camssf.engine import load_model
+from camssf.calibration import solve as calibrate_capture
+from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.engine import load_model
+from camssf.curves.sensing import Sensing, sense
+from camssf.curves.ssf import Ssf, recover
+from camssf.curves.unrolled import solve
 from camssf.errors import CalibrationError
+from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
+from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
-from camssf.mosaic import Mosaic, read_dng
-from camssf.patches import FrameMeans, PatchMeans, measure_patches
-from camssf.sensing import Sensing, sense
-from camssf.signals import Signals, normalise
+from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
+from camssf.photo.pose import Pose, find_chart
+from camssf.photo.signals import Signals, normalise
 from camssf.spectra import ChartTable, Lamp, read_chart
-from camssf.ssf import Ssf, recover
-from camssf.unrolled import solve
-from camssf.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
-from camssf.verdict import judge as weigh
 from golden.compare import METRICS, optimality
 from golden.reading import CAPABILITIES, Json, digest, dng, resolve
 
@@ -304,7 +304,7 @@ def _signals(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _verdict(given: dict[str, Any]) -> dict[str, Any]:
-    """`camssf.verdict.judge`, and the numbers of rules 1 to 3 that it weighed."""
+    """`camssf.evidence.verdict.judge`, and the numbers of rules 1 to 3 that it weighed."""
     table = replace(_table(given["reflectance"], 0.0, 18), tolerance=given["chart_tolerance"])
     used = np.array(given["used"], bool)
     signals = Signals(
@@ -358,7 +358,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
-    """`camssf.calibrate.solve`, from patch statistics on: what a phone does after measuring."""
+    """`camssf.calibration.solve`, from patch statistics on: what a phone does after measuring."""
     table = _table(given["reflectance"], given["chart_tolerance"], given["white"])
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])

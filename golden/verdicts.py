@@ -1,4 +1,4 @@
-"""The cases of the stage `verdict`: one a rule of `camssf.verdict`, in plain numbers.
+"""The cases of the stage `verdict`: one a rule of `camssf.evidence.verdict`, in plain numbers.
 
 No solution is behind them: the answer is a measured camera, the predictions are its signals, and the signals differ
 from them as the case says. So every number comes from a formula or a table.

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from camssf.curves.sensing import Sensing
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.sensing import Sensing
 from camssf.spectra import read_chart, read_lamp
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
@@ -36,8 +36,8 @@ def chart_and_lamp(lamp: str = "D55", patches: slice = slice(6, 18)) -> tuple[Fl
 
 def measured_cameras() -> dict[str, Floats]:
     """The 52 cameras on the grid; skips where the data is not there."""
-    from camssf.basis import interpolate
-    from camssf.learn import read_curves
+    from camssf.curves.basis import interpolate
+    from camssf.tools.learn import read_curves
 
     return {name: interpolate(curves) for name, curves in read_curves(CURVES).items()}
 

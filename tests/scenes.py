@@ -1,4 +1,4 @@
-"""Photos for the tests of chart, patches and signals: the renderer of `camssf.simulate` as mosaics."""
+"""Photos for the tests of chart, patches and signals: the renderer of `camssf.simulation.frames` as mosaics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS
-from camssf.mosaic import Mosaic
-from camssf.simulate import Frames, Scene, Sensor, photograph
+from camssf.photo.mosaic import Mosaic
+from camssf.simulation.frames import Frames, Scene, Sensor, photograph
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
 
 SIZE = (1600, 1200)

@@ -11,12 +11,12 @@ import pytest
 from benchmarks import accuracy
 from benchmarks._common import CURVES, chart, lamp
 from benchmarks.accuracy import BINS, MEAN, METHODS, PAPER, PRODUCT, SEEN, SETTINGS, SPARSE, Scores, Setting
-from camssf.basis import interpolate
+from camssf.curves.basis import interpolate
+from camssf.curves.sensing import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
+from camssf.curves.ssf import Ssf, predict, recover
 from camssf.grid import STEP, WAVELENGTHS
-from camssf.learn import learn, maker_of, read_curves
-from camssf.sensing import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
 from camssf.spectra import read_camera
-from camssf.ssf import Ssf, predict, recover
+from camssf.tools.learn import learn, maker_of, read_curves
 
 NAMED = {setting.name: setting for setting in SETTINGS}
 

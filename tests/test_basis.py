@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from camssf import recover
-from camssf.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
+from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.learn import Crowd, Enlargement, crowd_of, enlarge, learn, main, maker_of, read_curves, save
+from camssf.tools.learn import Crowd, Enlargement, crowd_of, enlarge, learn, main, maker_of, read_curves, save
 from tests.problems import CURVES, chart_and_lamp, theory, toy_camera
 
 

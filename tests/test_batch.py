@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from camssf.batch import MARK, Job, Outcome, read_manifest, run_batch
+from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
-from camssf.report import NAMES
+from camssf.fleet.run import MARK, Job, Outcome, read_manifest, run_batch
 
 HEADER = "name,photo,lamp,white,dark,chart"
 
@@ -285,7 +285,7 @@ def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path
     out = tmp_path / "out"
     code = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from camssf.batch import run_batch\nfrom test_batch import slow\n"
+        "from camssf.fleet.run import run_batch\nfrom test_batch import slow\n"
         f"if __name__ == '__main__': run_batch({str(manifest)!r}, {str(out)!r}, jobs=1, work=slow)"
     )
     running = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, start_new_session=True)

@@ -12,10 +12,10 @@ import pytest
 
 from benchmarks import _common, arm, arm_jvm, certify, depth, solver
 from benchmarks._peers import PEERS, Missing
-from camssf.basis import read_basis
-from camssf.engine import load_model
-from camssf.sensing import Sensing
-from camssf.unrolled import soft, solve
+from camssf.curves.basis import read_basis
+from camssf.curves.engine import load_model
+from camssf.curves.sensing import Sensing
+from camssf.curves.unrolled import soft, solve
 from tests.problems import random_sensing
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.calibrate import calibrate, solve
-from camssf.capture import Capture, measure
+from camssf.calibration import calibrate, solve
+from camssf.documents.report import report
 from camssf.errors import (
     CalibrationError,
     ChartNotFound,
@@ -18,8 +18,8 @@ from camssf.errors import (
     LampUnfit,
     UnreadableRaw,
 )
-from camssf.report import report
-from camssf.simulate import Simulation, simulate
+from camssf.photo.capture import Capture, measure
+from camssf.simulation.frames import Simulation, simulate
 from camssf.spectra import CameraCurves, read_chart
 from tests.problems import theory, toy_camera
 

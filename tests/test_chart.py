@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.chart import LAYOUTS, Pose, agreement, find_chart, refine_corners
 from camssf.errors import ChartNotFound, InvalidArgument
-from camssf.mosaic import Mosaic, read_dng
-from camssf.patches import measure_patches
-from camssf.simulate import Frames, Scene, Sensor
+from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.patches import measure_patches
+from camssf.photo.pose import LAYOUTS, Pose, agreement, find_chart, refine_corners
+from camssf.simulation.frames import Frames, Scene, Sensor
 from tests.scenes import SIZE, mosaic, semi_gloss, shoot, table
 
 DNG = Path(__file__).parents[1] / "data" / "dng"
@@ -248,7 +248,7 @@ def test_of_two_charts_the_one_that_agrees() -> None:
     """Left a chart in another order, right the real one: cv2.mcc alone cannot tell."""
     scene = Scene(size=(800, 1200), fill=0.7)
     mixed = replace(table(), values=table().values[np.random.default_rng(3).permutation(24)])
-    from camssf.simulate import photograph
+    from camssf.simulation.frames import photograph
     from camssf.spectra import read_camera, read_lamp
 
     camera, lamp = read_camera("Nikon 5100 (NPL)"), read_lamp("D55")

@@ -17,7 +17,7 @@ import pytest
 
 import camssf
 from camssf import cli, errors
-from camssf.basis import read_basis
+from camssf.curves.basis import read_basis
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
 
@@ -60,7 +60,7 @@ def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes], None]:
 
 def swap(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> None:
     """Replace something in camssf.calibrate; the module, not the verb of that name."""
-    monkeypatch.setattr(import_module("camssf.calibrate"), name, value)
+    monkeypatch.setattr(import_module("camssf.calibration"), name, value)
 
 
 def raising(error: BaseException) -> Callable[..., Any]:
@@ -584,19 +584,19 @@ def test_progress_shows_itself_on_long_work_only(
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
     monkeypatch.setenv("TERM", "xterm-256color")
     for after, shown in ((0.1, True), (2.0, False)):
-        monkeypatch.setattr(cli, "PROGRESS_AFTER", after)
+        monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
         assert ("looking for the chart" in err) is shown
         assert out == ""
     monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setattr(cli, "PROGRESS_AFTER", 0.1)
+    monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", 0.1)
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
     assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
 
 
 def test_the_bar_waits_two_seconds() -> None:
-    assert cli.PROGRESS_AFTER == 2.0
+    assert cli.commands.PROGRESS_AFTER == 2.0
 
 
 def test_main_is_the_console_script() -> None:

@@ -14,8 +14,8 @@ import tifffile
 from benchmarks import spectrograph
 from benchmarks.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
-from camssf.direct import Direct, divide, extract, sweep
-from camssf.dispersion import FEWEST, LINES, disperse, fine_structure
+from camssf.direct.dispersion import FEWEST, LINES, disperse, fine_structure
+from camssf.direct.spectrograph import Direct, divide, extract, sweep
 from camssf.errors import (
     FramesDiffer,
     InvalidArgument,
@@ -24,10 +24,10 @@ from camssf.errors import (
     Underexposed,
     UnreadableRaw,
 )
+from camssf.evidence.scores import rmse
 from camssf.grid import WAVELENGTHS
-from camssf.simulate import Sensor
+from camssf.simulation.frames import Sensor
 from camssf.spectra import CameraCurves, read_camera, read_lamp
-from camssf.validate import rmse
 
 NIKON = "Nikon 5100 (NPL)"
 RGB, MONO = Spectrograph(), Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)

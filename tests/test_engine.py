@@ -8,8 +8,9 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from camssf import engine, recover
-from camssf.basis import read_basis
+from camssf import recover
+from camssf.curves import engine
+from camssf.curves.basis import read_basis
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import WAVELENGTHS
 from tests.problems import chart_and_lamp, theory, toy_camera
@@ -73,7 +74,7 @@ def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("which", ["onnx", "reference"])
 def test_no_curve_without_its_proof(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("camssf.ssf.LARGEST_GAP", -1.0)
+    monkeypatch.setattr("camssf.curves.ssf.LARGEST_GAP", -1.0)
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
     with pytest.raises(NotConverged, match="duality gap"):

@@ -7,9 +7,9 @@ import pytest
 
 from camssf import recover
 from camssf.errors import InvalidArgument
-from camssf.families import FAMILIES, Kind, logarithm, principal_modes
 from camssf.grid import Floats
 from camssf.spectra import read_lamp, with_tolerance
+from camssf.spectra.families import FAMILIES, Kind, logarithm, principal_modes
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 

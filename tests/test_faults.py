@@ -13,13 +13,13 @@ import pytest
 
 from benchmarks.faults import BEGIN, END, markdown
 from camssf import cli
-from camssf import verdict as rules
-from camssf.calibrate import calibrate
+from camssf.calibration import calibrate
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.faults import FAULTS, SEVERITIES, strike
+from camssf.evidence import verdict as rules
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.mosaic import read_dng
-from camssf.simulate import Frames, Plan, Scene, Sensor, Simulation, simulate, take, true_pose
+from camssf.photo.mosaic import read_dng
+from camssf.simulation.faults import FAULTS, SEVERITIES, strike
+from camssf.simulation.frames import Frames, Plan, Scene, Sensor, Simulation, simulate, take, true_pose
 from camssf.spectra import read_camera, read_chart, read_lamp
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -69,7 +69,7 @@ def patch(samples: Floats, number: int, colour: str, scene: Scene) -> float:
 
 def test_the_list_is_whole() -> None:
     assert set(ISSUE.values()) <= set(FAULTS)
-    assert ", ".join(sorted(FAULTS)) == cli._FAULTS
+    assert ", ".join(sorted(FAULTS)) == cli.commands._FAULTS
     for name, fault in FAULTS.items():
         assert fault.name == name
         assert len(set(fault.degrees)) == len(SEVERITIES)

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
-from camssf.batch import read_manifest
-from camssf.capture import Capture
 from camssf.errors import InvalidArgument, UnsupportedRaw
+from camssf.fleet.run import read_manifest
+from camssf.photo.capture import Capture
 
 
 @pytest.mark.parametrize("reader", READERS)

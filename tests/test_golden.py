@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.basis import interpolate, read_basis
-from camssf.engine import SHIPPED, load_model
+from camssf.curves.basis import interpolate, read_basis
+from camssf.curves.engine import SHIPPED, load_model
+from camssf.curves.sensing import anchor
 from camssf.grid import WAVELENGTHS
-from camssf.sensing import anchor
 from golden import compare, generate, poses, reading
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
 from golden.running import ABILITIES, findings, judge, problem, run

@@ -13,10 +13,11 @@ from pathlib import Path
 import pytest
 
 import camssf
-from camssf import batch, cli
+from camssf import cli
+from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
-from camssf.report import NAMES
-from camssf.simulate import simulate
+from camssf.fleet import run as batch
+from camssf.simulation.frames import simulate
 
 PACKAGE = Path(camssf.__file__).parent
 SOURCES = sorted(PACKAGE.glob("*.py"))
@@ -127,9 +128,9 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
         file.truncate(batch.LARGEST_MANIFEST + 1)
     with pytest.raises(InvalidArgument, match="larger than"):
         batch.read_manifest(large)
-    from camssf._tables import _LARGEST_FILE
-    from camssf.report import LARGEST_DOCUMENT, read_document
+    from camssf.documents.report import LARGEST_DOCUMENT, read_document
     from camssf.spectra import read_lamp
+    from camssf.spectra.tables import _LARGEST_FILE
 
     with large.open("r+b") as file:
         file.truncate(_LARGEST_FILE + 1)

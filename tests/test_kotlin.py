@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from benchmarks import kotlin_calibrate
-from camssf.calibrate import calibrate
-from camssf.capture import Json
+from camssf.calibration import calibrate
 from camssf.cli import main
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
-from camssf.simulate import SimulatedShot, simulate
+from camssf.photo.capture import Json
+from camssf.simulation.frames import SimulatedShot, simulate
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
 GOLDEN = BINDINGS / "golden" / "target"

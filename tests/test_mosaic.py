@@ -15,7 +15,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, NotSensorRaw, RawError, UnreadableRaw, UnsupportedRaw
-from camssf.mosaic import Mosaic, read_dng
+from camssf.photo.mosaic import Mosaic, read_dng
 from golden.dngs import (
     ASCII,
     BAD_PIXELS,

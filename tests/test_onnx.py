@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.basis import read_basis
-from camssf.engine import SHIPPED, Model, load_model
+from camssf.curves.basis import read_basis
+from camssf.curves.engine import SHIPPED, Model, load_model
+from camssf.curves.ssf import Ssf, recover
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
-from camssf.ssf import Ssf, recover
 from golden.compare import norm, optimality, peak
 from golden.reading import paths, read_case
 from golden.running import BY_MODEL, findings, problem, run
@@ -110,7 +110,7 @@ def test_lamps_of_a_family(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(0, 12, 3))
 def test_seeded_problems_against_cvxpy(seed: int) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
-    from camssf.sensing import sense
+    from camssf.curves.sensing import sense
     from golden.oracle import consult
 
     a = seeded(seed)

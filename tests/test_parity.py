@@ -13,8 +13,8 @@ import pytest
 
 from camssf import cli
 from camssf.errors import InvalidArgument
-from camssf.mosaic import read_dng
 from camssf.parity import CURVES, MEANS, POSE, STAGES, cause, first, parity
+from camssf.photo.mosaic import read_dng
 
 Json = dict[str, Any]
 SIZE = "900x675"

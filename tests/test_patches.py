@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from camssf.chart import Pose
 from camssf.errors import ChartNotFound, FramesDiffer
-from camssf.mosaic import Mosaic
-from camssf.patches import measure_patches
-from camssf.simulate import CFA_ORDERS, Scene, Sensor
+from camssf.photo.mosaic import Mosaic
+from camssf.photo.patches import measure_patches
+from camssf.photo.pose import Pose
+from camssf.simulation.frames import CFA_ORDERS, Scene, Sensor
 from tests.scenes import SIZE, mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

@@ -22,11 +22,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import camssf
-from camssf import _page
-from camssf import report as report_module
+from camssf.documents import page as _page
+from camssf.documents import report as report_module
+from camssf.documents.report import NAMES, Report, read_document, report
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.report import NAMES, Report, read_document, report
 
 jsonschema = pytest.importorskip("jsonschema")
 

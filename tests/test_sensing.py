@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from camssf import recover
-from camssf.basis import NODES, interpolate, read_basis
-from camssf.families import FAMILIES, Kind, principal_modes
+from camssf.curves.basis import NODES, interpolate, read_basis
+from camssf.curves.sensing import CHART_CORRELATION, Sensing, anchor, sense, smooth_errors
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import CHART_CORRELATION, Sensing, anchor, sense, smooth_errors
 from camssf.spectra import read_lamp
+from camssf.spectra.families import FAMILIES, Kind, principal_modes
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.calibrate import calibrate
-from camssf.capture import Capture, measure
-from camssf.chart import Pose
+from camssf.calibration import calibrate
 from camssf.cli import main
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
-from camssf.mosaic import Mosaic, read_dng, shading
-from camssf.patches import measure_patches
-from camssf.simulate import Scene, Sensor
+from camssf.photo.capture import Capture, measure
+from camssf.photo.mosaic import Mosaic, read_dng, shading
+from camssf.photo.patches import measure_patches
+from camssf.photo.pose import Pose
+from camssf.simulation.frames import Scene, Sensor
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
 from tests.scenes import SIZE, mosaic, shoot
 
@@ -136,7 +136,7 @@ def test_signals_above_black_are_multiplied() -> None:
     y, x = np.mgrid[0:120, 0:120]
     samples = (1000 + 60 * ((x // 2 + y // 2) % 2)).astype(np.uint16)
     samples[::2, ::2] = 15871  # a quarter at the ceiling
-    from camssf._opcodes import GainMap
+    from camssf.photo.opcodes import GainMap
 
     gains = GainMap(2, 0, 0, 120, 120, 0, 1, 1, 1, (1.0, 1.0), (0.0, 0.0), np.full((1, 1, 1), 1.5))
     photo = mosaic(samples, gain_maps=(gains,))
@@ -245,7 +245,7 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
 def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
     import json
 
-    from camssf.batch import run_batch
+    from camssf.fleet.run import run_batch
 
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"name,photo,lamp\nphone,{shots['shaded chart']},D55\n", "utf-8")

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camssf.chart import find_chart
 from camssf.errors import InvalidArgument, Overexposed, Underexposed
-from camssf.patches import FrameMeans, PatchMeans, measure_patches
-from camssf.signals import Signals, normalise
-from camssf.simulate import CFA_ORDERS, Scene, Sensor
+from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
+from camssf.photo.pose import find_chart
+from camssf.photo.signals import Signals, normalise
+from camssf.simulation.frames import CFA_ORDERS, Scene, Sensor
 from tests.scenes import SIZE, mosaic, shoot, table
 
 QUIET = Sensor(noise=False)

@@ -12,12 +12,12 @@ import pytest
 import rawpy
 from numpy.typing import NDArray
 
-from camssf import simulate as module
-from camssf.chart import LAYOUTS
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.mosaic import CFA_ORDERS, read_dng
-from camssf.simulate import Scene, Sensor, homography, photograph, render_mosaic, simulate, true_pose
+from camssf.photo.mosaic import CFA_ORDERS, read_dng
+from camssf.photo.pose import LAYOUTS
+from camssf.simulation import frames as module
+from camssf.simulation.frames import Scene, Sensor, homography, photograph, render_mosaic, simulate, true_pose
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
 
 SIZE = (600, 450)

@@ -11,7 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
-from camssf.families import FAMILIES, Kind
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import (
     CameraCurves,
@@ -25,6 +24,7 @@ from camssf.spectra import (
     read_chart,
     read_lamp,
 )
+from camssf.spectra.families import FAMILIES, Kind
 
 DATA = Path(__file__).parents[1] / "data"
 TEN = np.arange(380, 731, 10)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from camssf import recover
-from camssf.basis import gaussian_basis, read_basis
+from camssf.curves.basis import gaussian_basis, read_basis
+from camssf.curves.sensing import sense
+from camssf.curves.ssf import explain, predict
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.sensing import sense
-from camssf.ssf import explain, predict
 from tests.problems import chart_and_lamp, measured_cameras, theory, toy_camera
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf import tabulate
-from camssf._bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
-from camssf.chart import LAYOUTS
-from camssf.families import FAMILIES, Kind, logarithm
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.pose import LAYOUTS
 from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
+from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
+from camssf.spectra.families import FAMILIES, Kind, logarithm
+from camssf.tools import tabulate
 
 Json = dict[str, Any]
 

@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from camssf.unrolled import DEPTH, _Problem, whiten
+from camssf.curves.unrolled import DEPTH, _Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
-from camssf.sensing import Sensing
-from camssf.unrolled import soft, solve
+from camssf.curves.sensing import Sensing
+from camssf.curves.unrolled import soft, solve
 from tests.problems import gamma_max, random_sensing
 
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))

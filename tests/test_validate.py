@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
+from camssf.evidence.scores import Scores, reflectance_srgb, rmse, rmsre, validate
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.signals import Signals
+from camssf.photo.signals import Signals
 from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_camera, read_chart, read_lamp
-from camssf.validate import Scores, reflectance_srgb, rmse, rmsre, validate
 
 TABLE = read_chart("classic24")
 LAMPS = (read_lamp("D55"), read_lamp("A"))

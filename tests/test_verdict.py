@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from camssf.basis import Basis, interpolate
-from camssf.chart import LAYOUTS, Pose
+from camssf.curves.basis import Basis, interpolate
+from camssf.curves.sensing import NODES, sense, smooth_errors
+from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError, NotSensorRaw
-from camssf.grid import WAVELENGTHS, Floats
-from camssf.patches import FrameMeans, PatchMeans
-from camssf.sensing import NODES, sense, smooth_errors
-from camssf.signals import Signals, normalise
-from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
-from camssf.ssf import Ssf, recover
-from camssf.verdict import (
+from camssf.evidence.verdict import (
     RIVAL,
     Fatal,
     Neutral,
@@ -32,6 +27,11 @@ from camssf.verdict import (
     refusal,
     surprise,
 )
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.pose import LAYOUTS, Pose
+from camssf.photo.signals import Signals, normalise
+from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from tests.problems import chart_and_lamp, measured_cameras, theory
 
 TABLE = read_chart("classic24")
@@ -212,8 +212,8 @@ def test_modes_are_in_the_covariance() -> None:
 
 def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     """bᵀ (Σ + A Aᵀ)⁻¹ b by the sensing matrix, for curves near the mean camera, where both Σ are one."""
-    from camssf.basis import read_basis
-    from camssf.sensing import anchor
+    from camssf.curves.basis import read_basis
+    from camssf.curves.sensing import anchor
 
     del anchor
     book = read_basis("cameras")

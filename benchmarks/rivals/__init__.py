@@ -14,9 +14,9 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from camssf.basis import NODES, Basis, interpolate
+from camssf.curves.basis import NODES, Basis, interpolate
+from camssf.curves.sensing import FLOOR
 from camssf.grid import STEP, Floats
-from camssf.sensing import FLOOR
 
 
 @dataclass(frozen=True)

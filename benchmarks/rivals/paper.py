@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
+from camssf.curves.ssf import recover
 from camssf.grid import Floats
-from camssf.ssf import recover
 
 NAME = "l1 on Gaussians (the paper)"
 WEIGHTS = (0.0,)

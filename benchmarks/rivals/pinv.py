@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 from benchmarks.rivals import Given
 from benchmarks.rivals.qr import READINGS
-from camssf.basis import gaussian_basis
+from camssf.curves.basis import gaussian_basis
 from camssf.grid import Floats
 
 NAME = "pseudo-inverse with non-negativity"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
+from camssf.curves.ssf import recover
 from camssf.grid import Floats
-from camssf.ssf import recover
 
 NAME = "elastic net on cameras (camssf)"
 WEIGHTS = (0.0,)

@@ -12,7 +12,7 @@ from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
 from benchmarks.rivals import Given
-from camssf.basis import gaussian_basis
+from camssf.curves.basis import gaussian_basis
 from camssf.grid import Floats
 
 NAME = "QR with non-negativity"

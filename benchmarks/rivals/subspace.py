@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rivals import Given, between
-from camssf.basis import NODES
+from camssf.curves.basis import NODES
 from camssf.grid import STEP, Floats
 from camssf.spectra import colour_science
 

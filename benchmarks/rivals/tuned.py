@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
+from camssf.curves.ssf import recover
 from camssf.grid import Floats
-from camssf.ssf import recover
 
 NAME = "l1 on Gaussians, γ tuned"
 WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import camssf
-from camssf.basis import read_basis
-from camssf.engine import SHIPPED
+from camssf.curves.basis import read_basis
+from camssf.curves.engine import SHIPPED
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 

@@ -1,6 +1,6 @@
 """The whole algebra from Eq. (5) to the curves as one ONNX graph: float64, opset 18, standard operators only.
 
-The same steps in the same order as `camssf.sensing`, `camssf.unrolled` and `camssf.ssf`, which are the specification;
+The same steps in the same order as `sensing`, `unrolled` and `ssf` of `camssf.curves`, which are the specification;
 names follow them. Differences of form, none of value:
 
 - What is known only on the 5-nm nodes stays there: integrals are folded onto them (`_fold`), curves unfolded.
@@ -20,9 +20,8 @@ import onnx
 from onnx import TensorProto, helper
 
 from camssf import __version__
-from camssf.basis import NODES, Basis
-from camssf.grid import STEP, WAVELENGTHS
-from camssf.sensing import (
+from camssf.curves.basis import NODES, Basis
+from camssf.curves.sensing import (
     ABSOLUTE,
     CHART_CORRELATION,
     DARKEST,
@@ -34,7 +33,8 @@ from camssf.sensing import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
+from camssf.curves.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
+from camssf.grid import STEP, WAVELENGTHS
 from camssf_onnx.graph import Body, Graph, Value
 
 OPSET, IR = 18, 9

@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import while_loop
 
-from camssf.unrolled import DEPTH, RELAXATION
+from camssf.curves.unrolled import DEPTH, RELAXATION
 
 
 class UnrolledNet(torch.nn.Module):

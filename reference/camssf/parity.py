@@ -15,13 +15,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.calibrate import calibrate, solve
-from camssf.capture import Capture, PathLike, Progress, Shot, photo_of
-from camssf.chart import Pose, find_chart
+from camssf.calibration import calibrate, solve
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
-from camssf.mosaic import Mosaic, read_dng
-from camssf.patches import LENS_SHADING, measure_patches
+from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
+from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.patches import LENS_SHADING, measure_patches
+from camssf.photo.pose import Pose, find_chart
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
@@ -46,7 +46,7 @@ _CAUSES = {
     "photo": "The two readers understand the file's tags differently (sizes, levels, exposure).",
     "pose": "The chart lies elsewhere, or another way up. Look at the corners in the report.",
     "patch means": "The two read other samples, or measure other ones: the DNG reader, black level, active area, CFA "
-    "order, lens shading, or the rule of camssf/patches.py.",
+    "order, lens shading, or the rule of camssf/photo/patches.py.",
     "signals": "The samples agree, Eq. (5) does not: the white or dark reference, or the rule for usable patches.",
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "

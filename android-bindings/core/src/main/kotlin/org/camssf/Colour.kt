@@ -9,7 +9,7 @@ import kotlin.math.pow
 import kotlin.math.sin
 import kotlin.math.sqrt
 
-/** Colours for the report: XYZ under a lamp → Lab and sRGB under D65, as Python's `camssf.validate` has them. */
+/** Colours for the report: XYZ under a lamp → Lab and sRGB under D65, as Python's `camssf.evidence.scores` has them. */
 internal object Colour {
     /** CIE's D65 of the 2° observer, Y = 1, from x = 0.3127, y = 0.3290. */
     private val D65 = doubleArrayOf(0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290)

@@ -72,7 +72,7 @@ public class PatchMeans internal constructor(
     public companion object {
         /**
          * Measures the same samples of every patch in all frames of one shot, by the numbered rule of Python's
-         * `camssf.patches`: sums of whole numbers, so both give the same to the last bit.
+         * `camssf.photo.patches`: sums of whole numbers, so both give the same to the last bit.
          *
          * @param chart the photo of the chart; its region must hold the patches, and so must the other frames'.
          * @param pose where the chart lies in it.

@@ -23,7 +23,7 @@ public class Scores internal constructor(
         private const val FAINTEST = 1e-6
 
         /**
-         * Scores predictions (k, n, 3) for the entries (k, n) that `counts` marks, as Python's `camssf.validate` does.
+         * Scores predictions (k, n, 3) for the entries (k, n) that `counts` marks, as Python's `camssf.evidence.scores` does.
          *
          * @throws InvalidArgument no unseen patch is left.
          */

@@ -12,7 +12,7 @@ internal class Solution(
     val alone: List<Double>?,
 )
 
-/** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibrate.solve` does it. */
+/** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
 internal class Solve(
     private val engine: Engine,
     private val capture: MeasuredCapture,

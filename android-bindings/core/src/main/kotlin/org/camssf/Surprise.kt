@@ -18,7 +18,7 @@ import kotlin.math.sqrt
 internal class Suspect(val kind: String, val patch: Int?, val gain: Double, val amount: Double)
 
 /**
- * How ill the answer fits what was told: rules 1 to 3 of Python's `camssf.verdict`, whose letters are used here.
+ * How ill the answer fits what was told: rules 1 to 3 of Python's `camssf.evidence.verdict`, whose letters are used here.
  *
  * @property residual part of T, summed over the channels.
  * @property prior the other part.

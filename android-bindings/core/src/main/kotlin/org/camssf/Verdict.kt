@@ -67,7 +67,7 @@ internal class Case(
 }
 
 /**
- * Evidence → verdict, by the numbered rules of Python's `camssf.verdict`. RMSRE has no say: the same lamp stands on both
+ * Evidence → verdict, by the numbered rules of Python's `camssf.evidence.verdict`. RMSRE has no say: the same lamp stands on both
  * of its sides, so it stays small when the lamp is wrong.
  */
 internal object Judge {

@@ -1,0 +1,125 @@
+"""The bases: a mean and a dictionary for each channel, so that s = μ + Ψ x.
+
+`gaussian` is the paper's: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` is learned from
+measured cameras and whitened, so that a code's prior is standard normal; `camssf.tools.learn` makes its file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+
+NODES: Floats = WAVELENGTHS[::10]
+"""The 69 wavelengths, 5 nm apart, on which measured cameras are known; between them curves run straight."""
+
+FWHM_TO_SIGMA = 1.0 / np.sqrt(8.0 * np.log(2.0))
+NAMES = ("cameras", "gaussian")
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Where the curves live.
+
+    Attributes:
+        name: "gaussian", "cameras", or a file's name.
+        mean: (3, 681) μ of R, G, B.
+        dictionary: (3, 681, r) Ψ of R, G, B.
+        prior: True where x is standard normal a priori (whitened), so that bands exist.
+        source: in words for the report.
+    """
+
+    name: str
+    mean: Floats
+    dictionary: Floats
+    prior: bool
+    source: str
+
+    def sha256(self) -> str:
+        """Hash of the basis on its nodes, to twelve decimals: the same on every machine."""
+        nodes = (self.mean[:, ::10], self.dictionary[:, ::10])
+        return hashlib.sha256(b"".join((np.round(n, 12) + 0.0).tobytes() for n in nodes)).hexdigest()
+
+
+def gaussian_basis(count: int = 18, width: float = 50.0) -> Basis:
+    """The paper's dictionary: `count` Gaussians of `width` nm FWHM, centres evenly over 380 to 720 nm.
+
+    18 atoms lie 20 nm apart. More of them only ruin the conditioning.
+
+    Raises:
+        InvalidArgument: count below 1, or a width that is not positive.
+    """
+    if count < 1 or not np.isfinite(width) or width <= 0:
+        raise InvalidArgument(
+            f"a Gaussian basis of {count} atoms, {width} nm wide, is empty.",
+            "Take at least one atom and a width > 0.",
+        )
+    centres = np.linspace(380.0, 720.0, count) if count > 1 else np.array([550.0])
+    atoms = np.exp(-0.5 * ((WAVELENGTHS[:, None] - centres) / (width * FWHM_TO_SIGMA)) ** 2)
+    return Basis(
+        "gaussian",
+        np.zeros((3, WAVELENGTHS.size)),
+        np.broadcast_to(atoms, (3, *atoms.shape)),
+        False,
+        f"{count} Gaussians, FWHM {width:g} nm (the paper's)",
+    )
+
+
+_STRAIGHT: Floats = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) / 5.0)
+"""(681, 69) weights of the nodes in a curve that is straight between them."""
+
+
+def interpolate(nodes: Floats) -> Floats:
+    """Curves on the 5-nm nodes, wavelength in axis -2, straight between them, on the grid: (..., 681, r)."""
+    return np.asarray(_STRAIGHT @ nodes)
+
+
+def fold(values: Floats) -> Floats:
+    """Onto the nodes, (..., 681) → (..., 69), as the adjoint of `interpolate` does.
+
+    Σ f s over the grid is Σ fold(f) s over the nodes, for every curve s that is straight between them.
+    """
+    return np.asarray(values @ _STRAIGHT)
+
+
+def basis_file(spec: str) -> Any:
+    """Where the arrays of a learned basis lie: in the package, or a file."""
+    return resources.files("camssf") / "data" / "cameras.npz" if spec == "cameras" else Path(spec)
+
+
+@lru_cache(maxsize=8)
+def read_basis(spec: str) -> Basis:
+    """The basis of that name, or from a file that `python -m camssf.tools.learn` wrote.
+
+    Raises:
+        InvalidArgument: neither a name nor a readable basis file.
+    """
+    if spec == "gaussian":
+        return gaussian_basis()
+    try:
+        with basis_file(spec).open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+            mean, dictionary = content["mean"], content["dictionary"]
+            source = str(content["source"])
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or "it is no .npz with mean, dictionary and source"
+        raise InvalidArgument(
+            f"{spec!r} is neither a basis ({', '.join(NAMES)}) nor a basis file ({reason}).",
+            "Name one of these, or make a file from measured curves with `python -m camssf.tools.learn curves.csv`.",
+        ) from error
+    shapes = mean.shape == (3, NODES.size) and dictionary.ndim == 3 and dictionary.shape[:2] == (3, NODES.size)
+    if not shapes or not (np.isfinite(mean).all() and np.isfinite(dictionary).all()):
+        raise InvalidArgument(
+            f"{spec!r} holds arrays of shape {mean.shape} and {dictionary.shape}, or values that are not finite.",
+            "Make it anew with `python -m camssf.tools.learn curves.csv`.",
+        )
+    name = spec if spec in NAMES else Path(spec).stem
+    return Basis(name, interpolate(mean[..., None])[..., 0], interpolate(dictionary), True, source)

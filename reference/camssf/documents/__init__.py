@@ -1,0 +1,1 @@
+"""Products as plain data and as pages: patches, result, report."""

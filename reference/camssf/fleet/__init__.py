@@ -1,0 +1,1 @@
+"""Many cameras: manifest in, one result each."""

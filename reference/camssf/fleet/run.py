@@ -1,0 +1,384 @@
+"""Manifest → many results: each camera by itself, in its own process, and nothing done twice."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from camssf import __version__
+from camssf.documents.report import NAMES
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import write_file
+
+COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
+"""Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing or empty."""
+
+LARGEST_MANIFEST = 10_000_000
+"""Bytes."""
+
+MARK = "batch.json"
+"""Beside a result: the hashes of everything that it was made from, and of its own files."""
+
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One camera of the manifest.
+
+    Attributes:
+        name: as written; folder: the one safe component it gets below the output folder.
+        photos, lamps, white, dark: one a shot, in the manifest's order; white and dark may be None.
+        chart: for all shots.
+        basis, engine, lens_shading: as in `camssf.calibrate`.
+        fault: why this job cannot run, "" when it can.
+    """
+
+    name: str
+    folder: str
+    photos: tuple[str, ...]
+    lamps: tuple[str, ...]
+    white: tuple[str | None, ...]
+    dark: tuple[str | None, ...]
+    chart: str
+    basis: str
+    engine: str
+    fault: str = ""
+    lens_shading: str = "as-stored"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one camera.
+
+    Attributes:
+        name, folder: as in `Job`.
+        status: "accepted", "doubtful", "refused" (with a code of `camssf.errors`), "failed" (bug, crash).
+        code: of the first reason, "" when accepted.
+        reason: in words.
+        resumed: the result was there from an earlier run and its inputs are unchanged.
+    """
+
+    name: str
+    folder: str
+    status: str
+    code: str
+    reason: str
+    resumed: bool = False
+
+    @property
+    def ok(self) -> bool:
+        """There are curves."""
+        return self.status in ("accepted", "doubtful")
+
+
+def run_batch(
+    manifest: str | Path,
+    out: str | Path,
+    *,
+    basis: str = "cameras",
+    engine: str = "onnx",
+    lens_shading: str = "as-stored",
+    jobs: int | None = None,
+    work: Callable[[Job, Path], Outcome] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> tuple[Outcome, ...]:
+    """Calibrate every camera of a manifest into `out/<name>/`, with one row a camera in `out/summary.csv`.
+
+    A camera that fails stops no other. A camera with curves from an earlier run is skipped as long as its
+    rows, its files, the options and camssf's version are the same and its four result files lie there as they
+    were written; one that was refused is tried again.
+
+    Args:
+        manifest: CSV with a header (COLUMNS); rows of one name are its shots; paths are relative to it.
+        out: folder; made where it is missing.
+        basis: as in `camssf.calibrate`, for all.
+        engine, lens_shading: likewise.
+        jobs: processes; all cores unless given.
+        work: what to do with one job, importable by a new process; `calibrate_job` unless given.
+        progress: called with words and a fraction.
+
+    Returns:
+        One outcome a name, in the manifest's order.
+
+    Raises:
+        InvalidArgument: the manifest cannot be read or has no rows, or `out` cannot be written to.
+    """
+    found = read_manifest(manifest, basis=basis, engine=engine)
+    todo = tuple(replace(job, lens_shading=lens_shading) for job in found)
+    folder = Path(out)
+    count = max(1, jobs if jobs is not None else _cores())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        outcomes = _run(todo, folder, min(count, len(todo)), work or calibrate_job, progress or (lambda *_: None))
+        write_file(folder / "summary.csv", _summary(outcomes))
+    except OSError as error:
+        raise InvalidArgument(
+            f"{folder}: the batch cannot be written ({error.strerror or error}).",
+            "Choose another output folder.",
+        ) from error
+    return outcomes
+
+
+def read_manifest(path: str | Path, *, basis: str = "cameras", engine: str = "onnx") -> tuple[Job, ...]:
+    """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_MANIFEST + 1)
+        text = data.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
+    if len(data) > LARGEST_MANIFEST:
+        raise InvalidArgument(f"{path} is larger than {LARGEST_MANIFEST} bytes.", "Write one row a photo.")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    header = text.partition("\n")[0]
+    reader = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in header and "," not in header else ",")
+    fields = [field.strip().casefold() for field in reader.fieldnames or ()]
+    reader.fieldnames = fields
+    missing = [column for column in COLUMNS[:3] if column not in fields]
+    unknown = [field for field in fields if field not in COLUMNS]
+    if missing or unknown or len(set(fields)) < len(fields):
+        fault = f"lacks the column {missing[0]}" if missing else f"has an unknown or doubled column in {fields}"
+        raise InvalidArgument(f"{path} {fault}.", f"Its first line is {','.join(COLUMNS)}.")
+    shots: dict[str, list[dict[str, str]]] = {}
+    try:
+        for row in reader:
+            clean = {column: str(row.get(column) or "").strip() for column in COLUMNS}
+            clean["fault"] = f"line {reader.line_num} has more fields than the header." if None in row else ""
+            shots.setdefault(clean["name"], []).append(clean)
+    except csv.Error as error:
+        raise InvalidArgument(f"{path}: is not sound CSV ({error}).", "Save it again as CSV.") from error
+    if not shots:
+        raise InvalidArgument(f"{path} has no rows.", "Write one row a photo.")
+    folders = _folders(list(shots))
+    return tuple(_job(path.parent, name, folders[name], rows, basis, engine) for name, rows in shots.items())
+
+
+def calibrate_job(job: Job, folder: Path) -> Outcome:
+    """Calibrate one camera into `folder`; a refusal leaves what is known of the capture."""
+    from camssf.calibration import calibrate
+    from camssf.documents.report import report
+
+    try:
+        result = calibrate(
+            job.photos,
+            job.lamps,
+            white=job.white,
+            dark=job.dark,
+            chart=job.chart,
+            basis=job.basis,
+            engine=job.engine,
+            lens_shading=job.lens_shading,
+        )
+        report(result.document(), result.previews).save(folder)
+    except CalibrationError as error:
+        evidence = getattr(error, "evidence", None)
+        if evidence is not None:
+            report(evidence, getattr(error, "previews", ())).save(folder)
+        return Outcome(job.name, job.folder, "refused", error.code, f"{error.message} {error.advice}")
+    reasons = result.verdict.reasons
+    code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
+    return Outcome(job.name, job.folder, result.verdict.status, code, reason)
+
+
+# the manifest
+
+
+def _job(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], basis: str, engine: str) -> Job:
+    def frame(text: str) -> str | None:
+        return str(home / text) if text and text.casefold() != "none" else None
+
+    charts = list(dict.fromkeys(row["chart"] or "classic24" for row in rows))
+    faults = [row["fault"] for row in rows if row["fault"]]
+    if not name:
+        faults.append("a row has no name.")
+    if not all(row["photo"] for row in rows):
+        faults.append("a row has no photo.")
+    if len(charts) > 1:
+        faults.append(f"its shots name different charts: {', '.join(charts)}.")
+    return Job(
+        name,
+        folder,
+        tuple(str(home / row["photo"]) for row in rows),
+        tuple(_spec(home, row["lamp"]) for row in rows),
+        tuple(frame(row["white"]) for row in rows),
+        tuple(frame(row["dark"]) for row in rows),
+        _spec(home, charts[0]),
+        basis,
+        engine,
+        " ".join(faults),
+    )
+
+
+def _spec(home: Path, spec: str) -> str:
+    """A lamp or chart; where it names a file, `layout:file` too, the path is relative to the manifest."""
+    if spec and _is_file(home / spec):
+        return str(home / spec)
+    head, colon, tail = spec.partition(":")
+    return f"{head}:{home / tail}" if colon and tail and _is_file(home / tail) else spec
+
+
+def _is_file(path: Path) -> bool:
+    """A name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _folders(names: Sequence[str]) -> dict[str, str]:
+    """One safe path component a name: readable, and different for different names on any file system."""
+    folded = [name.casefold() for name in names]
+    folders = {}
+    for name in names:
+        safe = re.sub(r"[^\w .()+-]+", "_", name)[:80].strip(" .")
+        tag = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+        plain = safe == name and safe and not _RESERVED.fullmatch(safe) and folded.count(name.casefold()) == 1
+        lead = "_" if _RESERVED.fullmatch(safe) else "" if safe else "unnamed"
+        folders[name] = safe if plain else f"{lead}{safe}-{tag}"
+    return folders
+
+
+# the work
+
+
+def _run(
+    todo: Sequence[Job],
+    out: Path,
+    count: int,
+    work: Callable[[Job, Path], Outcome],
+    progress: Callable[[str, float], None],
+) -> tuple[Outcome, ...]:
+    outcomes: dict[str, Outcome] = {}
+    one = partial(_one, out=out, work=work)
+    with _single_threads():
+        waiting = _parallel(todo, count, one, outcomes, progress)
+        for job in waiting:  # a process died: one at a time, so that only the culprit pays
+            if _parallel([job], 1, one, outcomes, progress):
+                outcomes[job.name] = Outcome(
+                    job.name,
+                    job.folder,
+                    "failed",
+                    "",
+                    "The process that worked on it died (memory, or a damaged file).",
+                )
+    return tuple(outcomes[job.name] for job in todo)
+
+
+def _parallel(
+    todo: Sequence[Job],
+    count: int,
+    one: Callable[[Job], Outcome],
+    outcomes: dict[str, Outcome],
+    progress: Callable[[str, float], None],
+) -> list[Job]:
+    """Fill `outcomes`; returns the jobs that are left because a process died."""
+    with ProcessPoolExecutor(count, get_context("spawn"), _ignore_interrupts) as pool:
+        futures = {pool.submit(one, job): job for job in todo}
+        try:
+            for future in as_completed(futures):
+                job = futures[future]
+                try:
+                    outcomes[job.name] = future.result()
+                except BrokenProcessPool:
+                    break
+                progress(f"{len(outcomes)} done, last {job.name}", len(outcomes) / max(len(todo), len(outcomes)))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # waits for what runs; leaving `with` would not cancel the rest
+            raise
+    return [job for job in todo if job.name not in outcomes]
+
+
+def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcome:
+    """In the other process: skip what is done, do the work, remember what it was made from."""
+    if job.fault:
+        return Outcome(job.name, job.folder, "refused", InvalidArgument.code, f"In the manifest, {job.fault}")
+    try:
+        folder = out / job.folder
+        made_from = _fingerprint(job)
+        earlier = _earlier(folder, made_from)
+        if earlier is not None:
+            return replace(earlier, name=job.name, folder=job.folder, resumed=True)
+        (folder / MARK).unlink(missing_ok=True)  # whatever happens now, it speaks of the folder no more
+        outcome = work(job, folder)
+        if outcome.ok:
+            files = {name: _hash(folder / name) for name in NAMES}
+            mark = {"format": "camssf-batch/1", "made_from": made_from, "files": files, "outcome": asdict(outcome)}
+            write_file(folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
+    except Exception as error:
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        return Outcome(job.name, job.folder, "failed", "", f"{words} (this is camssf's fault, please report it)")
+    return outcome
+
+
+def _fingerprint(job: Job) -> str:
+    """SHA-256 of the rows, the options, the version and the contents of every file they name."""
+    chart = job.chart.partition(":")[2] if not _is_file(Path(job.chart)) else job.chart
+    paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
+    hashes = [_hash(Path(path)) if path and _is_file(Path(path)) else None for path in paths]
+    return hashlib.sha256(json.dumps([asdict(job), hashes, __version__]).encode()).hexdigest()
+
+
+def _hash(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _earlier(folder: Path, made_from: str) -> Outcome | None:
+    """The outcome that the folder still holds: same inputs, all files untouched, the result's own status."""
+    try:
+        mark = json.loads((folder / MARK).read_text("utf-8"))
+        if mark["made_from"] == made_from and mark["files"] == {name: _hash(folder / name) for name in NAMES}:
+            outcome = Outcome(**mark["outcome"])
+            verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
+            return outcome if outcome.ok and outcome.status == verdict["status"] else None
+    except (OSError, ValueError, KeyError, TypeError):  # no mark, a damaged one, a file gone: do it again
+        pass
+    return None
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _ignore_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+
+
+@contextmanager
+def _single_threads() -> Iterator[None]:
+    """One BLAS thread a process: the processes are the parallelism. Children read this at their start."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update({name: value or "1" for name, value in before.items()})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+
+
+# the files
+
+
+def _summary(outcomes: Sequence[Outcome]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
+    writer.writerows((o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no") for o in outcomes)
+    return text.getvalue()

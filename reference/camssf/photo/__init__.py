@@ -1,0 +1,1 @@
+"""DNG → mosaic → pose → patch means → signals. Knows nothing of curves."""

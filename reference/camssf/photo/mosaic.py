@@ -1,0 +1,556 @@
+"""DNG → mosaic: the sensor's samples as stored, and what the file says about them.
+
+LibRaw (rawpy) decodes the samples. It hides some tags and forgives much damage, so a small bounded parser reads
+the file's directories first and refuses what LibRaw would guess at. (tifffile drops a damaged tag with no more
+than a log line, and a black level lost in silence is a wrong answer.)
+Tags and their meaning: TIFF 6.0, and Digital Negative (DNG) Specification 1.7, Adobe.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import NotSensorRaw, UnreadableRaw, UnsupportedRaw
+from camssf.grid import Floats
+from camssf.photo.opcodes import GainMap, read_gain_maps
+
+CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
+MAX_DIRECTORIES, MAX_DEPTH, MAX_SIDE, MAX_SAMPLES = 64, 4, 65535, 1 << 29
+
+CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
+COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
+RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
+
+_CODECS = {
+    5: "LZW",
+    8: "deflate",
+    34892: "lossy JPEG",
+    34713: "Nikon NEF",
+    32767: "Sony ARW",
+    50002: "JPEG XL",
+    52546: "JPEG XL",
+}
+_OTHER_RAWS = (  # (offset, bytes) of raw files that are no TIFF, or that TIFF's own header hides
+    (8, b"CR\x02"),
+    (4, b"ftypcrx "),
+    (0, b"FUJIFILMCCD-RAW"),
+    (0, b"IIU\x00"),
+    (0, b"IIRO"),
+    (0, b"IIRS"),
+    (0, b"MMOR"),
+    (0, b"FOVb"),
+    (0, b"\x00MRM"),
+)
+_TYPES = {  # TIFF's field types
+    1: "u1",
+    2: "u1",
+    3: "u2",
+    4: "u4",
+    5: "u4",
+    6: "i1",
+    7: "u1",
+    8: "i2",
+    9: "i4",
+    10: "i4",
+    11: "f4",
+    12: "f8",
+    13: "u4",
+}
+_RATIONALS = (5, 10)
+_WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
+    17: (0.44758, 0.40745),
+    18: (0.34842, 0.35161),
+    19: (0.31006, 0.31616),
+    20: (0.33243, 0.34744),
+    21: (0.31272, 0.32903),
+    22: (0.29903, 0.31488),
+    23: (0.34567, 0.35851),
+}
+
+
+@dataclass(frozen=True)
+class Mosaic:
+    """One RAW photo, neither demosaiced nor white-balanced.
+
+    Attributes:
+        path: of the file, or a name.
+        samples: (h, w) uint16 DN of the active area, after the file's LinearizationTable (if any),
+            before black subtraction.
+        cfa: colours of the 2 × 2 cell at the active area's corner, one of RGGB, GRBG, GBRG, BGGR.
+        black: (2, 2) black level of each cell position, DN.
+        white: the white level (saturation), DN.
+        make, model: of the camera, "" where the file is silent.
+        exposure: seconds; None where the file is silent.
+        iso: sensitivity; None where the file is silent.
+        orientation: the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
+        gain_maps: of the file's lens shading, in the order they act; not applied to the samples (`shading`).
+        color_matrix1, color_matrix2: (3, 3) XYZ to camera, or None.
+        as_shot_neutral: (3,) or None.
+        sha256: of the file, hex.
+        neutrals: the camera's white (3,), green 1, under the light that each colour matrix was made for, by its Exif
+            LightSource code.
+    """
+
+    path: str
+    samples: NDArray[np.uint16]
+    cfa: str
+    black: Floats
+    white: float
+    make: str
+    model: str
+    exposure: float | None
+    iso: float | None
+    orientation: int
+    gain_maps: tuple[GainMap, ...]
+    color_matrix1: Floats | None
+    color_matrix2: Floats | None
+    as_shot_neutral: Floats | None
+    sha256: str
+    neutrals: tuple[tuple[int, Floats], ...] = ()
+
+    @property
+    def gain_map(self) -> bool:
+        """True if the file holds lens shading that is not applied to the samples."""
+        return bool(self.gain_maps)
+
+
+def read_dng(path: str | Path) -> Mosaic:
+    """Read the raw frame of a DNG file.
+
+    The samples are those of the active area (tag 50829), decoded by LibRaw, which also applies the file's
+    LinearizationTable; black and white level are on that scale. A black level with a repeat pattern larger than
+    2 × 2, or with row and column deltas (tags 50713 to 50716), is averaged for each cell position.
+
+    Raises:
+        UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
+        UnsupportedRaw: a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
+        NotSensorRaw: LinearRaw, that is, already demosaiced.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            found, frame = _parse(_Tiff(file, stream))
+            stream.seek(0)
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    except IsADirectoryError as error:
+        raise UnreadableRaw(f"{file} is a folder.", "Name a DNG file.") from error
+    except FileNotFoundError as error:
+        raise UnreadableRaw(f"There is no file {file}.", "Check the path.") from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        reason = getattr(error, "strerror", None) or error
+        raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
+    return replace(found, samples=_decode(file, frame), sha256=sha256)
+
+
+def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
+    """The file's own lens shading correction at a place, as (2, 2) factors for the positions of the CFA cell.
+
+    The product of the gain maps that cover a position there. Maps of list 2 act on plane 0, those of list 3 on the
+    planes R, G, B. Coordinates are px of the active area, (0, 0) the centre of its first sample.
+
+    Raises:
+        UnsupportedRaw: a map of list 1, which acts before linearisation, or one of a net coarser than the CFA cell.
+    """
+    height, width = mosaic.samples.shape
+    factors = np.ones((2, 2))
+    for gains in mosaic.gain_maps:
+        if gains.stage == 1 or max(gains.row_pitch, gains.column_pitch) > 2:
+            raise UnsupportedRaw(
+                f"{mosaic.path} holds a lens-shading map that camssf does not apply (opcode list {gains.stage}, "
+                f"every {gains.row_pitch} rows and {gains.column_pitch} columns).",
+                "Leave the samples as stored, and take a white frame.",
+            )
+        for row, column in np.ndindex(2, 2):
+            plane = "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
+            if gains.covers(x, y, row, column, plane):
+                factors[row, column] *= gains.at(x, y, width, height, plane)
+    return factors
+
+
+@dataclass(frozen=True)
+class _Field:
+    """One directory entry, not yet read: TIFF type, count, and where its value lies."""
+
+    kind: int
+    count: int
+    at: int
+
+
+_Directory = dict[int, _Field]
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The stored picture: size in samples, bits, TIFF compression, active area (top, left, bottom, right)."""
+
+    width: int
+    height: int
+    bits: int
+    compression: int
+    area: tuple[int, int, int, int]
+
+
+class _Tiff:
+    """The directories of a TIFF file; values are read when asked for, within the file's bounds."""
+
+    def __init__(self, file: Path, stream: BinaryIO) -> None:
+        self.file, self.stream = file, stream
+        self.size = os.fstat(stream.fileno()).st_size
+        if self.size == 0:
+            raise UnreadableRaw(f"{file} is empty.", COPY_AGAIN)
+        magic = stream.read(16)
+        if any(magic[at : at + len(word)] == word for at, word in _OTHER_RAWS):
+            raise UnsupportedRaw(f"{file} is a raw file, but no DNG.", CONVERT)
+        if magic[:4] not in (b"II*\0", b"MM\0*"):
+            if magic[:4] in (b"II+\0", b"MM\0+"):
+                raise UnsupportedRaw(f"{file} is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")
+            raise UnreadableRaw(f"{file} is not a DNG file.", "Give the camera's RAW photo as DNG, not a picture.")
+        self.order = "<" if magic[:1] == b"I" else ">"
+        self.main: list[_Directory] = []
+        self.all: list[_Directory] = []
+        self._seen: set[int] = set()
+        at = self._unpack("I", 4)[0]
+        while at:
+            directory, at = self._directory(at, 0)
+            self.main.append(directory)
+        if not self.main:
+            raise self.damaged("it has no directory")
+
+    def damaged(self, what: str) -> UnreadableRaw:
+        """The error for this file."""
+        return UnreadableRaw(f"{self.file} is truncated or damaged: {what}.", COPY_AGAIN)
+
+    def bytes_at(self, at: int, length: int) -> bytes:
+        """`length` bytes from `at`, or the error for a truncated file."""
+        if at < 0 or length < 0 or at + length > self.size:
+            raise self.damaged(f"byte {at + length} is wanted of {self.size}")
+        self.stream.seek(at)
+        found = self.stream.read(length)
+        if len(found) != length:
+            raise self.damaged("it ends early")
+        return found
+
+    def _unpack(self, layout: str, at: int) -> tuple[int, ...]:
+        layout = self.order + layout
+        return struct.unpack(layout, self.bytes_at(at, struct.calcsize(layout)))
+
+    def _directory(self, at: int, depth: int) -> tuple[_Directory, int]:
+        """The directory at `at`, with its children on record, and where the next one lies."""
+        if at in self._seen or len(self._seen) == MAX_DIRECTORIES or depth > MAX_DEPTH:
+            raise self.damaged("its directories run in a circle or are too many")
+        self._seen.add(at)
+        count = self._unpack("H", at)[0]
+        entries = self.bytes_at(at + 2, 12 * count)
+        directory: _Directory = {}
+        for number in range(count):
+            tag, kind, length, value = struct.unpack_from(f"{self.order}HHII", entries, 12 * number)
+            if kind in _TYPES:  # TIFF 6.0, page 16: skip fields of an unknown type
+                inline = length * _width(kind) <= 4
+                directory.setdefault(tag, _Field(kind, length, at + 10 + 12 * number if inline else value))
+        self.all.append(directory)
+        if 330 in directory:
+            if directory[330].count > MAX_DIRECTORIES:
+                raise self.damaged("its directories are too many")
+            for child in self.whole(directory, 330):
+                self._directory(child, depth + 1)
+        return directory, self._unpack("I", at + 2 + 12 * count)[0]
+
+    def exif(self) -> _Directory:
+        """The Exif directory, empty where there is none."""
+        if 34665 not in self.main[0]:
+            return {}
+        return self._directory(self.whole(self.main[0], 34665, 1)[0], 1)[0]
+
+    def raw_bytes(self, directory: _Directory, tag: int) -> bytes:
+        """The value's bytes as stored, b"" where there is none."""
+        field = directory.get(tag)
+        return self.bytes_at(field.at, field.count * _width(field.kind)) if field else b""
+
+    def numbers(self, directory: _Directory, tag: int, count: int | None = None) -> Floats | None:
+        """The value as (count,) float64, None where there is none; any count if None is asked for."""
+        field = directory.get(tag)
+        if field is None:
+            return None
+        if count not in (None, field.count) or field.count == 0:
+            raise self.damaged(f"tag {tag} has {field.count} values")
+        values = np.frombuffer(self.raw_bytes(directory, tag), self.order + _TYPES[field.kind]).astype(float)
+        if field.kind in _RATIONALS:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values = values[::2] / values[1::2]
+        return values
+
+    def whole(self, directory: _Directory, tag: int, count: int | None = None) -> list[int]:
+        """The value as whole numbers, [] where there is none."""
+        values = self.numbers(directory, tag, count)
+        if values is None:
+            return []
+        if not (np.isfinite(values) & (values == np.rint(values)) & (np.abs(values) < 2**32)).all():
+            raise self.damaged(f"tag {tag} holds no whole numbers")
+        return [int(value) for value in values]
+
+    def one(self, directory: _Directory, tag: int, default: int) -> int:
+        """A single whole number."""
+        return (self.whole(directory, tag, 1) or [default])[0]
+
+    def text(self, directory: _Directory, tag: int) -> str:
+        """A string without its closing zero and blanks."""
+        return self.raw_bytes(directory, tag).split(b"\0")[0].decode("utf-8", "replace").strip()
+
+
+def _width(kind: int) -> int:
+    """Bytes of one value of a TIFF type."""
+    return int(_TYPES[kind][1]) * (2 if kind in _RATIONALS else 1)
+
+
+def _parse(tiff: _Tiff) -> tuple[Mosaic, _Frame]:
+    """All that the file says, samples and hash still missing."""
+    raw = _raw_directory(tiff)
+    frame = _frame(tiff, raw)
+    _check_data(tiff, raw, frame)
+    first, exif = tiff.main[0], tiff.exif()
+    orientation = tiff.one(first, 274, 1)
+    mosaic = Mosaic(
+        path=str(tiff.file),
+        samples=np.empty((0, 0), dtype=np.uint16),
+        cfa=_cfa(tiff, raw),
+        black=_black(tiff, raw, frame),
+        white=_white(tiff, raw, frame),
+        make=tiff.text(first, 271),
+        model=tiff.text(first, 272) or tiff.text(first, 50708),
+        exposure=_positive(tiff, (first, raw, exif), 33434),
+        iso=_positive(tiff, (first, raw, exif), 34855),
+        orientation=orientation if 1 <= orientation <= 8 else 1,
+        gain_maps=_gain_maps(tiff, raw),
+        color_matrix1=_matrix(tiff, first, 50721),
+        color_matrix2=_matrix(tiff, first, 50722),
+        as_shot_neutral=_neutral(tiff, first),
+        sha256="",
+        neutrals=_neutrals(tiff, first),
+    )
+    return mosaic, frame
+
+
+def _raw_directory(tiff: _Tiff) -> _Directory:
+    """The largest full picture of the sensor's own samples."""
+    version = tiff.raw_bytes(tiff.main[0], 50706)
+    if not version:
+        if any(32803 in tiff.whole(each, 262)[:1] for each in tiff.all):
+            raise UnsupportedRaw(f"{tiff.file} is a raw file, but no DNG.", CONVERT)
+        raise UnreadableRaw(
+            f"{tiff.file} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture."
+        )
+    if version[0] != 1:
+        raise UnsupportedRaw(f"{tiff.file} has DNG version {version[0]}.", CONVERT)
+    full = [each for each in tiff.all if tiff.one(each, 254, 0) == 0]
+    mosaics = [each for each in full if tiff.one(each, 262, -1) == 32803]
+    if mosaics:
+        return max(mosaics, key=lambda each: tiff.one(each, 256, 0) * tiff.one(each, 257, 0))
+    if any(tiff.one(each, 262, -1) == 34892 for each in full):
+        raise NotSensorRaw(f"{tiff.file} is a linear DNG: its samples are demosaiced, not the sensor's.", RAW_MODE)
+    raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
+
+
+def _frame(tiff: _Tiff, raw: _Directory) -> _Frame:
+    """Size, coding and active area, each of them checked."""
+    width, height = tiff.one(raw, 256, 0), tiff.one(raw, 257, 0)
+    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
+        raise tiff.damaged(f"a picture of {width} × {height} samples")
+    bits, samples = tiff.whole(raw, 258) or [1], tiff.one(raw, 277, 1)
+    if samples != 1 or len(bits) != 1:
+        raise UnsupportedRaw(f"{tiff.file} holds {samples} samples a pixel, a mosaic has one.", RAW_MODE)
+    if tiff.one(raw, 339, 1) != 1:
+        raise UnsupportedRaw(f"{tiff.file} holds floating-point or signed samples.", CONVERT)
+    compression = tiff.one(raw, 259, 1)
+    if compression not in (1, 7):
+        codec = _CODECS.get(compression, f"number {compression}")
+        raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
+    if not 8 <= bits[0] <= 16:
+        raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
+    top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
+    if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
+        raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
+    return _Frame(width, height, bits[0], compression, (top, left, bottom, right))
+
+
+def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
+    """Refuse a file whose strips or tiles do not hold the picture: LibRaw would fill in or fail late."""
+    tiled = 322 in raw or 323 in raw
+    if tiled:
+        width, height = tiff.one(raw, 322, 0), tiff.one(raw, 323, 0)
+        offsets, counts = tiff.whole(raw, 324), tiff.whole(raw, 325)
+    else:
+        width, height = frame.width, min(tiff.one(raw, 278, frame.height), frame.height)
+        offsets, counts = tiff.whole(raw, 273), tiff.whole(raw, 279)
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise tiff.damaged(f"pieces of {width} × {height} samples")
+    pieces = -(-frame.width // width) * -(-frame.height // height)
+    if not len(offsets) == len(counts) == pieces:
+        raise tiff.damaged(f"{len(offsets)} pieces of data instead of {pieces}")
+    end = max(at + count for at, count in zip(offsets, counts, strict=True))
+    if end > tiff.size or min(offsets) < 8 or min(counts) < 1:
+        raise tiff.damaged(f"its samples end at byte {end} of {tiff.size}")
+    if frame.compression == 7 and not tiled and pieces > 1:  # LibRaw would decode the first strip alone
+        raise UnsupportedRaw(f"{tiff.file} stores lossless JPEG in {pieces} strips.", CONVERT)
+    for number, (at, count) in enumerate(zip(offsets, counts, strict=True)):
+        rows = height if tiled else min(height, frame.height - number * height)
+        if frame.compression == 7:
+            _check_jpeg(tiff, at, count, width * rows)
+            continue
+        wanted = rows * -(-width * frame.bits // 8)
+        if count < wanted:
+            raise tiff.damaged(f"piece {number} of its data is too short")
+        if number + 1 < pieces and not tiled and offsets[number + 1] != at + wanted:
+            # LibRaw reads on from the first strip
+            raise UnsupportedRaw(f"{tiff.file} stores its strips apart or out of order.", CONVERT)
+
+
+def _check_jpeg(tiff: _Tiff, at: int, count: int, samples: int) -> None:
+    """Only a whole lossless JPEG (ITU-T T.81, SOF3) of just so many samples passes, in a form that LibRaw decodes.
+
+    LibRaw takes damage inside the coded samples in silence, and so it passes here. After a restart it goes on
+    predicting from the line above, which only predictor 1 forgives, and it knows no point transform.
+    """
+    some = min(count, 4096)
+    head, tail = tiff.bytes_at(at, some), tiff.bytes_at(at + count - some, some)
+    if head[:2] != b"\xff\xd8" or b"\xff\xd9" not in tail:  # begin and end of image; padding may follow
+        raise tiff.damaged("a tile is no whole JPEG")
+    place, restart, framed = 2, 0, False
+    while place + 4 <= len(head) and head[place] == 0xFF:
+        marker, length = struct.unpack_from(">xBH", head, place)
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            if marker != 0xC3:
+                raise UnsupportedRaw(f"{tiff.file} is compressed with lossy JPEG.", CONVERT)
+            if place + 10 > len(head):
+                break
+            precision, lines, columns, components = struct.unpack_from(">BHHB", head, place + 4)
+            if lines * columns * components != samples or not 2 <= precision <= 16:
+                raise tiff.damaged(f"a JPEG of {columns} × {lines} × {components} in a tile of {samples} samples")
+            framed = True
+        elif marker == 0xDD and place + 6 <= len(head):
+            restart = int(struct.unpack_from(">H", head, place + 4)[0])
+        elif marker == 0xDA and framed and place + 2 + length <= len(head) and length >= 6:
+            predictor, _, transform = head[place + length - 1 : place + length + 2]
+            if transform & 15 or (restart and predictor != 1):
+                raise UnsupportedRaw(
+                    f"{tiff.file} stores lossless JPEG with "
+                    + (f"predictor {predictor} and restart intervals." if restart else "a point transform."),
+                    CONVERT,
+                )
+            return
+        place += 2 + length
+    raise tiff.damaged("a tile's JPEG has no header")
+
+
+def _cfa(tiff: _Tiff, raw: _Directory) -> str:
+    """The Bayer order at the active area's corner, which is the pattern's origin."""
+    size = tiff.whole(raw, 33421, 2) or [2, 2]
+    pattern, planes = tiff.raw_bytes(raw, 33422), tiff.raw_bytes(raw, 50710) or bytes((0, 1, 2))
+    letters = "".join("RGB"[code] if code in planes and code < 3 else "?" for code in pattern)
+    if size != [2, 2] or letters not in CFA_ORDERS or tiff.one(raw, 50711, 1) != 1:
+        raise UnsupportedRaw(
+            f"{tiff.file} has the colour filters {letters or 'unnamed'} ({size[0]} × {size[1]}).",
+            f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}.",
+        )
+    return letters
+
+
+def _black(tiff: _Tiff, raw: _Directory, frame: _Frame) -> Floats:
+    """(2, 2) DN: the mean black level of each position of the colour cell over the active area."""
+    rows, columns = tiff.whole(raw, 50713, 2) or [1, 1]
+    if not (0 < rows <= 64 and 0 < columns <= 64):
+        raise tiff.damaged(f"a black level that repeats every {rows} × {columns} samples")
+    stored = tiff.numbers(raw, 50714, rows * columns)
+    pattern = np.zeros((1, 1)) if stored is None else stored.reshape(rows, columns)
+    pattern = np.tile(pattern, (2, 2))  # an even period in both directions
+    top, left, bottom, right = frame.area
+    across, down = tiff.numbers(raw, 50715, right - left), tiff.numbers(raw, 50716, bottom - top)
+    black = np.empty((2, 2))
+    for i, j in np.ndindex(2, 2):
+        black[i, j] = pattern[i::2, j::2].mean()
+        black[i, j] += (0 if down is None else down[i::2].mean()) + (0 if across is None else across[j::2].mean())
+    if not (np.isfinite(black).all() and (np.abs(black) <= 65535).all()):
+        raise tiff.damaged("its black level is no number")
+    return black
+
+
+def _white(tiff: _Tiff, raw: _Directory, frame: _Frame) -> float:
+    """The white level, DN; 2^bits - 1 where the file is silent."""
+    stored = tiff.numbers(raw, 50717, 1)
+    white = float(2**frame.bits - 1 if stored is None else stored[0])
+    if not 0 < white <= 65535:
+        raise tiff.damaged(f"a white level of {white:g}")
+    return white
+
+
+def _gain_maps(tiff: _Tiff, raw: _Directory) -> tuple[GainMap, ...]:
+    """The lens shading of the three opcode lists."""
+    found: list[GainMap] = []
+    for stage, tag in enumerate((51008, 51009, 51022), 1):
+        try:
+            found += read_gain_maps(tiff.raw_bytes(raw, tag), stage)
+        except ValueError as error:
+            raise tiff.damaged(f"opcode list {tag} {error}") from error
+    return tuple(found)
+
+
+def _positive(tiff: _Tiff, directories: tuple[_Directory, ...], tag: int) -> float | None:
+    """The first positive number under `tag`; writers put 0 for unknown."""
+    for directory in directories:
+        values = tiff.numbers(directory, tag)
+        if values is not None and np.isfinite(values[0]) and values[0] > 0:
+            return float(values[0])
+    return None
+
+
+def _matrix(tiff: _Tiff, first: _Directory, tag: int) -> Floats | None:
+    values = tiff.numbers(first, tag)
+    if values is None or values.size != 9 or not np.isfinite(values).all():
+        return None
+    return values.reshape(3, 3)
+
+
+def _neutrals(tiff: _Tiff, first: _Directory) -> tuple[tuple[int, Floats], ...]:
+    """Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6)."""
+    found = []
+    balance = tiff.numbers(first, 50727)
+    gains = balance if balance is not None and balance.size == 3 and np.isfinite(balance).all() else np.ones(3)
+    for matrix, calibration, light in ((50721, 50723, 50778), (50722, 50724, 50779)):
+        to_camera, own = _matrix(tiff, first, matrix), _matrix(tiff, first, calibration)
+        xy = _WHITE_POINTS.get(tiff.one(first, light, 0))
+        if to_camera is None or xy is None:
+            continue
+        x, y = xy
+        white = gains * ((np.eye(3) if own is None else own) @ to_camera @ np.array([x / y, 1.0, (1.0 - x - y) / y]))
+        if np.isfinite(white).all() and white.min() > 1e-3 * white.max():
+            found.append((tiff.one(first, light, 0), white / white[1]))
+    return tuple(found)
+
+
+def _neutral(tiff: _Tiff, first: _Directory) -> Floats | None:
+    values = tiff.numbers(first, 50728)
+    return values if values is not None and values.size == 3 and (values > 0).all() else None
+
+
+def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
+    """The active area's samples, by LibRaw; copied once, since LibRaw's own buffer dies with it."""
+    import rawpy
+
+    try:
+        with rawpy.imread(str(file)) as raw:
+            stored = raw.raw_image
+            if stored is None or stored.shape != (frame.height, frame.width):
+                raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
+            top, left, bottom, right = frame.area
+            return np.array(stored[top:bottom, left:right], dtype=np.uint16, order="C")
+    except rawpy.LibRawFileUnsupportedError as error:
+        raise UnsupportedRaw(f"LibRaw does not know the form of {file}.", CONVERT) from error
+    except rawpy.LibRawError as error:
+        raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error

@@ -1,0 +1,311 @@
+"""Pose → patch means: mean, standard error and clipped share for each patch and CFA colour.
+
+The rule, in numbers, since Kotlin repeats it bit for bit (all sums are integers, all roundings are named):
+
+1. Quad. Centre c = ((q0 + q1) + (q2 + q3)) · 0.25 of the patch's four corners; each corner moves to
+   c + SHRINK · (q - c), then to the 1/16 px lattice, floor(16 v + 0.5). SHRINK = 0.5: half of each edge stays
+   inside the patch even if its centre is a quarter of a patch off, and leaves the rest to blur, bevel and the
+   printed border. Noise is not what limits a patch of hundreds of samples.
+2. Samples. Those whose centre lies in the quad or on its edge: four integer cross products, none negative.
+3. Each of the four positions of the CFA cell by itself. n samples v, sorted: M = v[(n-1) div 2] + v[n div 2]
+   is twice the median; from d = |2 v - M|, sorted, D = d[(n-1) div 2] + d[n div 2] is four times the median
+   absolute deviation. A sample is dust or hot if 2 d > REJECT · D + 4 · FLOOR, that is if
+   |v - median| > 6 MAD + 2 DN: 4 σ of a Gaussian, and beyond what a straight gradient can reach (its largest
+   deviation is at most 3.5 MAD), so a gradient rejects nothing.
+4. A sample is kept only if every frame of the shot keeps it: the frames share one mask. The light f then enters
+   both sums alike, Σ R f / Σ ρ f = R / ρ exactly, whatever f is: hence the ratio of means (signals.py), not the
+   mean of ratios, which is noisier and biased by the white frame's noise.
+5. Mean = Σ v / n. Standard error: a slow gradient is not noise, so the plane of least squares is taken out. With
+   e = v - (Σ v div n), X and Y the sample's column and row div 2, less the smallest of the patch, and
+   C_ab = Σab - Σa Σb / n: slopes a, b from C_XX, C_XY, C_YY, C_Xe, C_Ye (0 where the determinant is not positive);
+   variance = max(0, C_ee - a C_Xe - b C_Ye) / (n - 3) + 1/12 (the rounding to whole DN); se = √(variance / n).
+6. Lens shading, where it shall be applied: g, one for each position, is the product of the chart photo's gain maps
+   that cover it, at c of rule 1 (`mosaic.shading`). The net's point i <= v = ((c_y + 0.5) / height - origin)
+   / spacing and the next, with p = v - i; likewise j, q of c_x: bilinear, down both columns first, then across;
+   constant beyond the ends. In every frame mean <- black + g (mean - black) and se <- g se (nothing changes where
+   g = 1); so the sums stay whole, a white frame takes g out again, and counts, shares, gradients and the white
+   level remain those of the samples.
+7. Green is the mean of its two positions' means, its standard error half of their root sum of squares; shares
+   are of both positions' samples, gradients their mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
+from camssf.grid import Floats
+from camssf.photo.mosaic import Mosaic, shading
+from camssf.photo.pose import Pose
+
+SHRINK = 0.5
+"""Part of each patch edge that is measured."""
+REJECT = 6
+"""Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels."""
+FLOOR = 2
+"""DN that are always allowed: whole numbers have a MAD of zero where there is no noise."""
+FEWEST = 16
+"""Samples that each position of the CFA cell must have in every patch."""
+LENS_SHADING = ("as-stored", "apply")
+"""What can be done about the lens shading that a file describes: nothing, or rule 6."""
+ALIKE = 0.01
+"""Relative difference up to which two exposures are the same: files round them."""
+
+
+@dataclass(frozen=True)
+class FrameMeans:
+    """One frame's statistics in the central part of every patch. Columns are R, G, B.
+
+    Attributes:
+        mean: (n, 3) DN, black level still in it; green is the mean of its two positions' means.
+        standard_error: (n, 3) DN of that mean, from the samples themselves.
+        count: (n, 3) samples that entered.
+        clipped: (n, 3) share of samples at or above the white level, 0 to 1.
+        dead: (n, 3) share of samples rejected as dust or hot pixels, 0 to 1.
+        gradient: (n, 3) relative change of the signal from edge to edge of the measured part, 1.
+        greens: (n, 2) mean of the green on the red's rows and on the blue's rows, DN.
+    """
+
+    mean: Floats
+    standard_error: Floats
+    count: NDArray[np.int64]
+    clipped: Floats
+    dead: Floats
+    gradient: Floats
+    greens: Floats
+
+
+@dataclass(frozen=True)
+class PatchMeans:
+    """One shot: the same samples of the chart, white and dark frames.
+
+    Attributes:
+        chart: statistics of the chart photo.
+        white, dark: of the frames, None where there is none.
+        black: (3,) the file's black level of R, G, B, DN.
+        saturation: the white level, DN.
+    """
+
+    chart: FrameMeans
+    white: FrameMeans | None
+    dark: FrameMeans | None
+    black: Floats
+    saturation: float
+
+
+def measure_patches(
+    chart: Mosaic,
+    pose: Pose,
+    *,
+    white: Mosaic | None = None,
+    dark: Mosaic | None = None,
+    lens_shading: str = "as-stored",
+) -> PatchMeans:
+    """Measure the same samples of every patch in all frames of one shot.
+
+    Args:
+        chart: the photo of the chart.
+        pose: where the chart lies in it.
+        white: the white frame, taken like the chart photo; None if there is none.
+        dark: the dark frame, likewise.
+        lens_shading: "as-stored" takes the samples as they are, "apply" multiplies what lies above black by the gain
+            maps in the chart photo's file. With a white frame it is unnecessary.
+
+    Raises:
+        InvalidArgument: another word, or a file without gain maps to apply.
+        UnsupportedRaw: gain maps that camssf does not apply.
+        FramesDiffer: size, CFA, camera, levels, exposure or ISO of a frame differ from the chart photo's.
+        ChartNotFound: a patch leaves the photo, or holds fewer than 16 samples of a colour.
+    """
+    if lens_shading not in LENS_SHADING:
+        raise InvalidArgument(f"Lens shading {lens_shading!r} is unknown.", f"Say {' or '.join(LENS_SHADING)}.")
+    if lens_shading == "apply" and not chart.gain_maps:
+        raise InvalidArgument(
+            f"{chart.path} holds no lens-shading map to apply.", "Leave the samples as stored, or take a white frame."
+        )
+    frames = [chart]
+    for word, frame in (("white", white), ("dark", dark)):
+        if frame is not None:
+            _check_alike(chart, frame, word)
+            frames.append(frame)
+    cells = _cells(chart.cfa)
+    raw = np.array(
+        [[_position(frames, quad, cell, patch) for cell in cells] for patch, quad in enumerate(pose.patches, 1)]
+    )  # (n, 4 positions: R, green of R's rows, green of B's rows, B; frame; numbers)
+    black = np.array([chart.black[cell] for cell in cells])
+    scale = chart.white - black
+    gains = np.ones((len(pose.patches), 4))
+    if lens_shading == "apply":
+        for patch, quad in enumerate(pose.patches):
+            x, y = _centre(quad)
+            factors = shading(chart, float(x), float(y))
+            gains[patch] = [factors[cell] for cell in cells]
+    measured = [_join(raw[:, :, f], black, scale, gains) for f in range(len(frames))]
+    rest = iter(measured[1:])
+    return PatchMeans(
+        chart=measured[0],
+        white=next(rest) if white is not None else None,
+        dark=next(rest) if dark is not None else None,
+        black=np.array([black[0], (black[1] + black[2]) / 2, black[3]]),
+        saturation=float(chart.white),
+    )
+
+
+def _cells(cfa: str) -> list[tuple[int, int]]:
+    """(row, column) in the 2 × 2 cell of R, the green on R's rows, the green on B's rows, B."""
+    red, blue = divmod(cfa.index("R"), 2), divmod(cfa.index("B"), 2)
+    return [red, (red[0], 1 - red[1]), (blue[0], 1 - blue[1]), blue]
+
+
+def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
+    """Raise FramesDiffer unless the frame was taken with the chart photo's camera and settings."""
+    differ = []
+    if frame.samples.shape != chart.samples.shape:
+        differ.append(f"size {_size(frame)} against {_size(chart)}")
+    if frame.cfa != chart.cfa:
+        differ.append(f"CFA pattern {frame.cfa} against {chart.cfa}")
+    for name in ("make", "model"):
+        theirs, ours = getattr(frame, name), getattr(chart, name)
+        if theirs and ours and theirs != ours:
+            differ.append(f"camera {name} {theirs!r} against {ours!r}")
+    if frame.white != chart.white:
+        differ.append(f"white level {frame.white:g} against {chart.white:g} DN")
+    elif np.any(np.abs(frame.black - chart.black) > 0.005 * chart.white):
+        differ.append(f"black level {frame.black.mean():g} against {chart.black.mean():g} DN")
+    for name, unit in (("exposure", " s"), ("iso", "")):
+        theirs, ours = getattr(frame, name), getattr(chart, name)
+        if theirs is not None and ours is not None and abs(theirs - ours) > ALIKE * max(theirs, ours):
+            differ.append(f"{name} {theirs:g}{unit} against {ours:g}{unit}")
+    if differ:
+        raise FramesDiffer(
+            f"The {word} frame {frame.path} differs from the chart photo {chart.path}: {'; '.join(differ)}.",
+            "Take chart, white and dark frame with one camera in manual mode: same exposure time, ISO, aperture.",
+        )
+
+
+def _size(frame: Mosaic) -> str:
+    return f"{frame.samples.shape[1]} × {frame.samples.shape[0]}"
+
+
+def _position(frames: list[Mosaic], quad: Floats, cell: tuple[int, int], patch: int) -> Floats:
+    """Statistics of one position of the CFA cell in one patch.
+
+    Returns:
+        (frame, 7): mean, standard error, count kept, edge-to-edge change in DN, clipped, rejected, all.
+    """
+    rows, columns = _select(quad, cell, frames[0].samples.shape, patch)
+    if rows.size < FEWEST:
+        _too_small(frames[0], patch, rows.size)
+    samples = [frame.samples[rows, columns].astype(np.int32) for frame in frames]
+    kept = [_kept(v) for v in samples]
+    joint = np.logical_and.reduce(kept)
+    if np.count_nonzero(joint) < FEWEST:
+        _too_small(frames[0], patch, int(np.count_nonzero(joint)))
+    x, y = columns[joint] // 2, rows[joint] // 2
+    return np.array(
+        [
+            [
+                *_mean(v[joint], x - x.min(), y - y.min()),
+                np.count_nonzero(v >= frame.white),
+                np.count_nonzero(~k),
+                v.size,
+            ]
+            for frame, v, k in zip(frames, samples, kept, strict=True)
+        ]
+    )
+
+
+def _select(
+    quad: Floats, cell: tuple[int, int], shape: tuple[int, ...], patch: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the cell's samples in the shrunk quad: rule 1 and 2."""
+    centre = _centre(quad)
+    moved = 16 * (centre + SHRINK * (quad - centre))
+    limit = 16 * np.array([shape[1] - 1, shape[0] - 1])
+    if not all(isfinite(v) for v in moved.flat) or np.any(moved < 0) or np.any(moved > limit):
+        raise ChartNotFound(
+            f"Patch {patch} leaves the photo.",
+            "Take the photo with the whole chart in view, or correct --corners.",
+        )
+    corners = np.floor(moved + 0.5).astype(np.int64)
+    low, high = (corners.min(axis=0) + 15) // 16, corners.max(axis=0) // 16
+    rows = np.arange(low[1] + (cell[0] - low[1]) % 2, high[1] + 1, 2)
+    columns = np.arange(low[0] + (cell[1] - low[0]) % 2, high[0] + 1, 2)
+    inside = np.ones((rows.size, columns.size), dtype=bool)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        inside &= (b[0] - a[0]) * (16 * rows[:, None] - a[1]) >= (b[1] - a[1]) * (16 * columns - a[0])
+    y, x = np.nonzero(inside)
+    return rows[y], columns[x]
+
+
+def _centre(quad: Floats) -> Floats:
+    return np.asarray(((quad[0] + quad[1]) + (quad[2] + quad[3])) * 0.25)
+
+
+def _too_small(frame: Mosaic, patch: int, count: int) -> None:
+    raise ChartNotFound(
+        f"{frame.path}: patch {patch} holds only {count} good samples of a colour, {FEWEST} are needed.",
+        "Go closer so that the chart fills the frame, and wipe dust off chart and lens.",
+        value=float(count),
+        threshold=float(FEWEST),
+    )
+
+
+def _twice_median(v: NDArray[np.int32]) -> int:
+    ordered = np.sort(v)
+    return int(ordered[(v.size - 1) // 2]) + int(ordered[v.size // 2])
+
+
+def _kept(v: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """False for dust and hot pixels: rule 3."""
+    deviation = np.abs(2 * v - _twice_median(v))
+    kept: NDArray[np.bool_] = 2 * deviation <= REJECT * _twice_median(deviation) + 4 * FLOOR
+    return kept
+
+
+def _mean(v: NDArray[np.int32], x: NDArray[np.int64], y: NDArray[np.int64]) -> list[float]:
+    """Mean, standard error about the plane, count, and change from edge to edge: rule 5."""
+    n = v.size
+    total = int(np.sum(v, dtype=np.int64))
+    columns = np.array([np.ones(n), x, y, v - total // n], dtype=np.float64)
+    sums = columns @ columns.T  # whole numbers below 2^53: exact in any order
+    C = sums - np.outer(sums[0], sums[0]) / n
+    xx, xy, yy, xe, ye, ee = C[1, 1], C[1, 2], C[2, 2], C[1, 3], C[2, 3], C[3, 3]
+    determinant = xx * yy - xy * xy
+    a = b = 0.0
+    if determinant > 0:
+        a, b = (yy * xe - xy * ye) / determinant, (xx * ye - xy * xe) / determinant
+    variance = max(0.0, ee - a * xe - b * ye) / (n - 3) + 1 / 12
+    change = abs(a) * float(x.max()) + abs(b) * float(y.max())
+    return [total / n, (variance / n) ** 0.5, n, change]
+
+
+def _join(raw: Floats, black: Floats, scale: Floats, gains: Floats) -> FrameMeans:
+    """(n, 4 positions, 7 numbers) of one frame → its statistics by colour: rules 6 and 7."""
+    mean, error, count, change, clipped, rejected, total = np.moveaxis(raw, 2, 0)
+    gradient = change / np.maximum(np.abs(mean - black), 0.01 * scale)  # 1 % of the range: dark frames
+    shaded = gains != 1.0
+    mean, error = np.where(shaded, black + gains * (mean - black), mean), gains * error
+
+    def colours(v: Floats, green: Floats) -> Floats:
+        return np.stack([v[:, 0], green, v[:, 3]], axis=1)
+
+    def average(v: Floats) -> Floats:
+        return colours(v, (v[:, 1] + v[:, 2]) / 2)
+
+    def total_of(v: Floats) -> Floats:
+        return colours(v, v[:, 1] + v[:, 2])
+
+    return FrameMeans(
+        mean=average(mean),
+        standard_error=colours(error, np.sqrt(error[:, 1] ** 2 + error[:, 2] ** 2) / 2),
+        count=total_of(count).astype(np.int64),
+        clipped=total_of(clipped) / total_of(total),
+        dead=total_of(rejected) / total_of(total),
+        gradient=average(gradient),
+        greens=mean[:, 1:3].copy(),
+    )

@@ -1,0 +1,188 @@
+"""Patch means → signals: Eq. (5), (chart − dark) / (white − dark)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import InvalidArgument, Overexposed, Underexposed
+from camssf.grid import Floats
+from camssf.photo.patches import PatchMeans
+from camssf.spectra import ChartTable
+
+CLIPPED = 0.01
+"""Share of clipped samples from which a patch, or a white frame, is no measurement."""
+FAINT = 0.005
+"""Part of the sensor's range that the white signal must reach in every channel."""
+NOISY = 0.05
+"""Largest relative standard error of the white signal."""
+LOST = 3.0
+"""A patch whose signal is below this many of its standard errors in some channel is lost in noise."""
+FEWEST = 6
+"""Patches that must be left in every shot."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """A fallback that entered the result, for the report. `code` is a word, `message` a sentence."""
+
+    code: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals y of k shots. Columns are R, G, B.
+
+    Attributes:
+        values: (k, n, 3) y, 1.
+        standard_error: (k, n, 3) of y, 1, propagated from the frames' standard errors.
+        chart, white, dark: (k, n, 3) DN: what Eq. (5) divided; fallbacks filled in.
+        used: (k, n) False where a patch must not enter the fit (clipped, lost in noise, or the white itself).
+        white_is_patch: (k,) True where the chart's white patch stood in for the white frame.
+        assumptions: the fallbacks taken.
+    """
+
+    values: Floats
+    standard_error: Floats
+    chart: Floats
+    white: Floats
+    dark: Floats
+    used: NDArray[np.bool_]
+    white_is_patch: NDArray[np.bool_]
+    assumptions: tuple[Assumption, ...]
+
+
+def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:
+    """Divide every patch by the white at its own place: the paper's Eq. (5), y = (C - D) / (W - D).
+
+    Standard errors, with b = W - D, from ∂y/∂C = 1/b, ∂y/∂W = -y/b, ∂y/∂D = (y - 1)/b:
+    se_y² = (se_C² + y² se_W² + (y - 1)² se_D²) / b². The frames' errors are independent of each other.
+
+    Fallbacks, each named in `assumptions`:
+    no dark frame: D is the file's black level, se_D = 0;
+    no white frame: the chart's white patch w stands in for all, b = C_w - D_w, its own row is not used, and
+    se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b², since the patch has a dark of its own. `white` is
+    then C_w - D_w + D, so that Eq. (5) holds in the arrays as they stand.
+
+    Args:
+        shots: k shots of one chart, (n, 3) each.
+        table: of that chart; `table.white` is its white patch.
+
+    Raises:
+        InvalidArgument: no shot, or another number of patches than the table has.
+        Overexposed: the white is clipped, or clipping leaves fewer than 6 patches.
+        Underexposed: the white lies hardly above the dark, or noise leaves fewer than 6 patches.
+    """
+    if not shots:
+        raise InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
+    rows = [_shot(shot, table, number) for number, shot in enumerate(shots, 1)]
+    values, error, chart, white, dark, used = (np.stack([row[i] for row in rows]) for i in range(6))
+    return Signals(
+        values=values,
+        standard_error=error,
+        chart=chart,
+        white=white,
+        dark=dark,
+        used=used.astype(np.bool_),
+        white_is_patch=np.array([shot.white is None for shot in shots]),
+        assumptions=tuple(a for number, shot in enumerate(shots, 1) for a in _assumptions(shot, table, number)),
+    )
+
+
+def _shot(shot: PatchMeans, table: ChartTable, number: int) -> tuple[NDArray[np.generic], ...]:
+    """y, its standard error, chart, white, dark, used of one shot."""
+    n, w = len(table.patches), table.white
+    C, se_C = shot.chart.mean, shot.chart.standard_error
+    if C.shape != (n, 3):
+        raise InvalidArgument(
+            f"Shot {number} has {len(C)} patches, the table {table.table!r} has {n}.",
+            "Use the pose and the table of the same chart.",
+        )
+    if shot.dark is None:
+        D, se_D = np.broadcast_to(shot.black, C.shape).copy(), np.zeros_like(C)
+    else:
+        D, se_D = shot.dark.mean, shot.dark.standard_error
+    if shot.white is None:
+        W, se_W = C[w] - D[w] + D, np.hypot(se_C[w], se_D[w]) + np.zeros_like(C)
+        clipped_white = shot.chart.clipped[w : w + 1]
+    else:
+        W, se_W, clipped_white = shot.white.mean, shot.white.standard_error, shot.white.clipped
+    _check_white(W - D, se_W, clipped_white, shot, number)
+    y = (C - D) / (W - D)
+    weight_D = np.ones_like(y) if shot.white is None else (y - 1) ** 2
+    se_y = np.sqrt(se_C**2 + y**2 * se_W**2 + weight_D * se_D**2) / (W - D)
+    clipped = np.any(shot.chart.clipped > CLIPPED, axis=1)
+    lost = np.any(LOST * np.hypot(se_C, se_D) > C - D, axis=1)
+    used = ~clipped & ~lost
+    if shot.white is None:
+        used[w] = False
+    _check_left(used, clipped, lost, number)
+    return y, se_y, C, W, D, used
+
+
+def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, number: int) -> None:
+    """Raise unless the white signal b = W - D (n, 3) can divide."""
+    word = "white patch" if shot.white is None else "white frame"
+    share = float(clipped.max())
+    if share > CLIPPED:
+        raise Overexposed(
+            f"Shot {number}: up to {share:.1%} of a patch's samples are at the ceiling in the {word}.",
+            "Take chart and white again with less exposure: white below 80 % in its brightest channel.",
+            value=share,
+            threshold=CLIPPED,
+        )
+    level = float((b / (shot.saturation - shot.black)).min())
+    if not level >= FAINT:
+        raise Underexposed(
+            f"Shot {number}: in one channel the {word} lies only {level:.2%} of the range above dark.",
+            "Expose longer or use more light, and check that white and dark frame are not swapped.",
+            value=level,
+            threshold=FAINT,
+        )
+    noise = float((se_W / b).max())
+    if noise > NOISY:
+        raise Underexposed(
+            f"Shot {number}: the {word} is known to {noise:.0%} only.",
+            "Expose longer or use more light; fill the frame with the chart.",
+            value=noise,
+            threshold=NOISY,
+        )
+
+
+def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArray[np.bool_], number: int) -> None:
+    """Raise if fewer than 6 patches are left, for the reason that took more of them."""
+    left = int(np.count_nonzero(used))
+    if left >= FEWEST:
+        return
+    over, under = int(np.count_nonzero(clipped)), int(np.count_nonzero(lost))
+    message = (
+        f"Shot {number}: only {left} of {used.size} patches are usable ({over} clipped, {under} "
+        f"lost in noise), {FEWEST} are needed."
+    )
+    if over >= under:
+        raise Overexposed(message, "Take the photo again with less exposure.", value=left, threshold=FEWEST)
+    raise Underexposed(message, "Take the photo again with more exposure or light.", value=left, threshold=FEWEST)
+
+
+def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assumption]:
+    found = []
+    if shot.white is None:
+        found.append(
+            Assumption(
+                "white_from_patch",
+                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} stands in, "
+                "so light that falls off across the chart is not corrected.",
+            )
+        )
+    if shot.dark is None:
+        found.append(
+            Assumption(
+                "dark_from_black_level",
+                f"shot {number}: no dark frame: the black level in the file stands in.",
+            )
+        )
+    return found

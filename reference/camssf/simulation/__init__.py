@@ -1,0 +1,1 @@
+"""Photos of a chart by a simulated camera, with their truth and their faults."""

@@ -1,0 +1,20 @@
+"""Ground floor: spectra by name or by file. Lamps, chart tables, measured cameras."""
+
+from camssf.spectra.cameras import CameraCurves, camera_names, read_camera
+from camssf.spectra.charts import ChartTable, chart_names, read_chart
+from camssf.spectra.lamps import Lamp, lamp_names, read_lamp, with_tolerance
+from camssf.spectra.sampled import colour_science
+
+__all__ = [
+    "CameraCurves",
+    "ChartTable",
+    "Lamp",
+    "camera_names",
+    "chart_names",
+    "colour_science",
+    "lamp_names",
+    "read_camera",
+    "read_chart",
+    "read_lamp",
+    "with_tolerance",
+]

@@ -1,0 +1,113 @@
+"""The bundled table of lamps and charts, CIE's formulae, and the two ways onto the grid; the same as in Kotlin.
+
+data/spectra.json is what `python -m camssf.tools.tabulate` takes from colour-science. docs/tables.md gives every
+formula and the order of its operations, so that another language repeats the numbers to the last bit or two.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from camssf.grid import WAVELENGTHS, Floats
+
+FORMAT = "camssf-spectra/1"
+C2 = 1.4388e-2
+"""Planck's second constant, m K (CIE 15, ITS-90)."""
+_OUTER = ((884, -1960, 3033, -2648, 1080, -180), (508, -540, 488, -367, 144, -24))
+"""Sprague: the points two and one beyond an end, over 209, from the six at that end, the outermost first."""
+_INNER = (
+    (2, -16, 0, 16, -2, 0),
+    (-1, 16, -30, 16, -1, 0),
+    (-9, 39, -70, 66, -33, 7),
+    (13, -64, 126, -124, 61, -12),
+    (-5, 25, -50, 50, -25, 5),
+)
+"""Sprague: coefficients of X to X⁵, over 24, from the points i - 2 to i + 3."""
+
+
+@cache
+def bundled() -> dict[str, Any]:
+    """The whole of data/spectra.json."""
+    table: dict[str, Any] = json.loads((files("camssf") / "data" / "spectra.json").read_text("utf-8"))
+    return table
+
+
+@cache
+def illuminant(name: str) -> Floats:
+    """A CIE illuminant on the grid as tabulated, (681,); straight between its nodes."""
+    return _shared(linear(bundled()["lamps"][name]))
+
+
+@cache
+def reflectances(table: str) -> Floats:
+    """A bundled chart table on the grid, (n, 681); smooth between its nodes."""
+    entry = bundled()["tables"][table]
+    return _shared(np.stack([sprague(entry["start"], entry["step"], np.array(row)) for row in entry["values"]]))
+
+
+def planck(kelvin: float) -> Floats:
+    """Planck's law on the grid, (681,), any scale: λ⁻⁵ / (exp(c₂ / λT) - 1)."""
+    metres = WAVELENGTHS * 1e-9
+    return np.asarray((WAVELENGTHS / 560.0) ** -5.0 / np.expm1(C2 / (metres * kelvin)))
+
+
+def daylight(kelvin: float) -> Floats:
+    """CIE daylight of a correlated colour temperature, 4000 to 25,000 K, on the grid, (681,): CIE 15.
+
+    M₁ and M₂ are rounded to three decimals, as CIE does for its D illuminants.
+    """
+    t = 1e3 / kelvin
+    if kelvin <= 7000.0:
+        x = ((-4.6070 * t + 2.9678) * t + 0.09911) * t + 0.244063
+    else:
+        x = ((-2.0064 * t + 1.9018) * t + 0.24748) * t + 0.237040
+    y = (-3.0 * x + 2.87) * x - 0.275
+    m = 0.0241 + 0.2562 * x - 0.7341 * y
+    m1 = np.rint(1000.0 * ((-1.3515 - 1.7703 * x + 5.9114 * y) / m)) / 1000.0
+    m2 = np.rint(1000.0 * ((0.03 - 31.4424 * x + 30.0717 * y) / m)) / 1000.0
+    part = bundled()["daylight"]
+    s0, s1, s2 = (np.array(part[name]) for name in ("S0", "S1", "S2"))
+    return linear({"start": part["start"], "step": part["step"], "values": s0 + m1 * s1 + m2 * s2})
+
+
+def linear(table: dict[str, Any]) -> Floats:
+    """Even nodes → the grid, (681,): straight between, constant outside."""
+    nodes = table["start"] + table["step"] * np.arange(len(table["values"]))
+    return np.asarray(np.interp(WAVELENGTHS, nodes, table["values"]))
+
+
+def sprague(start: float, step: float, values: Floats) -> Floats:
+    """Even nodes (at least 6) → the grid, (681,): Sprague's polynomials (CIE 167:2005), constant outside.
+
+    With i the node at or below λ (the last but one at most) and X = (λ - λ_i) / step:
+    r_i + X (a₁ + X (a₂ + X (a₃ + X (a₄ + X a₅)))), the sums that make each a running from i - 2 to i + 3.
+    """
+    last = len(values) - 1
+    left = [_weighted(row, values[:6]) / 209.0 for row in _OUTER]
+    right = [_weighted(row, values[:-7:-1]) / 209.0 for row in _OUTER[::-1]]
+    r = np.concatenate([left, values, right])  # node i lies at i + 2
+    at = np.clip(WAVELENGTHS, start, start + step * last)
+    i = np.minimum(((at - start) / step).astype(np.int64), last - 1)
+    X = (at - (start + step * i)) / step
+    a = [_weighted(row, [r[i + k] for k in range(6)]) / 24.0 for row in _INNER]
+    total = np.zeros_like(at)
+    for part in reversed(a):
+        total = X * (part + total)
+    return np.asarray(r[i + 2] + total)
+
+
+def _shared(values: Floats) -> Floats:
+    values.setflags(write=False)
+    return values
+
+
+def _weighted(weights: tuple[int, ...], points: Any) -> Any:
+    total = weights[0] * points[0]
+    for weight, point in zip(weights[1:], points[1:], strict=True):
+        total = total + weight * point
+    return total

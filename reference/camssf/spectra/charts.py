@@ -1,0 +1,197 @@
+"""Chart tables by name or by file.
+
+Those known by name come from data/spectra.json, taken from colour-science. Reflectances are smooth: Sprague's
+interpolation, which CIE 167:2005 recommends for even steps (a cubic spline where a file's steps are uneven).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camssf.errors import ChartUnfit, InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra.bundled import bundled, reflectances
+from camssf.spectra.sampled import check_wavelengths, frozen, held, smooth, text_of
+from camssf.spectra.tables import looks_like_file, nearest, read_spectra
+
+
+@dataclass(frozen=True)
+class ChartTable:
+    """The measured reflectances of a chart.
+
+    Attributes:
+        name: of the chart as asked for, for example "classic24".
+        table: name of the table, for example "BabelColor Average".
+        layout: geometry it is printed in, a key of `camssf.photo.pose.LAYOUTS`.
+        patches: (n) names in reading order from the chart's top left.
+        values: (n, 681) reflectance on the grid, 0 to 1.
+        tolerance: (n,) one standard deviation of the table's relative error for a chart somebody owns, 1.
+        white: index of the white patch.
+        source: in words for the report.
+    """
+
+    name: str
+    table: str
+    layout: str
+    patches: tuple[str, ...]
+    values: Floats
+    tolerance: Floats
+    white: int
+    source: str
+
+
+PUBLIC_CHART = 0.03
+"""Measured tables of one and the same product differ by 1 to 3 % RMS; so does somebody's chart."""
+
+
+MEASURED_CHART = 0.01
+"""A spectrophotometer on the chart itself leaves its own accuracy and the fading since."""
+
+
+_CHART_MENU = (
+    "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of measured reflectances "
+    "(.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt."
+)
+
+
+_COUNTS = {24: "classic24", 140: "sg140"}
+
+
+def chart_names() -> tuple[str, ...]:
+    """Names that `read_chart` knows, besides files."""
+    charts = bundled()["charts"]
+    _first, *others = charts["tables"]
+    return (*charts["names"], *(f"{chart}:{table}" for table in others for chart in charts["names"]))
+
+
+def read_chart(spec: str) -> ChartTable:
+    """Reflectances of a chart, by name or by file.
+
+    `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts,
+    or Ohta's table with `:ohta`. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
+    them by position (A1 ...); `nano24:mine.csv` names its layout. Values above 2 are taken for percent. Outside a
+    file's wavelengths reflectance is held constant, which `source` says; it must cover 400 to 700 nm in steps of
+    20 nm at most.
+
+    The tolerance is 3 % for a public table, because measured tables of one chart differ by 1 to 3 %, and 1 % for
+    a file, which is taken for a measurement of the user's own chart. White is "white 9.5 (.05 D)" of the public
+    tables; of a file, E5 of an SG, else the brightest neutral patch.
+
+    Raises:
+        InvalidArgument: unknown name, a file that is no such table, or another number of patches.
+        ChartUnfit: too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or the 24
+            colours in another order than reading order.
+    """
+    text = text_of(spec)
+    head, _, tail = text.partition(":")
+    chart = head.casefold()
+    known: list[str] = bundled()["charts"]["names"]
+    tables: dict[str, str] = bundled()["charts"]["tables"]
+    if chart in known and tail.casefold() in ("", *tables):
+        table = tables[tail.casefold() or next(iter(tables))]
+        entry, values = bundled()["tables"][table], frozen(reflectances(table))
+        patches, tolerance = tuple(entry["patches"]), frozen(np.full(len(values), PUBLIC_CHART))
+        return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
+    if chart == "sg140" and not tail:
+        raise InvalidArgument(
+            "camssf has no table of the ColorChecker Digital SG: colour-science, its source of tables, has none.",
+            "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
+        )
+    if chart in (*known, "sg140") and tail:
+        return _measured_chart(text, Path(tail), chart)
+    if looks_like_file(text):
+        return _measured_chart(text, Path(text), None)
+    raise InvalidArgument(
+        f"No chart is called {text!r}." if text else "The chart is missing.",
+        nearest(text, (*chart_names(), "sg140")) + _CHART_MENU,
+    )
+
+
+def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
+    names, wavelengths, table = read_spectra(path)
+    count = len(table)
+    if count not in _COUNTS or (layout and (layout == "sg140") != (count == 140)):
+        raise InvalidArgument(
+            f"{path} holds {count} patches" + (f", {layout} does not." if layout else "."),
+            "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each patch.",
+            value=count,
+        )
+    check_wavelengths(wavelengths, path, ChartUnfit)
+    if not np.isfinite(table).all():
+        raise ChartUnfit(f"{path} has a reflectance that is not a number.", "Measure that patch again.")
+    if table.max() > 2.0:
+        table = table / 100.0
+    worst = float(min(table.min(), 0.0) or table.max())
+    if not 0.0 <= worst <= 1.2:
+        raise ChartUnfit(
+            f"{path} has a reflectance of {worst:g}.",
+            "Give all as 0 to 1, or all in percent; a patch that fluoresces above 1.2 does not serve.",
+            value=worst,
+        )
+    order = _reading_order(names)
+    values = frozen(np.clip([smooth(wavelengths, table[i]) for i in order], 0.0, 1.2))
+    if count == 24:
+        _check_order(values, path)
+    return ChartTable(
+        name=name,
+        table=path.name,
+        layout=layout or _COUNTS[count],
+        patches=tuple(names[i] for i in order),
+        values=values,
+        tolerance=frozen(np.full(count, MEASURED_CHART)),
+        white=_white(values, path),
+        source=f"file {path.name}{held(wavelengths)}",
+    )
+
+
+def _reading_order(names: tuple[str, ...]) -> list[int]:
+    """The file's rows in reading order where their names are positions, else as they stand.
+
+    Letters are columns on the SG (A1 to N10) and on 24 patches A1 to F4; rows on 24 patches A1 to D6.
+    """
+    stand = list(range(len(names)))
+    places = [re.fullmatch(r"([A-N])(\d{1,2})", name.upper()) for name in names]
+    cells = [(ord(place[1]), int(place[2])) for place in places if place]
+    letters, numbers = ({cell[axis] for cell in cells} for axis in (0, 1))
+    shape = len(letters), len(numbers)
+    if len(set(cells)) != len(names) or shape not in ((14, 10), (6, 4), (4, 6)):
+        return stand
+    return sorted(stand, key=lambda i: cells[i] if shape == (4, 6) else cells[i][::-1])
+
+
+def _check_order(values: Floats, path: Path) -> None:
+    """Refuse the 24 known colours upside down or column by column: every later number would be wrong."""
+    known = reflectances("BabelColor Average")
+    cells = np.arange(24).reshape(4, 6)  # position in the file of each patch of the chart, if in reading order
+    by_columns = np.arange(24).reshape(6, 4).T
+    orders = {"upside down": cells[::-1, ::-1], "by columns": by_columns, "by columns from below": by_columns[::-1]}
+    misfit = {way: _rms(values[order.ravel()] - known) for way, order in orders.items()}
+    way = min(misfit, key=lambda each: misfit[each])
+    if misfit[way] < 0.5 * _rms(values - known):
+        raise ChartUnfit(
+            f"The patches in {path} run {way}.",
+            "Sort them in reading order (dark skin first, black last), or name them A1 to D6.",
+            value=_rms(values - known),
+            threshold=2 * misfit[way],
+        )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _white(values: Floats, path: Path) -> int:
+    """The brightest neutral patch; E5 of an SG if none is plainly brighter (its border repeats the white)."""
+    visible = values[:, (WAVELENGTHS >= 430) & (WAVELENGTHS <= 700)]
+    level = visible.mean(axis=1)
+    brightness = np.where(visible.std(axis=1) <= 0.08 * level, level, 0.0)
+    if brightness.max() <= 0:
+        raise ChartUnfit(f"{path} has no neutral patch.", "Check its columns: a chart's white patch is flat.")
+    e5 = 4 * 14 + 4
+    if len(values) == 140 and brightness[e5] >= 0.95 * brightness.max():
+        return e5
+    return int(np.argmax(brightness))

@@ -1,0 +1,232 @@
+"""Lamps by name, by temperature, by kind or by file.
+
+Those known by name come from data/spectra.json, taken from colour-science. They are interpolated linearly: their
+tables have lines, and a smoother curve would overshoot beside each.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.spectra.bundled import bundled, daylight, illuminant, planck
+from camssf.spectra.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
+from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
+from camssf.spectra.tables import looks_like_file, nearest, plain, read_spectrum
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """The relative spectral power of a shot's light.
+
+    Attributes:
+        name: as asked for.
+        values: (681,) on the grid, any scale, ≥ 0.
+        tolerance: one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
+        modes: (q, 681) directions in which L may be off, relative to it, each one standard deviation long.
+        source: table, formula or file it came from, in words for the report.
+    """
+
+    name: str
+    values: Floats
+    tolerance: float
+    modes: Floats
+    source: str
+
+
+NAMED_LAMP = 0.02
+"""A real lamp is never the table of its name: batches, age, voltage, dimmers, the walls of the room."""
+
+
+MEASURED_LAMP = 0.01
+"""A spectrometer in the chart's own light leaves its calibration and its noise."""
+
+
+NOISE_BELOW_ZERO = 0.005
+"""Dark-corrected spectrometers dip below zero by noise: this share of the peak is forgiven."""
+
+_LAMP_MENU = (
+    "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
+    "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
+    "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
+    "fluorescent; flat E, equal-energy (the paper's assumption); or a "
+    "file of wavelength and power (.csv .txt .spd .sp)."
+)
+
+
+def lamp_names() -> tuple[str, ...]:
+    """Names that `read_lamp` knows, besides `<T>K`, `D:<T>` and files."""
+    return (*bundled()["lamps"], "equal-energy", *FAMILIES)
+
+
+def read_lamp(spec: str) -> Lamp:
+    """Spectral power of the light, by name, formula or file, scaled to a mean of 1 on the grid.
+
+    - A CIE illuminant: `A`, `D55`, `FL2` or `F2`, `LED-B3` ...; case, blanks and hyphens do not matter.
+    - `2856K`: Planck's law with c₂ = 1.4388e-2 m K (CIE 15, ITS-90), 1000 to 20,000 K.
+    - `D:5500`: CIE daylight of that correlated colour temperature (CIE 15), 4000 to 25,000 K, taken as it stands.
+      The D illuminants were named when c₂ was 1.4380e-2: D55 is `D:5503`, D65 is `D:6504`.
+    - `equal-energy`: exactly 1 with tolerance 0, the paper's own assumption.
+    - A family whose member is not known: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and
+      modes in which it may be off.
+    - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most.
+      Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
+      grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
+      to 0.5 % of the peak, becomes 0.
+
+    The tolerance is 2 % for a name or formula (a real lamp is never its table), 1 % for a file, and for a family of
+    tables what its modes leave of a lamp left out.
+
+    Raises:
+        InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is no such table.
+        LampUnfit: power that is negative, not finite or all zero, or a file that covers too little.
+    """
+    text = text_of(spec)
+    key = text.casefold()
+    modes = frozen(np.zeros((0, WAVELENGTHS.size)))
+    if not text:
+        raise InvalidArgument(
+            "The lamp is missing.",
+            "One photo cannot do without: dividing by the white frame, Eq. (5), does not cancel the lamp's spectrum, "
+            "and no photo of a chart tells lamp from camera. Taking a bulb (A) for flat light costs an RMSE of 0.10, "
+            f"more than the curve of an average camera does (0.08). {_LAMP_MENU}",
+        )
+    if plain(text) == "equalenergy":
+        return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
+    if key in FAMILIES:
+        return _family(key)
+    if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
+        power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", NAMED_LAMP
+    elif match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
+        power, source, tolerance = _daylight(float(match[1])), f"CIE daylight, {match[1]} K", NAMED_LAMP
+    elif name := _cie_name(text):
+        power, source, tolerance = illuminant(name), f"CIE illuminant {name} (colour-science)", NAMED_LAMP
+    elif looks_like_file(text):
+        power, source = _measured_lamp(Path(text))
+        tolerance = MEASURED_LAMP
+    else:
+        daylight = re.fullmatch(r"d(\d{2})", key)
+        near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, lamp_names())
+        raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
+    return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
+
+
+def with_tolerance(lamp: Lamp, text: str) -> Lamp:
+    """The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
+
+    A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
+    kelvin at the lamp's own temperature. Both are one standard deviation.
+
+    Raises:
+        InvalidArgument: other text, or a temperature for a lamp that has none.
+    """
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        number = re.fullmatch(r"(\d+(?:\.\d+)?) ?(%|k)", part.casefold())
+        if number is None:
+            raise InvalidArgument(f"{part!r} is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
+        size = float(number[1])
+        if number[2] == "%":
+            if size > 50:
+                raise InvalidArgument(f"A lamp known to {size:g} % is not known.", "Name a family, or measure it.")
+            lamp = replace(lamp, tolerance=size / 100.0)
+            continue
+        formula, kelvin = _temperature(lamp.name)
+        if not 0 < size < 0.25 * kelvin:
+            raise InvalidArgument(
+                f"{size:g} K is no tolerance of a lamp of {kelvin:g} K.", "Give less than a quarter of it."
+            )
+        mode = temperature_mode(formula, kelvin, size)
+        source = f"{lamp.source}, ± {size:g} K"
+        lamp = replace(lamp, modes=frozen(np.concatenate([lamp.modes, mode])), source=source)
+    return lamp
+
+
+def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
+    """Formula and colour temperature of a lamp that has them."""
+    key = name.casefold().strip()
+    if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
+        return _planck, float(match[1])
+    if match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
+        return _daylight, float(match[1])
+    cie = _cie_name(name)
+    if cie in bundled()["kelvin"]:
+        return (_planck if cie == "A" else _daylight), bundled()["kelvin"][cie]
+    raise InvalidArgument(
+        f"The lamp {name!r} has no temperature to be off in.",
+        "Give its tolerance in percent; kelvins suit A, D50 to D75, 3000K or D:5500.",
+    )
+
+
+def _family(name: str) -> Lamp:
+    family = FAMILIES[name]
+    if isinstance(family, Temperature):
+        formula = _daylight if name == "daylight" else _planck
+        power, modes = formula(family.centre), temperature_mode(formula, family.centre, family.spread)
+        source = f"{'CIE daylight' if name == 'daylight' else 'Planck'}, {family.centre:g} ± {family.spread:g} K"
+    else:
+        power, modes = principal_modes([illuminant(member) for member in family.members], family.components)
+        source = f"mean and {len(modes)} principal components of {len(family.members)} CIE lamps"
+    tolerance = family.left if isinstance(family, Kind) else NAMED_LAMP
+    return Lamp(name, frozen(power / power.mean()), tolerance, frozen(modes), source)
+
+
+def _planck(kelvin: float) -> Floats:
+    if not 1000.0 <= kelvin <= 20_000.0:
+        raise InvalidArgument(f"No lamp burns at {kelvin:g} K.", "Give 1000K to 20000K.", value=kelvin)
+    return planck(kelvin)
+
+
+def _daylight(kelvin: float) -> Floats:
+    if not 4000.0 <= kelvin <= 25_000.0:
+        raise InvalidArgument(
+            f"CIE daylight is not defined at {kelvin:g} K.",
+            f"Give D:4000 to D:25000; for a bulb {kelvin:g}K, without D.",
+            value=kelvin,
+        )
+    return daylight(kelvin)
+
+
+def _cie_name(text: str) -> str | None:
+    key = re.sub(r"^f(?=\d)", "fl", plain(text).removeprefix("cie"))
+    return {plain(name): name for name in bundled()["lamps"]}.get(key)
+
+
+def _measured_lamp(path: Path) -> tuple[Floats, str]:
+    wavelengths, power = read_spectrum(path)
+    check_wavelengths(wavelengths, path, LampUnfit)
+    advice = "Measure it again, or name a lamp that is like it."
+    peak = float(power.max())
+    if not np.isfinite(power).all():
+        raise LampUnfit(f"The lamp in {path} has a power that is not a number.", advice)
+    if peak <= 0:
+        raise LampUnfit(f"The lamp in {path} has no power.", advice)
+    power = power / peak
+    if power.min() < -NOISE_BELOW_ZERO:
+        raise LampUnfit(
+            f"The lamp in {path} has negative power.",
+            "Correct the spectrometer's dark signal, or set noise below zero to 0.",
+            value=float(power.min()),
+            threshold=-NOISE_BELOW_ZERO,
+        )
+    fine = np.diff(wavelengths).min() < 0.99 * STEP
+    power = np.maximum(power, 0.0)
+    values = _step_means(wavelengths, power) if fine else np.interp(WAVELENGTHS, wavelengths, power)
+    if values.max() <= 0:
+        raise LampUnfit(f"The lamp in {path} has no power from 380 to 720 nm.", advice)
+    return values, f"file {path.name}{held(wavelengths)}"
+
+
+def _step_means(wavelengths: Floats, power: Floats) -> Floats:
+    """Mean over each step of the grid of the polygon through the samples, from its exact integral, (681,)."""
+    edges = np.append(WAVELENGTHS - STEP / 2, WAVELENGTHS[-1] + STEP / 2)
+    knots = np.union1d(wavelengths, edges)
+    heights = np.interp(knots, wavelengths, power)
+    area = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (heights[1:] + heights[:-1]) / 2)])
+    means: Floats = np.diff(area[np.searchsorted(knots, edges)]) / STEP
+    return np.maximum(means, 0.0)  # a difference of sums may round below zero

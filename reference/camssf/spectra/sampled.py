@@ -1,0 +1,74 @@
+"""What the tables of lamps, charts and cameras share: which wavelengths will do, and how they come onto the grid."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra.bundled import sprague
+
+# A table must cover these, and leave no larger gap, nm.
+_FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
+
+
+@cache
+def colour_science() -> Any:
+    """The library, imported late and silently: it warns of optional packages that camssf does not use."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
+def smooth(wavelengths: Floats, values: Floats) -> Floats:
+    """Sprague (CIE 167:2005) for even steps, else a cubic spline, to the grid; held constant outside. (681,)."""
+    first, last = float(wavelengths[0]), float(wavelengths[-1])
+    step = (last - first) / (len(wavelengths) - 1)
+    if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=1e-3):
+        return sprague(first, step, values)
+    interpolator = colour_science().CubicSplineInterpolator(wavelengths, values)
+    return np.asarray(interpolator(np.clip(WAVELENGTHS, first, last)), dtype=np.float64)
+
+
+def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
+    """Increasing, in nm, without gaps; `whole`: covering 400 to 700 nm. What is too little raises `unfit`."""
+    steps = np.diff(wavelengths)
+    if len(wavelengths) < 2 or not np.isfinite(wavelengths).all() or steps.min() < 1e-3:
+        raise InvalidArgument(f"The wavelengths in {path} do not increase.", "Sort them, in nm, each once.")
+    if not 100 <= wavelengths[0] <= wavelengths[-1] <= 20_000:
+        raise InvalidArgument(f"The wavelengths in {path} are not in nm.", "Write 550 for green, not 0.55 or 5500.")
+    span = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+    if whole and (wavelengths[0] > _FIRST or wavelengths[-1] < _LAST):
+        raise unfit(f"{path} covers only {span}.", "It must cover 400 to 700 nm, better 380 to 720 nm.")
+    if steps.max() > _GAP or len(wavelengths) < 6:
+        raise unfit(
+            f"{path} has only {len(wavelengths)} wavelengths from {span}.",
+            "Give a spectrum every 20 nm or finer; 5 nm is usual.",
+            value=float(steps.max()),
+            threshold=_GAP,
+        )
+
+
+def held(wavelengths: Floats) -> str:
+    """What to say of a table that does not cover the grid; nothing where it does."""
+    if wavelengths[0] <= WAVELENGTHS[0] and wavelengths[-1] >= WAVELENGTHS[-1]:
+        return ""
+    return f", held constant outside {wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+
+
+def text_of(spec: str | None) -> str:
+    """What was asked for, without spaces around it."""
+    return "" if spec is None else str(spec).strip()
+
+
+def frozen(values: Floats) -> Floats:
+    """A copy that nobody can change."""
+    values = np.array(values, dtype=np.float64)
+    values.setflags(write=False)
+    return values
