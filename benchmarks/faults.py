@@ -2,11 +2,12 @@
 
 Every fault of `camssf.simulation.faults` in every severity, on captures of measured cameras under several lamps,
 solved with a basis learned without the camera's maker (as `benchmarks.accuracy`). Each capture has a real chart and
-a real lamp: a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the tolerance that
-the solver is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white frame is taken; the
-file's colour matrix is that of the camera's kin, 3 % off a channel. Poses are the true corners, 1 % of a pitch off, but
-for faults that concern the search: there it is the search's. Samples are measured in memory; severity 2 of every fault
-also goes through real DNG files and the whole of `calibrate`, and the verdicts are compared.
+a real lamp: a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the tolerance
+that the solver is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white frame is
+taken; the file's colour matrix is that of the camera's kin, 3 % off a channel. Poses are the true corners, 1 % of a
+pitch off, but for faults that concern the search: there it is the search's. Samples are measured in memory;
+severity 2 of every fault also goes through real DNG files and the whole of `calibrate`, and the verdicts are
+compared.
 
 Cameras are split in halves by maker: thresholds were set on the first (`--half tune`), the table is of the second.
 
