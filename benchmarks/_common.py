@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from camssf.curves.basis import Basis, interpolate
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
@@ -67,16 +68,18 @@ class Problem:
         """The reference's rows and covariance."""
         given = self.inputs
         return sense(
-            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
-            given["standard_error"],
-            given["reflectance"],
-            given["lamp"],
+            Evidence(
+                (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
+                given["reflectance"],
+                given["lamp"],
+                standard_error=given["standard_error"],
+                chart_tolerance=given["chart_tolerance"],
+                white_reflectance=given["white_reflectance"],
+                white_tolerance=float(given["white_tolerance"]),
+                lamp_tolerance=given["lamp_tolerance"],
+                lamp_modes=given["lamp_modes"],
+            ),
             basis,
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=float(given["white_tolerance"]),
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
         )
 
 

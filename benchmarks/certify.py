@@ -49,8 +49,9 @@ from benchmarks._common import (
     whiten,
 )
 from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
 from camssf.curves.engine import load_model
-from camssf.curves.sensing import CHART_CORRELATION, Sensing, smooth_errors
+from camssf.curves.sensing import Sensing
 from camssf.curves.unrolled import solve
 from camssf.grid import WAVELENGTHS, Floats
 

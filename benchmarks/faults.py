@@ -35,7 +35,7 @@ from benchmarks.accuracy import SEEN, left_out
 from camssf.calibration import _recover, solve
 from camssf.calibration import calibrate as from_files
 from camssf.curves.basis import Basis, interpolate
-from camssf.curves.sensing import (
+from camssf.curves.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,

@@ -12,6 +12,7 @@ import numpy as np
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
 from camssf.curves.engine import load_model
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.curves.unrolled import solve
@@ -144,16 +145,18 @@ def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
 
 def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
     return sense(
-        signals,
-        given["standard_error"],
-        given["reflectance"],
-        given["lamp"],
+        Evidence(
+            signals,
+            given["reflectance"],
+            given["lamp"],
+            standard_error=given["standard_error"],
+            chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"],
+            white_tolerance=given["white_tolerance"],
+            lamp_tolerance=given["lamp_tolerance"],
+            lamp_modes=given["lamp_modes"],
+        ),
         basis_of(given["basis"]),
-        chart_tolerance=given["chart_tolerance"],
-        white_reflectance=given["white_reflectance"],
-        white_tolerance=given["white_tolerance"],
-        lamp_tolerance=given["lamp_tolerance"],
-        lamp_modes=given["lamp_modes"],
     )
 
 
@@ -196,20 +199,22 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         )
     else:
         ssf = recover(
-            signals,
-            given["reflectance"],
-            given["lamp"],
-            standard_error=given["standard_error"],
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=given["white_tolerance"],
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
+            Evidence(
+                signals,
+                given["reflectance"],
+                given["lamp"],
+                standard_error=given["standard_error"],
+                chart_tolerance=given["chart_tolerance"],
+                white_reflectance=given["white_reflectance"],
+                white_tolerance=given["white_tolerance"],
+                lamp_tolerance=given["lamp_tolerance"],
+                lamp_modes=given["lamp_modes"],
+                frames=None if not sound else tuple(frames),
+            ),
             basis=given["basis"],
             l2=given["l2"],
             gamma=given["gamma"],
             nonnegative=given["nonnegative"],
-            frames=None if not sound else tuple(frames),
             engine=engine,
         )
         found = {

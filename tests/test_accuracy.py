@@ -12,11 +12,12 @@ from benchmarks import accuracy
 from benchmarks._common import CURVES, chart, lamp
 from benchmarks.accuracy import BINS, MEAN, METHODS, PAPER, PRODUCT, SEEN, SETTINGS, SPARSE, Scores, Setting
 from camssf.curves.basis import interpolate
-from camssf.curves.sensing import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
-from camssf.curves.ssf import Ssf, predict, recover
+from camssf.curves.covariance import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
+from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.spectra import read_camera
 from camssf.tools.learn import learn, maker_of, read_curves
+from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}
 
@@ -84,7 +85,7 @@ def test_scores_are_counted_by_hand() -> None:
     camera = read_camera("Nikon 5100 (NPL)").values
     lights, table = lamp("D55")[None], chart()
     y = ((lights[:, None, :] * table) @ camera) / (lights @ camera)[:, None, :]
-    answer = recover(y, table, lights, standard_error=1e-3 * y)
+    answer = recovered(y, table, lights, standard_error=1e-3 * y)
     assert answer.std is not None
     perfect = replace(answer, values=7.0 * camera, std=np.zeros_like(camera))
     rmse, covered = accuracy.score(perfect, camera)
@@ -165,7 +166,7 @@ def test_predicted_colours_lie_within_their_bands(lamps: tuple[str, ...], off: b
             "basis": bases[maker_of(name)],
             **told,
         }
-        found = predict(recover(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
+        found = predicted(recovered(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
         off_by = np.abs(found.values - signals[:, [*fit, *rest]])
         held.append((off_by <= 1.96 * found.std).reshape(len(lamps), 2, 12, 3).mean(axis=(0, 2, 3)))
     fitted, unseen = np.mean(held, axis=0)

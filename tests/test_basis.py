@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.tools.learn import Crowd, Enlargement, crowd_of, enlarge, learn, main, maker_of, read_curves, save
-from tests.problems import CURVES, chart_and_lamp, theory, toy_camera
+from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 
 def test_gaussians_are_the_paper_s() -> None:
@@ -113,7 +112,7 @@ def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: p
     assert [p.name for p in tmp_path.iterdir() if p.suffix == ".npz"] == ["mine.npz"]
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    answer = recover(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
+    answer = recovered(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
     assert answer.engine == "reference"
     assert answer.basis == "mine"
     assert answer.code.shape == (6, 3)

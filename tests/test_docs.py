@@ -14,6 +14,7 @@ from problems import theory, toy_camera
 import camssf
 from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app, main
+from camssf.curves.evidence import Evidence
 from camssf.errors import CalibrationError
 from camssf.spectra import read_chart, read_lamp
 
@@ -147,7 +148,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
     table, light = read_chart("classic24").values, read_lamp("D55").values
     y = theory(table, light, toy_camera())
     found = {
-        (basis, error): recover(y, table, light, standard_error=np.full(y.shape, error), basis=basis)
+        (basis, error): recover(Evidence(y, table, light, standard_error=np.full(y.shape, error)), basis=basis)
         for basis in ("cameras", "gaussian")
         for error in (1e-3, 1e-2)
     }

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.spectra import read_lamp, with_tolerance
 from camssf.spectra.families import FAMILIES, Kind, logarithm, principal_modes
-from tests.problems import chart_and_lamp, theory, toy_camera
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
 def floored(power: Floats) -> Floats:
@@ -83,7 +82,7 @@ def test_an_unknown_lamp_widens_the_bands() -> None:
     widths = []
     for spec in ("D:6300", "daylight", "white-led"):
         lamp = read_lamp(spec)
-        answer = recover(
+        answer = recovered(
             y,
             reflectance,
             lamp.values,

@@ -11,13 +11,14 @@ import pytest
 
 from camssf.curves.basis import read_basis
 from camssf.curves.engine import SHIPPED, Model, load_model
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.evidence import Evidence
+from camssf.curves.ssf import Ssf
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
 from golden.compare import norm, optimality, peak
 from golden.reading import paths, read_case
 from golden.running import BY_MODEL, findings, problem, run
-from tests.problems import chart_and_lamp, theory, toy_camera
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths() if path.parent.name in BY_MODEL}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
@@ -73,7 +74,7 @@ def seeded(seed: int) -> dict[str, Any]:
 
 
 def both(arguments: dict[str, Any]) -> tuple[Ssf, Ssf]:
-    return recover(**arguments, engine="onnx"), recover(**arguments, engine="reference")
+    return recovered(**arguments, engine="onnx"), recovered(**arguments, engine="reference")
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -117,14 +118,23 @@ def test_seeded_problems_against_cvxpy(seed: int) -> None:
     k, n, _ = a["signals"].shape
     basis, white = read_basis(a["basis"]), np.ones(WAVELENGTHS.size)
     rows = sense(
-        a["signals"], a["standard_error"], a["reflectance"], a["lamp"], basis,
-        chart_tolerance=np.full(n, a["chart_tolerance"]), white_reflectance=white, white_tolerance=0.01,
-        lamp_tolerance=np.full(k, a["lamp_tolerance"]), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
-    )  # fmt: skip
+        Evidence(
+            a["signals"],
+            a["reflectance"],
+            a["lamp"],
+            standard_error=a["standard_error"],
+            chart_tolerance=np.full(n, a["chart_tolerance"]),
+            white_reflectance=white,
+            white_tolerance=0.01,
+            lamp_tolerance=np.full(k, a["lamp_tolerance"]),
+            lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
+        ),
+        basis,
+    )
     oracle = consult(rows, a["l2"], np.full(3, a["gamma"]), a["nonnegative"], basis, a["lamp"][0])
     assert oracle["gap"].max() <= 1e-9
     assert oracle["ssf"] is not None
-    assert peak(recover(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6
+    assert peak(recovered(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
@@ -133,7 +143,7 @@ def test_the_order_of_patches_changes_nothing(basis: str) -> None:
     order = np.random.default_rng(5).permutation(len(a["reflectance"]))
     turned = a | {name: a[name][:, order] for name in ("signals", "standard_error")}
     turned["reflectance"] = a["reflectance"][order]
-    assert norm(recover(**turned).values, recover(**a).values) < 1e-9
+    assert norm(recovered(**turned).values, recovered(**a).values) < 1e-9
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
@@ -141,17 +151,17 @@ def test_exposure_and_lamp_scale_change_nothing(basis: str) -> None:
     a = seeded(SHIPPED.index(basis))
     y = a["signals"]
     ones = np.ones_like(y)
-    plain = recover(**a, frames=(y, ones, 0 * ones))
-    louder = recover(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
+    plain = recovered(**a, frames=(y, ones, 0 * ones))
+    louder = recovered(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
     assert norm(louder.values, plain.values) < 1e-9
     assert louder.channel_gain == pytest.approx([1, 1, 1])
-    assert norm(recover(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
+    assert norm(recovered(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
 def test_the_same_call_gives_the_same_bits(basis: str) -> None:
     a = seeded(SHIPPED.index(basis))
-    assert recover(**a).values.tobytes() == recover(**a).values.tobytes()
+    assert recovered(**a).values.tobytes() == recovered(**a).values.tobytes()
 
 
 def test_nonnegative_is_optional_and_defaults_by_basis() -> None:

@@ -21,10 +21,9 @@ from onnx import TensorProto, helper
 
 from camssf import __version__
 from camssf.curves.basis import NODES, Basis
-from camssf.curves.sensing import (
+from camssf.curves.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
-    DARKEST,
     EDGE,
     FLOOR,
     INDEPENDENT_SHARE,
@@ -33,6 +32,7 @@ from camssf.curves.sensing import (
     TABLE_CORRELATION,
     smooth_errors,
 )
+from camssf.curves.sensing import DARKEST
 from camssf.curves.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
 from camssf.grid import STEP, WAVELENGTHS
 from camssf_onnx.graph import Body, Graph, Value

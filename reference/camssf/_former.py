@@ -37,7 +37,7 @@ FORMER = {
     "sensing": "curves.sensing",
     "signals": "photo.signals",
     "simulate": "simulation.frames",
-    "ssf": "curves.ssf",
+    "ssf": "curves",
     "tabulate": "tools.tabulate",
     "unrolled": "curves.unrolled",
     "validate": "evidence.scores",

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from camssf.curves import Evidence, Ssf, explain, predict, recover, respond
 from camssf.curves.basis import Basis
 from camssf.curves.engine import load_model
-from camssf.curves.ssf import HIDDEN, Ssf, explain, predict, recover, respond
 from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.evidence.scores import FAINTEST, Scores, rmse, validate
 from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, judge, refusal, surprise
@@ -289,43 +288,36 @@ def _recover(
     engine: str,
 ) -> Ssf:
     """`recover` on the used patches; the answer predicts all of them."""
-    taken = used.any(axis=0)
-    arguments = _arguments(capture, signals, used, basis)
-    ssf = recover(
-        **arguments,
-        l2=l2,
-        gamma=gamma,
-        nonnegative=nonnegative,
-        frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
-        engine=engine,
-    )
-    predicted = respond(ssf.values, capture.chart.values, ssf.lamp, arguments["white_reflectance"])
+    given = _evidence(capture, signals, used, basis)
+    ssf = recover(given, basis=basis, l2=l2, gamma=gamma, nonnegative=nonnegative, engine=engine)
+    predicted = respond(ssf.values, capture.chart.values, ssf.lamp, given.white_reflectance)
     return replace(ssf, predicted=predicted)
 
 
-def _arguments(capture: Capture, signals: Signals, used: NDArray[np.bool_], basis: str | Basis) -> dict[str, Any]:
-    """What `recover` and `explain` take of a capture."""
+def _evidence(capture: Capture, signals: Signals, used: NDArray[np.bool_], basis: str | Basis) -> Evidence:
+    """What `recover`, `explain` and `predict` take of a capture: the patches that some shot may use."""
     table = capture.chart
     taken = used.any(axis=0)
     paper = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
     rho, white_tolerance = white_reference(capture)
-    return {
-        "signals": signals.values[:, taken],
-        "reflectance": table.values[taken],
-        "lamp": np.stack([shot.lamp.values for shot in capture.shots]),
-        "standard_error": np.where(used[:, :, None], signals.standard_error, HIDDEN)[:, taken],
-        "chart_tolerance": 0.0 if paper else table.tolerance[taken],  # the paper knows of no error in the chart
-        "white_reflectance": rho,
-        "white_tolerance": white_tolerance,
-        "lamp_tolerance": [shot.lamp.tolerance for shot in capture.shots],
-        "lamp_modes": _modes(capture),
-        "basis": basis,
-    }
+    return Evidence(
+        signals=signals.values[:, taken],
+        reflectance=table.values[taken],
+        lamp=np.stack([shot.lamp.values for shot in capture.shots]),
+        standard_error=signals.standard_error[:, taken],
+        used=used[:, taken],
+        chart_tolerance=np.zeros(1) if paper else table.tolerance[taken],  # the paper knows of no error in the chart
+        white_reflectance=rho,
+        white_tolerance=white_tolerance,
+        lamp_tolerance=np.array([shot.lamp.tolerance for shot in capture.shots]),
+        lamp_modes=_modes(capture),
+        frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
+    )
 
 
 def _uncertainty(capture: Capture, signals: Signals, ssf: Ssf, basis: str | Basis, alone: Sequence[Ssf]) -> Json:
     """Where the band comes from, GUM style, and how wide it would be with each shot alone."""
-    shares = explain(**_arguments(capture, signals, signals.used, basis))
+    shares = explain(_evidence(capture, signals, signals.used, basis), basis=basis)
     noise = float(np.median((signals.standard_error / np.maximum(signals.values, FAINTEST))[signals.used]))
     _, white = white_reference(capture)
     lamps = [shot.lamp for shot in capture.shots]
@@ -378,8 +370,8 @@ def _bands(
     if ssf.std is None:
         return None
     table, taken = capture.chart, used.any(axis=0)
-    given = _arguments(capture, signals, used, basis)
-    found = predict(ssf, **given, of=table.values[~taken], of_tolerance=table.tolerance[~taken]).std
+    given = _evidence(capture, signals, used, basis)
+    found = predict(ssf, given, basis=basis, of=table.values[~taken], of_tolerance=table.tolerance[~taken]).std
     std = np.empty_like(signals.values)
     std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
     return std

@@ -58,17 +58,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf import errors
-from camssf.curves.sensing import (
-    ABSOLUTE,
-    CHART_CORRELATION,
-    EDGE,
-    FLOOR,
-    INDEPENDENT_SHARE,
-    LAMP_CORRELATION,
-    RELATIVE,
-    TABLE_CORRELATION,
-    smooth_errors,
-)
+from camssf.curves.covariance import EDGE, Seen, Tolerances, covariance, smooth_errors
 from camssf.curves.ssf import Ssf
 from camssf.errors import (
     Blurred,
@@ -365,28 +355,22 @@ def _covariance(
 ) -> Floats:
     """Rule 1, (rows, rows)."""
     shot, patch = np.nonzero(signals.used)
-    y, se = signals.values[signals.used][:, c], signals.standard_error[signals.used][:, c]
-    predicted = ssf.predicted[signals.used][:, c]
-    light = ssf.lamp * ssf.values[:, c] * STEP
-    light = light / (light @ white_reflectance)[:, None]  # v_j
-    tau = table.tolerance[patch]
-    same_patch, same_shot = patch[:, None] == patch, shot[:, None] == shot
-    long, short, smooth = (directions(x) for x in (CHART_CORRELATION, TABLE_CORRELATION, LAMP_CORRELATION))
-    v, R = light[shot], table.values[patch]
-    slope = np.gradient(table.values, STEP, axis=1)[patch]
-    relative, edges = (v * R) @ long, (v * slope) @ short
-    absolute = (light @ short)[shot]
-    chart = RELATIVE**2 * relative @ relative.T + ABSOLUTE**2 * absolute @ absolute.T + EDGE**2 * edges @ edges.T
-    white = white_tolerance * predicted[:, None] * ((light * white_reflectance) @ long)[shot]
-    off = v * (R - predicted[:, None] * white_reflectance)
+    light = ssf.lamp * STEP
+    light = light / (light @ (white_reflectance * ssf.values[:, c]))[:, None]  # (k, m) L dλ / W
+    reflectance, slope = table.values[patch], np.gradient(table.values, STEP, axis=1)[patch]
     widths = np.array([lamp.tolerance for lamp in lamps])
-    lamp = np.column_stack([widths[shot, None] * (off @ smooth), DRIFT * predicted])
-    sigma = np.outer(tau, tau) * same_patch * chart + white @ white.T + same_shot * (lamp @ lamp.T)
+    seen = Seen(
+        shot, patch, signals.values[signals.used][:, c], ssf.predicted[signals.used][:, c],
+        signals.standard_error[signals.used][:, c], ssf.values[:, c],
+        light[shot] * reflectance, EDGE * light[shot] * slope, light[shot], light[shot] * white_reflectance,
+        WAVELENGTHS,
+    )  # fmt: skip
+    known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot], DRIFT)
+    sigma = np.sum(list(covariance(seen, known).values()), axis=0)
     for j, each in enumerate(lamps):
         if len(each.modes):
-            modes = (off * (shot == j)[:, None]) @ each.modes.T
+            modes = (seen.against_white * seen.curve * (shot == j)[:, None]) @ each.modes.T
             sigma = sigma + modes @ modes.T
-    sigma[np.diag_indices_from(sigma)] += np.maximum(se**2, FLOOR**2) + (INDEPENDENT_SHARE * tau * y) ** 2
     return np.asarray(sigma)
 
 
