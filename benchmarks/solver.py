@@ -164,8 +164,8 @@ def load_times(basis: str, sessions: int = 15, processes: int = 5) -> dict[str, 
         load_model.__wrapped__(basis)
         again.append(time.perf_counter() - start)
     script = (
-        "import time, numpy\nfrom camssf.engine import load_model, onnx_runtime\nonnx_runtime()\nstart = time.perf_counter()\n"
-        f"load_model({basis!r})\nprint(time.perf_counter() - start)"
+        "import time, numpy\nfrom camssf.engine import load_model, onnx_runtime\nonnx_runtime()\n"
+        f"start = time.perf_counter()\nload_model({basis!r})\nprint(time.perf_counter() - start)"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     first = [

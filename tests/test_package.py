@@ -35,7 +35,7 @@ ORDER = [
     "cli",
 ]
 HEAVY = ("cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer")
-BESIDE = {"direct", "dispersion", "engine", "families", "files", "learn", "parity", "tabulate"}
+BESIDE = {"direct", "dispersion", "engine", "families", "files", "fonts", "learn", "parity", "tabulate"}
 """Public modules beside the line of stages."""
 
 

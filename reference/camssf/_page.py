@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import base64
 import math
-import os
 import re
-import sys
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from itertools import pairwise
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from threading import Lock
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.fonts import load_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 
 Json: TypeAlias = dict[str, Any]
@@ -66,47 +62,11 @@ def _peak_labels(ssf: Floats, std: Floats | None) -> list[tuple[str, float, floa
     return labels
 
 
-_LOADING = Lock()
-
-
-def _load_matplotlib() -> None:
-    """Load matplotlib without its making a folder and a list of fonts in the home of someone who has neither.
-
-    The list is needed while the module loads and never again, so it goes into a folder that is gone at once. Where
-    matplotlib's folders are already there, or MPLCONFIGDIR names one, it keeps its list there as ever.
-    """
-    with _LOADING:
-        if "matplotlib.font_manager" in sys.modules or os.environ.get("MPLCONFIGDIR") or _at_home():
-            return
-        with TemporaryDirectory(prefix="camssf-", ignore_cleanup_errors=True) as folder:
-            os.environ["MPLCONFIGDIR"] = folder
-            try:
-                import matplotlib.font_manager  # noqa: F401
-            finally:
-                del os.environ["MPLCONFIGDIR"]
-
-
-def _at_home() -> bool:
-    """Whether matplotlib already has its folders, for settings and for caches, where it looks for them."""
-    try:
-        home = Path.home()
-    except RuntimeError:  # no home, nothing to leave there
-        return False
-    if sys.platform.startswith(("linux", "freebsd")):
-        settings, caches = (os.environ.get(f"XDG_{name}_HOME") for name in ("CONFIG", "CACHE"))
-        places = [Path(settings or home / ".config", "matplotlib"), Path(caches or home / ".cache", "matplotlib")]
-    else:
-        places = [home / ".matplotlib"]
-        if sys.platform == "win32" and not places[0].is_dir() and os.environ.get("LOCALAPPDATA"):
-            places = [Path(os.environ["LOCALAPPDATA"], "matplotlib")]
-    return all(place.is_dir() for place in places)
-
-
 def picture(document: Json) -> bytes:
     """The curves with their 95 % bands, and the truth where there is one."""
     from io import BytesIO
 
-    _load_matplotlib()
+    load_matplotlib()
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
