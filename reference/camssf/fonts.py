@@ -1,4 +1,4 @@
-"""matplotlib, loaded so that it leaves nothing in the home of someone who does not use it."""
+"""matplotlib is loaded so that it leaves nothing in the home of someone who does not use it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from threading import Lock
 _LOADING = Lock()
 
 
-def load_matplotlib() -> None:
-    """Load matplotlib without its making a folder and a list of fonts in the home of someone who has neither.
+def prepare_matplotlib() -> None:
+    """Before the first import of matplotlib: keep it from leaving folders and a list of fonts with who has none.
 
     The list is needed while the module loads and never again, so it goes into a folder that is gone at once. Where
     matplotlib's folders are already there, or MPLCONFIGDIR names one, it keeps its list there as ever.

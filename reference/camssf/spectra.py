@@ -22,7 +22,7 @@ from camssf._bundled import bundled, daylight, illuminant, planck, reflectances,
 from camssf._tables import is_file, looks_like_file, nearest, plain, read_curves, read_spectra, read_spectrum
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
 from camssf.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
-from camssf.fonts import load_matplotlib
+from camssf.fonts import prepare_matplotlib
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
 
@@ -315,7 +315,7 @@ def colour_science() -> Any:
     """The library, imported late and silently: it warns of optional packages that camssf does not use."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        load_matplotlib()  # which colour-science loads
+        prepare_matplotlib()  # colour-science loads it
         import colour
     return colour
 
