@@ -22,8 +22,8 @@ internal object OnnxLibrary {
         val environment = OrtEnvironment.getEnvironment()
         // Ends what can be ended so: Windows' event log, of any version.
         environment.setTelemetry(false)
-        check(environment.version, switch())
         tidy
+        check(environment.version, switch())
         return environment
     }
 
@@ -47,8 +47,8 @@ internal object OnnxLibrary {
     }
 
     /**
-     * On a desktop ONNX Runtime unpacks its libraries into a temporary folder, and would remove the folder at exit before
-     * the files in it, which leaves it there, empty. On a phone there is no such folder.
+     * On a desktop ONNX Runtime unpacks its libraries into a temporary folder, and would remove the folder at exit
+     * before the files in it, which leaves it there, empty. On a phone there is no such folder.
      */
     private val tidy: Unit by lazy {
         try {

@@ -51,7 +51,8 @@ class PrivacyTest {
     fun `ONNX Runtime's libraries hold nothing to report with`() {
         var searched = 0
         ZipFile(runtime).use { jar ->
-            for (entry in jar.entries().toList().filter { LIBRARY.containsMatchIn(it.name) && ".dSYM/" !in it.name }) {
+            val entries = jar.entries().toList().filter { LIBRARY.containsMatchIn(it.name) && ".dSYM/" !in it.name }
+            for (entry in entries) {
                 val text = jar.getInputStream(entry).use { String(it.readBytes(), Charsets.ISO_8859_1) }
                 if (KNOWN in text) searched++
                 assertEquals(emptyList<String>(), TRACES.filter { it in text }, entry.name)
