@@ -34,8 +34,8 @@ internal object OnnxLibrary {
         if (switch == "1" || silent(version)) return
         throw InvalidArgument(
             "ONNX Runtime $version reports its use to its maker, and camssf does not run with it.",
-            "Take version 1.28.0 of onnxruntime-android (on a desktop onnxruntime); or set $SWITCH=1 in the process's " +
-                "environment before ONNX Runtime is loaded, on Android with android.system.Os.setenv.",
+            "Take version 1.28.0 of onnxruntime-android (on a desktop onnxruntime); or set $SWITCH=1 in the " +
+                "process's environment before ONNX Runtime is loaded, on Android with android.system.Os.setenv.",
         )
     }
 
