@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
+from camssf.fonts import prepare_matplotlib
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.mosaic import CFA_ORDERS
 from camssf.photo.pose import LAYOUTS, ChartLayout, Pose, block_corners, map_points, patch_corners
@@ -667,6 +668,7 @@ def _write_truth(path: Path, camera: CameraCurves) -> None:
 
 def _color_matrix(camera: CameraCurves) -> Floats:
     """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, its rows scaled to keep white."""
+    prepare_matplotlib()  # colour-science loads it
     import colour
 
     shape = colour.SpectralShape(380, 720, STEP)
