@@ -11,6 +11,8 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -551,7 +553,7 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
     import rawpy
 
     try:
-        with rawpy.imread(str(file)) as raw:
+        with _opened(file) as name, rawpy.imread(name) as raw:
             stored = raw.raw_image
             if stored is None or stored.shape != (frame.height, frame.width):
                 raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
@@ -561,3 +563,15 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
         raise UnsupportedRaw(f"LibRaw does not know the form of {file}.", CONVERT) from error
     except rawpy.LibRawError as error:
         raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[str | BinaryIO]:
+    """A file as rawpy takes it: by name, which must be Unicode, or else open."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:  # a name in another coding, as old cards and archives hold them
+        with file.open("rb") as stream:
+            yield stream
+    else:
+        yield str(file)
