@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import camssf
@@ -140,3 +142,37 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="larger than"):
         read_document(large)
     assert cli.main(["solve", str(large)]) == InvalidArgument.exit_status
+    from camssf.direct import sweep
+    from camssf.learn import read_curves
+
+    with large.open("r+b") as file:
+        file.truncate(500_000_000)
+    tracemalloc.start()
+    try:
+        for reader in (sweep, read_curves):
+            with pytest.raises(InvalidArgument, match="larger than"):
+                reader(large)
+        assert tracemalloc.get_traced_memory()[1] < 150_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
+    """A page of 1.8 GB in a file of some bytes; tifffile alone fills in what is not there."""
+    import tifffile
+
+    from camssf.direct import _read_tiff
+    from camssf.errors import UnreadableRaw
+
+    path = tmp_path / "mono.tif"
+    tifffile.imwrite(path, np.zeros((40, 60), np.uint16))
+    with tifffile.TiffFile(path, mode="r+") as file:
+        for tag in ("ImageWidth", "ImageLength", "RowsPerStrip"):
+            file.pages[0].tags[tag].overwrite(30_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(UnreadableRaw, match="cannot hold"):
+            _read_tiff(path)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
