@@ -37,8 +37,9 @@ cores = sorted({pool["architecture"] for pool in threadpool_info() if pool["inte
 print(json.dumps({"openblas": cores, "numpy": [name for name in names if has[name]]}))
 """
 COMMANDS = (
-    ("tests", ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "numerical"]),
+    ("tests", ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "numerical and not slow"]),
     ("golden", ["-m", "golden.generate", "--check"]),
+    ("models", ["-m", "camssf_onnx", "check"]),
 )
 
 
@@ -82,7 +83,7 @@ def took_effect(extra: dict[str, str], force: Force) -> bool:
 
 
 def run(extra: dict[str, str]) -> list[str]:
-    """Both commands; the names of those that failed."""
+    """All commands; the names of those that failed."""
     failed = []
     for name, command in COMMANDS:
         begun = time.monotonic()

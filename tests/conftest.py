@@ -18,6 +18,7 @@ import pytest
 
 NUMERICAL = {
     "test_basis",
+    "test_direct",
     "test_engine",
     "test_families",
     "test_golden",
@@ -29,7 +30,11 @@ NUMERICAL = {
     "test_verdict",
 }
 """Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath."""
-COMMANDS = {"java": ("java",), "strace": ("strace",), "chromium": ("chromium", "chromium-browser", "google-chrome")}
+COMMANDS = {
+    "java": ("java",),
+    "strace": ("strace",),
+    "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
+}
 """Required tools that are programs, by any of these names; every other is a Python package."""
 WORDS = {"java": ("java", "no jar", "jvm")}
 """Words by which a skip's reason names a tool, where they are not its name."""
