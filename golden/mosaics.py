@@ -55,20 +55,24 @@ def mosaics() -> Iterator[Json]:
 def chaos(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
     """(7x² + 13y² + 5xy + 31x + 17y) mod 2^bits: every value, without order."""
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    return ((7 * x * x + 13 * y * y + 5 * x * y + 31 * x + 17 * y) % (1 << bits)).astype(np.uint16)
+    values: Samples = ((7 * x * x + 13 * y * y + 5 * x * y + 31 * x + 17 * y) % (1 << bits)).astype(np.uint16)
+    return values
 
 
 def slope(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
     """A slope with a little unrest, as photos have: small differences beside large ones."""
     top = (1 << bits) - 1
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    return (top // 8 + x * top // (2 * width) + y * top // (4 * height) + (29 * x + 37 * y) % 7).astype(np.uint16)
+    values = top // 8 + x * top // (2 * width) + y * top // (4 * height) + (29 * x + 37 * y) % 7
+    samples: Samples = values.astype(np.uint16)
+    return samples
 
 
 def extremes() -> Samples:
     """0 and 32768 in turn: differences of category 16."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.int64)
-    return (32768 * ((x // 3 + y // 2) % 2)).astype(np.uint16)
+    samples: Samples = (32768 * ((x // 3 + y // 2) % 2)).astype(np.uint16)
+    return samples
 
 
 def case(

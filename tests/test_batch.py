@@ -60,6 +60,7 @@ def visits(out: Path, name: str) -> int:
     return len((out / name / "visits").read_text().splitlines())
 
 
+@pytest.mark.slow
 def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
     manifest = write(
         tmp_path,
@@ -82,6 +83,7 @@ def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
     assert rows[4]["code"] == "overexposed"
 
 
+@pytest.mark.slow
 def test_it_resumes(tmp_path: Path) -> None:
     manifest = write(
         tmp_path, ["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], {"a": "1", "b": "2", "w": "w", "c": "refused"}
@@ -106,6 +108,7 @@ def test_it_resumes(tmp_path: Path) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
 def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
@@ -124,6 +127,7 @@ def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> N
     assert [o.resumed for o in run_batch(good, out, jobs=1, work=stub)] == [True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("change", ["gone", "changed"])
 def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path, name: str, change: str) -> None:
@@ -148,6 +152,7 @@ def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -
     assert [o.resumed for o in run_batch(manifest, out, jobs=1, work=stub)] == [False]
 
 
+@pytest.mark.slow
 def test_it_uses_the_processes(tmp_path: Path) -> None:
     """Two sleepers at once are in two processes, each with one thread for its algebra; jobs=1 takes one process."""
     manifest = write(tmp_path, ["one,a,D55,,,", "two,b,D55,,,"], {"a": "1", "b": "2"})
@@ -367,6 +372,7 @@ def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").rglob(".camssf-*"))
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path) -> None:
     manifest = write(tmp_path, [f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
     out = tmp_path / "out"

@@ -137,6 +137,7 @@ def test_the_pipe_is_calibrate_in_steps(
     assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_a_real_pipe_of_processes(triple: list[str]) -> None:
     camssf_ = [sys.executable, "-m", "camssf.cli"]
     first = subprocess.Popen([*camssf_, "patches", *triple], stdout=subprocess.PIPE)
@@ -205,6 +206,7 @@ def test_the_readme_s_python_runs(
     assert capsys.readouterr().out.startswith(("accepted", "doubtful"))
 
 
+@pytest.mark.slow
 def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     manifest = tmp_path / "manifest.csv"
     chart, _, _, _, white, _, dark = triple
@@ -303,6 +305,7 @@ def test_solve_takes_no_other_result(result: Path, capsys: pytest.CaptureFixture
 FULL = Path("/dev/full")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("command", ["calibrate", "patches", "validate", "lamps", "--version", "--help", "refused"])
 def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], result: Path, shots: Path) -> None:

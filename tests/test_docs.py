@@ -22,6 +22,8 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
     ROOT / "CONTRIBUTING.md",
+    ROOT / "RELEASING.md",
+    ROOT / "SECURITY.md",
     *sorted((ROOT / "docs").glob("**/*.md")),
 ]
 README = (ROOT / "README.md").read_text("utf-8")
@@ -164,6 +166,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
         assert f"{weights['cameras']} on `cameras`, {weights['gaussian']} on `gaussian`" in str(text)
 
 
+@pytest.mark.slow
 def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -395,6 +395,7 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
         np.testing.assert_array_equal(found.black, whole.black)
 
 
+@pytest.mark.slow
 def test_damaged_bytes_give_typed_errors_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(20)
     files = list(odd_ones().values())

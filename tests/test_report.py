@@ -336,6 +336,7 @@ ODD = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_the_check_agrees_with_a_full_validator(data: st.DataObject) -> None:
