@@ -328,7 +328,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
         )
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
-    alone = [answer(*(resolve(a[key]) for key in ("ssf", "code", "predicted")), ssf.std) for a in given["alone"]]
+    alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
     rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]

@@ -210,6 +210,7 @@ def test_only_the_last_lamp_s_shot_is_spoilt(tmp_path: Path) -> None:
     assert [shot.white is None for shot in done.shots] == [False, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "codes"),
     [

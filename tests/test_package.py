@@ -4,6 +4,7 @@ import ast
 import json
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -119,6 +120,7 @@ def test_version_is_the_package_s() -> None:
     assert camssf.__version__ == installed
 
 
+@cache
 def imports(stage: str) -> list[tuple[str, bool]]:
     """(module, at the top?) of every import of a stage, TYPE_CHECKING blocks left out."""
     path = PACKAGE / stage.replace(".", "/")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import json
 import os
 import re
 import sys
-import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
@@ -19,6 +19,7 @@ import typer
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import readable
 
 BATCH_FAILED = PARTED = 1
 INTERRUPTED = 130
@@ -38,6 +39,8 @@ _FAULTS = (
     "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
 )
 """Those of `camssf.simulation.faults`, which is not loaded to print the help."""
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""What a terminal obeys instead of showing it; names of files may hold it."""
 DEMO_SIZE = (1800, 1350)
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
@@ -460,7 +463,9 @@ def solve(
 
     given = _read(document, PATCHES, refusal=True)
     if given["format"] == RESULT:
-        _pass_on(_sound(given))
+        from camssf.documents.report import check_document
+
+        _pass_on(check_document(given, _name(document)))
         return
     capture = Capture.from_document(given)
     with _progress() as progress, _evidence(None):
@@ -743,11 +748,13 @@ def _size(text: str) -> tuple[int, int]:
 
 def _read(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
     """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
-    from camssf.documents.report import LARGEST_DOCUMENT
+    from camssf.documents.report import LARGEST_DOCUMENT, parse_json
 
-    name = "Standard input" if source == "-" else source
+    name = _name(source)
     try:
         if source == "-":
+            if sys.stdin is None:
+                raise InvalidArgument("Standard input is closed.", "Name a file, or put a camssf command before.")
             data = sys.stdin.buffer.read(LARGEST_DOCUMENT + 1)
         else:
             with open(source, "rb") as file:
@@ -760,10 +767,7 @@ def _read(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
         raise InvalidArgument(f"{name} is larger than {LARGEST_DOCUMENT} bytes.", "Give what camssf wrote.")
     if not data.strip():
         raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
-    try:
-        document = json.loads(data)
-    except (ValueError, RecursionError):  # UnicodeDecodeError is a ValueError, too
-        raise InvalidArgument(f"{name} is not JSON.", "Give what another camssf command wrote.") from None
+    document = parse_json(data, name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted and not (refusal and found == RESULT and _refused(document)):
         raise InvalidArgument(
@@ -780,19 +784,13 @@ def _refused(document: dict[str, Any]) -> bool:
 
 def _result(source: str) -> dict[str, Any]:
     """A result document, checked against its form."""
-    from camssf.documents.report import read_document
+    from camssf.documents.report import check_document
 
-    return _sound(_read("-", RESULT)) if source == "-" else read_document(source)
+    return check_document(_read(source, RESULT), _name(source))
 
 
-def _sound(document: dict[str, Any]) -> dict[str, Any]:
-    """A result document from elsewhere than a file, checked against its form."""
-    from camssf.documents.report import read_document
-
-    with tempfile.TemporaryDirectory() as aside:
-        path = Path(aside, "standard input")
-        path.write_text(json.dumps(document), "utf-8")
-        return read_document(path)
+def _name(source: str) -> str:
+    return "standard input" if source == "-" else source
 
 
 def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
@@ -817,7 +815,9 @@ def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
 
 
 def _emit(document: dict[str, Any]) -> None:
-    _put(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    # JSON is UTF-8, whatever the terminal's coding
+    _put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
 
 
 def _put(text: str) -> None:
@@ -825,7 +825,7 @@ def _put(text: str) -> None:
     if sys.stdout is None:
         raise InvalidArgument("Standard output is closed.", "Leave it open, or name a folder by -o.")
     try:
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(f"{readable(text).encode(_coding(), 'replace').decode(_coding())}\n")
         sys.stdout.flush()
     except BrokenPipeError:
         raise
@@ -835,6 +835,10 @@ def _put(text: str) -> None:
             f"Standard output cannot be written ({error.strerror or error}).",
             "Free some space, or send it elsewhere; what arrived there is not whole.",
         ) from error
+
+
+def _coding() -> str:
+    return getattr(sys.stdout, "encoding", None) or "utf-8"
 
 
 def _discard_stdout() -> None:
@@ -928,7 +932,7 @@ def _stderr() -> Any:
 def _plain(text: str) -> str:
     from rich.markup import escape
 
-    return escape(text)
+    return escape(_STEERING.sub("\ufffd", readable(text)))
 
 
 def _say(markup: str, text: str) -> None:

@@ -17,6 +17,7 @@ import csv
 import hashlib
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,8 @@ _CLIPPED = 0.002
 _LEAST_CONTRAST = 20.0
 _LEAN = 0.15
 _LARGEST = 64 * 2**20
+_DENSEST = 2000
+"""Bytes that a byte of a TIFF may stand for; deflate reaches 1032, LZW 1365."""
 
 
 @dataclass(frozen=True)
@@ -502,7 +505,11 @@ def _read_tiff(path: PathLike) -> NDArray[Any]:
     import tifffile
 
     try:
-        samples = tifffile.imread(path)
+        with tifffile.TiffFile(path) as file:
+            size = sum(math.prod(each.shape) * each.dtype.itemsize for each in file.series[:1])
+            if size > _DENSEST * file.filehandle.size:
+                raise ValueError(f"{file.filehandle.size} bytes cannot hold {size}")
+            samples = file.asarray()
     except FileNotFoundError as error:
         raise UnreadableRaw(f"There is no file {path}.", "Check the path.") from error
     except Exception as error:  # tifffile and its codecs raise many kinds
@@ -525,7 +532,10 @@ def _read_columns(path: PathLike, names: tuple[str, ...]) -> tuple[Floats, ...]:
     """
     wanted = ",".join(names)
     try:
-        data = Path(path).read_bytes()[: _LARGEST + 1]
+        with open(path, "rb") as stream:
+            data = stream.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise InvalidArgument(f"{path} is larger than {_LARGEST} bytes.", f"Give a table of {wanted}.")
         lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and line.lstrip()[0] != "#"]
         rows = list(csv.DictReader(io.StringIO("\n".join(lines))))
         table = np.array([[float(row[name]) for name in names] for row in rows], dtype=np.float64)

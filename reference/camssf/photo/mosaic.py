@@ -11,6 +11,8 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -374,6 +376,9 @@ def _frame(tiff: _Tiff, raw: _Directory) -> _Frame:
         raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
     if not 8 <= bits[0] <= 16:
         raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
+    order = tiff.one(raw, 266, 1)
+    if order != 1:  # LibRaw does not look at it, and readers disagree on what it means beyond 8 bits
+        raise UnsupportedRaw(f"{tiff.file} states FillOrder {order}: bytes with the lowest bit first.", CONVERT)
     top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
     if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
         raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
@@ -397,11 +402,15 @@ def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
     end = max(at + count for at, count in zip(offsets, counts, strict=True))
     if end > tiff.size or min(offsets) < 8 or min(counts) < 1:
         raise tiff.damaged(f"its samples end at byte {end} of {tiff.size}")
+    if sum(counts) > tiff.size:  # or a small file could ask for much memory
+        raise tiff.damaged("its pieces of data overlap")
     if frame.compression == 7 and not tiled and pieces > 1:  # LibRaw would decode the first strip alone
         raise UnsupportedRaw(f"{tiff.file} stores lossless JPEG in {pieces} strips.", CONVERT)
     for number, (at, count) in enumerate(zip(offsets, counts, strict=True)):
         rows = height if tiled else min(height, frame.height - number * height)
         if frame.compression == 7:
+            if 8 * count < width * rows:  # no Huffman code is shorter than a bit
+                raise tiff.damaged(f"piece {number} of its data is too short")
             _check_jpeg(tiff, at, count, width * rows)
             continue
         wanted = rows * -(-width * frame.bits // 8)
@@ -544,7 +553,7 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
     import rawpy
 
     try:
-        with rawpy.imread(str(file)) as raw:
+        with _opened(file) as name, rawpy.imread(name) as raw:
             stored = raw.raw_image
             if stored is None or stored.shape != (frame.height, frame.width):
                 raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
@@ -554,3 +563,15 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
         raise UnsupportedRaw(f"LibRaw does not know the form of {file}.", CONVERT) from error
     except rawpy.LibRawError as error:
         raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[str | BinaryIO]:
+    """A file as rawpy takes it: by name, which must be Unicode, or else open."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:  # a name in another coding, as old cards and archives hold them
+        with file.open("rb") as stream:
+            yield stream
+    else:
+        yield str(file)

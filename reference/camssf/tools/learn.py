@@ -29,6 +29,8 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.grid import Floats
 
+LARGEST = 64 * 2**20
+"""Bytes of a table of curves."""
 COMPONENTS = 24
 COPIES = 40
 SEED = 2021
@@ -63,11 +65,14 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """
     rows: dict[str, list[list[float]]] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            for row in csv.DictReader(stream):
-                numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
-                rows.setdefault(row["camera"], []).append(numbers)
-    except (OSError, KeyError, ValueError, TypeError) as error:
+        with path.open("rb") as binary:
+            data = binary.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise ValueError(f"it is larger than {LARGEST} bytes")
+        for row in csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")):
+            numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
+            rows.setdefault(row["camera"], []).append(numbers)
+    except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
         raise InvalidArgument(
             f"{path} cannot be read as measured curves ({error}).",
             "Give a CSV with the columns camera,wavelength_nm,R,G,B.",
