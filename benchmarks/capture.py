@@ -21,12 +21,12 @@ SIZE = (4000, 3000)
 MEMORY = """
 import re, sys
 from pathlib import Path
-from camssf import calibrate
+from camssf import Options, calibrate
 def kilobytes(field):
     return int(re.search(field + r":\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
-calibrate(sys.argv[1], "D55", basis=sys.argv[3])   # a small photo: every import and first call
+calibrate(sys.argv[1], "D55", options=Options(basis=sys.argv[3]))   # a small photo: every import and first call
 before = kilobytes("VmRSS")
-calibrate(sys.argv[2], "D55", basis=sys.argv[3])
+calibrate(sys.argv[2], "D55", options=Options(basis=sys.argv[3]))
 print(kilobytes("VmHWM") - before)
 """
 
@@ -46,7 +46,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="also write the numbers here")
     options = parser.parse_args()
 
-    from camssf import calibrate
+    from camssf import Options, calibrate
     from camssf.simulation.frames import simulate
 
     with tempfile.TemporaryDirectory() as folder:
@@ -55,14 +55,14 @@ def main() -> int:
             simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "12mp", size=SIZE, compression="ljpeg").shots[0].chart
         )
         small = simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "small", size=(900, 675)).shots[0].chart
-        calibrate(small, "D55", basis=options.basis)
+        calibrate(small, "D55", options=Options(basis=options.basis))
         decode(photo)
         bare, whole, ratios = [], [], []
         for _ in range(options.runs):
             start = time.perf_counter()
             decode(photo)
             middle = time.perf_counter()
-            calibrate(photo, "D55", basis=options.basis)
+            calibrate(photo, "D55", options=Options(basis=options.basis))
             end = time.perf_counter()
             bare.append(middle - start)
             whole.append(end - middle)

@@ -13,12 +13,17 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 import typer
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
+
+if TYPE_CHECKING:
+    from camssf.documents.result import Refusal
+
+Product = TypeVar("Product")
 
 BATCH_FAILED = PARTED = 1
 INTERRUPTED = 130
@@ -218,8 +223,9 @@ def demo(
     seed: Annotated[int, typer.Option(help="Of the simulated noise.")] = 0,
 ) -> None:
     """Simulate, calibrate, compare with truth."""
-    from camssf.calibration import calibrate as run
+    from camssf.calibration import attempt
     from camssf.documents.report import report
+    from camssf.options import Options
     from camssf.simulation.frames import simulate as photograph
 
     with _progress() as progress:
@@ -228,16 +234,18 @@ def demo(
             camera, [lamp], out / "shots", size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0, seed=seed
         )
         shot = scene.shots[0]
-        with _evidence(out):
-            result = run(
+        result = _product(
+            attempt(
                 str(shot.chart),
                 [shot.lamp],
                 white=[str(shot.white)],
                 dark=[str(shot.dark)],
-                basis=basis,
+                options=Options(basis=basis),
                 truth=str(scene.truth),
                 progress=progress,
-            )
+            ),
+            out,
+        )
         document = result.document()
         progress("writing the report", 0.95)
         report(document, result.previews).save(out)
@@ -266,30 +274,35 @@ def calibrate(
     out: Out = None,
 ) -> None:
     """RAW photos of a chart to the camera's curves."""
-    from camssf.calibration import calibrate as run
+    from camssf.calibration import attempt
     from camssf.documents.report import report
+    from camssf.options import Options
 
     with _progress() as progress:
-        with _evidence(out):
-            result = run(
+        result = _product(
+            attempt(
                 _paths("PHOTO", photos),
                 _lamps(lamp),
                 white=_frames("--white", white),
                 dark=_frames("--dark", dark),
                 chart=chart,
-                corners=_corners(corners),
-                white_reflectance=_share(white_reflectance),
-                lamp_tolerance=lamp_tolerance,
-                lens_shading=lens_shading,
-                basis=basis,
-                fit=_numbers(fit),
-                nonnegative=False if signed else None,
-                l2=l2,
-                gamma=gamma,
-                engine=engine,
+                options=Options(
+                    corners=_corners(corners),
+                    white_reflectance=_share(white_reflectance),
+                    lamp_tolerance=lamp_tolerance,
+                    lens_shading=lens_shading,
+                    basis=basis,
+                    fit=_numbers(fit),
+                    nonnegative=False if signed else None,
+                    l2=l2,
+                    gamma=gamma,
+                    engine=engine,
+                ),
                 truth=truth,
                 progress=progress,
-            )
+            ),
+            out,
+        )
         document = result.document()
         if out is None:
             _emit(document)
@@ -379,7 +392,7 @@ def simulate(
     from camssf.simulation.frames import simulate as photograph
 
     if fault is None and severity is not None:
-        raise InvalidArgument("a severity is of a fault, and none is named.", "Add --fault NAME.")
+        raise InvalidArgument("A severity is of a fault, and none is named.", "Add --fault NAME.")
     with _progress() as progress:
         progress("simulating", 0.0)
         scene = photograph(
@@ -422,22 +435,31 @@ def patches(
     lens_shading: LensShading = "as-stored",
 ) -> None:
     """Measure the patches: JSON for `solve`."""
-    from camssf.photo.capture import measure
+    from camssf.calibration import recorded
+    from camssf.documents.patches import patches_document
+    from camssf.options import Options
+    from camssf.photo.capture import Capture, Record, measure
 
-    with _progress() as progress, _evidence(None):
-        capture = measure(
+    def stage(record: Record) -> Capture:
+        return measure(
             _paths("PHOTO", photos),
             _lamps(lamp),
             white=_frames("--white", white),
             dark=_frames("--dark", dark),
             chart=chart,
-            corners=_corners(corners),
-            white_reflectance=_share(white_reflectance),
-            lamp_tolerance=lamp_tolerance,
-            lens_shading=lens_shading,
+            options=Options(
+                corners=_corners(corners),
+                white_reflectance=_share(white_reflectance),
+                lamp_tolerance=lamp_tolerance,
+                lens_shading=lens_shading,
+            ),
             progress=progress,
+            record=record,
         )
-    _emit(capture.document())
+
+    with _progress() as progress:
+        capture = _product(recorded(stage), None)
+    _emit(patches_document(capture))
 
 
 @app.command(epilog="Example: camssf patches photo.dng --lamp D55 | camssf solve - > result.json")
@@ -455,25 +477,23 @@ def solve(
 
     A refusal of the command before the pipe is passed on as it is.
     """
+    from camssf.calibration import recorded
     from camssf.calibration import solve as run
-    from camssf.photo.capture import Capture
+    from camssf.documents.patches import read_patches
+    from camssf.options import Options
 
     given = _read(document, PATCHES, refusal=True)
     if given["format"] == RESULT:
         _pass_on(_sound(given))
         return
-    capture = Capture.from_document(given)
-    with _progress() as progress, _evidence(None):
-        result = run(
-            capture,
-            basis=basis,
-            fit=_numbers(fit),
-            nonnegative=False if signed else None,
-            l2=l2,
-            gamma=gamma,
-            engine=engine,
-            truth=truth,
-            progress=progress,
+    capture = read_patches(given)
+    options = Options(
+        basis=basis, fit=_numbers(fit), nonnegative=False if signed else None, l2=l2, gamma=gamma, engine=engine
+    )
+    with _progress() as progress:
+        result = _product(
+            recorded(lambda record: run(capture, options=options, truth=truth, progress=progress, record=record)),
+            None,
         )
     _pass_on(result.document())
 
@@ -489,7 +509,7 @@ def validate(
     """
     result = _result(document)
     if "ssf" in result and truth is not None:
-        from camssf.calibration import compare
+        from camssf.documents.result import compare
         from camssf.spectra import read_camera
 
         compare(result, read_camera(truth))
@@ -604,6 +624,7 @@ def parity(
 
     Says which stage differs first; exits with 1 where one does.
     """
+    from camssf.options import Options
     from camssf.parity import cause, first
     from camssf.parity import parity as compare
 
@@ -615,9 +636,11 @@ def parity(
             dark=_frames("--dark", dark),
             lamps=lamp or (),
             chart=chart,
-            white_reflectance=_share(white_reflectance),
-            fit=_numbers(fit),
-            nonnegative=False if signed else None,
+            options=Options(
+                white_reflectance=_share(white_reflectance),
+                fit=_numbers(fit),
+                nonnegative=False if signed else None,
+            ),
             progress=progress,
         )
     for each in findings:
@@ -797,7 +820,7 @@ def _sound(document: dict[str, Any]) -> dict[str, Any]:
 
 def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
     """Pictures of the shots, each from the very file that the result was made from."""
-    from camssf.photo.capture import preview
+    from camssf.documents.previews import photo_preview
     from camssf.photo.mosaic import read_dng
 
     shots, previews = result["shots"], []
@@ -812,7 +835,7 @@ def _previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
                 f"{path} is not the photo that this result was made from ({shot['photo']['name']}).",
                 "Give the same file, or leave --photo out.",
             )
-        previews.append(preview(mosaic))
+        previews.append(photo_preview(mosaic))
     return previews
 
 
@@ -853,25 +876,22 @@ def _pass_on(document: dict[str, Any]) -> None:
     _finish(document)
 
 
-@contextmanager
-def _evidence(out: Path | None) -> Iterator[None]:
-    """Leave what a refusal knows: a result without curves, as files or on stdout."""
-    try:
-        yield
-    except CalibrationError as error:
-        document = getattr(error, "evidence", None)
-        if document is not None:
-            try:
-                if out is None:
-                    _emit(document)
-                else:
-                    from camssf.documents.report import report
+def _product(found: Product | Refusal, out: Path | None) -> Product:
+    """The product; a refusal leaves what it knows, as files or on stdout, and is raised."""
+    from camssf.documents.report import report
+    from camssf.documents.result import Refusal
 
-                    report(document, getattr(error, "previews", ())).save(out)
-                    _say("", f"What is known of this capture lies in {out / 'report.html'}")
-            except InvalidArgument as lost:  # the refusal itself matters more
-                _say("", f"{lost.message} {lost.advice}")
-        raise
+    if not isinstance(found, Refusal):
+        return found
+    try:
+        if out is None:
+            _emit(found.document())
+        else:
+            report(found.document(), found.previews).save(out)
+            _say("", f"What is known of this capture lies in {out / 'report.html'}")
+    except InvalidArgument as lost:  # the refusal itself matters more
+        _say("", f"{lost.message} {lost.advice}")
+    raise found.error
 
 
 def _summary(document: dict[str, Any], out: Path | None) -> None:
