@@ -156,7 +156,7 @@ def test_numpy_s_numbers_name_patches_too(capture: Capture) -> None:
 
 def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -> None:
     """Change one measured patch: its own unseen prediction stays, others move."""
-    before = solve(capture, options=Options(basis="cameras"))
+    before = solve(capture)
     shot = capture.shots[0]
     mean = shot.means.chart.mean.copy()
     mean[9] *= 1.05
@@ -165,7 +165,7 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -
         capture.chart,
         None,
     )
-    after = solve(bent, options=Options(basis="cameras"))
+    after = solve(bent)
     assert after.unseen[0, 9] == pytest.approx(before.unseen[0, 9], rel=1e-12)
     assert np.abs(after.unseen[0, 10] - before.unseen[0, 10]).max() > 1e-6
 
@@ -180,11 +180,8 @@ def test_documents_pipe(capture: Capture) -> None:
     text = json.dumps(patches_document(capture), allow_nan=False)
     again = read_patches(json.loads(text))
     assert patches_document(again) == patches_document(capture)
-    assert (
-        solve(again, options=Options(basis="cameras")).document()
-        == solve(capture, options=Options(basis="cameras")).document()
-    )
-    report(solve(capture, options=Options(basis="cameras")).document())  # checks the schema
+    assert solve(again).document() == solve(capture).document()
+    report(solve(capture).document())  # checks the schema
 
 
 @pytest.mark.parametrize(
@@ -341,7 +338,7 @@ def test_an_option_as_an_argument_of_its_own_still_serves() -> None:
     with pytest.warns(DeprecationWarning, match=r"calibrate\(options=Options\(basis=\.\.\., fit=\.\.\.\)\)"):
         found = with_former("calibrate", Options(l2=2.0), {"basis": "gaussian", "fit": [7]})
     assert found == Options(l2=2.0, basis="gaussian", fit=[7])
-    with pytest.warns(DeprecationWarning) as said, pytest.raises(UnreadableRaw):
+    with pytest.warns(DeprecationWarning, match="engine") as said, pytest.raises(UnreadableRaw):
         calibrate("nothing.dng", "D55", engine="reference")
     assert said[0].filename == __file__
     with pytest.raises(TypeError, match=r"calibrate\(\) got an unexpected keyword argument 'bases'"):

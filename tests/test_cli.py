@@ -20,6 +20,7 @@ from camssf import cli, errors
 from camssf.curves.basis import read_basis
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
+from camssf.options import Options
 
 ROOT = Path(__file__).parents[1]
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
@@ -489,8 +490,8 @@ def test_an_output_folder_that_is_a_file(
 def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
     heard: dict[str, Any] = {}
 
-    def listen(photos: Any, lamps: Any, **options: Any) -> Any:
-        heard.update(options, photos=photos, lamps=lamps)
+    def listen(photos: Any, lamps: Any, *, options: Options, **more: Any) -> Any:
+        heard.update(vars(options) | more, photos=photos, lamps=lamps)
         raise InvalidArgument("enough.", "")
 
     swap(monkeypatch, "attempt", listen)
