@@ -136,10 +136,10 @@ def _camera(path: Path) -> None:
 
 
 def _patches(path: Path) -> None:
-    from camssf.cli.commands import PATCHES, _read
+    from camssf.cli.reading import PATCHES, read_json
     from camssf.documents.patches import read_patches
 
-    read_patches(_read(str(path), PATCHES))
+    read_patches(read_json(str(path), PATCHES))
 
 
 def _result(path: Path) -> None:

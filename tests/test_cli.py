@@ -585,19 +585,19 @@ def test_progress_shows_itself_on_long_work_only(
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
     monkeypatch.setenv("TERM", "xterm-256color")
     for after, shown in ((0.1, True), (2.0, False)):
-        monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", after)
+        monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
         assert ("looking for the chart" in err) is shown
         assert out == ""
     monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", 0.1)
+    monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", 0.1)
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
     assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
 
 
 def test_the_bar_waits_two_seconds() -> None:
-    assert cli.commands.PROGRESS_AFTER == 2.0
+    assert cli.terminal.PROGRESS_AFTER == 2.0
 
 
 def test_main_is_the_console_script() -> None:
