@@ -17,6 +17,7 @@ from camssf.direct.spectrograph import divide
 from camssf.errors import CalibrationError
 from camssf.evidence.scores import rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
 from camssf.photo.capture import measure
 from camssf.photo.signals import normalise
 from camssf.simulation.frames import simulate
@@ -81,7 +82,12 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
             )
             (shot,), (other,) = small.shots, wide.shots
             capture = measure(
-                other.chart, "D55", white=other.white, dark=other.dark, chart=large, corners=[wide.pose.corners]
+                other.chart,
+                "D55",
+                white=other.white,
+                dark=other.dark,
+                chart=large,
+                options=Options(corners=[wide.pose.corners]),
             )
             signals = normalise([each.means for each in capture.shots], large)
             told = capture.shots[0].lamp
@@ -92,8 +98,10 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                 try:
                     answer = calibrate(
                         shot.chart, "D55", white=shot.white, dark=shot.dark, chart=table,
-                        lamp_tolerance=scene["tolerance"], basis=basis if method == "cameras" else "gaussian",
-                        engine="reference", fit=range(7, 19) if method == "gaussian" else None, truth=camera,
+                        options=Options(
+                            lamp_tolerance=scene["tolerance"], basis=basis if method == "cameras" else "gaussian",
+                            engine="reference", fit=range(7, 19) if method == "gaussian" else None,
+                        ), truth=camera,
                     )  # fmt: skip
                 except CalibrationError as error:
                     world_found[method] = {"refused": error.code}

@@ -25,12 +25,12 @@ Result: TypeAlias = dict[str, Any]
 MEMORY = """
 import re, sys
 from pathlib import Path
-from camssf import calibrate
+from camssf import Options, calibrate
 def kilobytes(field):
     return int(re.search(field + r":\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
-calibrate(sys.argv[1], "D55", basis=sys.argv[3])   # a small photo: every import and first call
+calibrate(sys.argv[1], "D55", options=Options(basis=sys.argv[3]))   # a small photo: every import and first call
 before = kilobytes("VmRSS")
-calibrate(sys.argv[2], "D55", basis=sys.argv[3])
+calibrate(sys.argv[2], "D55", options=Options(basis=sys.argv[3]))
 print(kilobytes("VmHWM") - before)
 """
 
@@ -45,7 +45,7 @@ def decode(path: Path) -> int:
 
 def measure(runs: int, basis: str) -> Result:
     """Both in turns, and the memory of a process of its own."""
-    from camssf import calibrate
+    from camssf import Options, calibrate
     from camssf.simulation.frames import simulate
 
     with tempfile.TemporaryDirectory() as folder:
@@ -54,14 +54,14 @@ def measure(runs: int, basis: str) -> Result:
             simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "12mp", size=SIZE, compression="ljpeg").shots[0].chart
         )
         small = simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "small", size=(900, 675)).shots[0].chart
-        calibrate(small, "D55", basis=basis)
+        calibrate(small, "D55", options=Options(basis=basis))
         decode(photo)
         bare, whole, ratios = [], [], []
         for _ in range(runs):
             start = time.perf_counter()
             decode(photo)
             middle = time.perf_counter()
-            calibrate(photo, "D55", basis=basis)
+            calibrate(photo, "D55", options=Options(basis=basis))
             end = time.perf_counter()
             bare.append(middle - start)
             whole.append(end - middle)

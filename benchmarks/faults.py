@@ -32,8 +32,8 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import SEEN, left_out
-from camssf.calibration import _recover, solve
 from camssf.calibration import calibrate as from_files
+from camssf.calibration import solve
 from camssf.curves.basis import Basis, interpolate
 from camssf.curves.sensing import (
     ABSOLUTE,
@@ -45,13 +45,14 @@ from camssf.curves.sensing import (
     smooth_errors,
 )
 from camssf.errors import CalibrationError
+from camssf.evidence.problem import pose_problem
 from camssf.evidence.verdict import Verdict
 from camssf.grid import STEP, Floats
+from camssf.options import Options
 from camssf.photo.capture import Capture, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import measure_patches
 from camssf.photo.pose import Pose, agreement, find_chart, plain_signals
-from camssf.photo.signals import normalise
 from camssf.simulation.faults import FAULTS, SEVERITIES, strike
 from camssf.simulation.frames import Plan, Scene, Sensor, simulate, take, true_pose
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
@@ -220,16 +221,16 @@ def shoot(staged: Staged, plan: Plan, *, search: bool) -> Shot:
 
 def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
     """Status, codes, RMSE and coverage; the curves of a refused verdict are judged all the same."""
-    capture = Capture(tuple(shots), read_chart("classic24"), None)
+    capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(basis=basis, engine="reference")
     try:
-        done = solve(capture, basis=basis, engine="reference")
+        done = solve(capture, options=options)
         verdict, ssf = done.verdict, done.ssf
     except CalibrationError as error:
         if not error.reasons:
             return Outcome("refused", (error.code,), None, None, (error.message,))
         verdict = Verdict("refused", error.reasons)
-        signals = normalise([shot.means for shot in shots], capture.chart)
-        ssf = _recover(capture, signals, signals.used, basis, None, None, None, "reference")
+        problem = pose_problem(capture, options)
+        ssf = problem.solve(problem.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None
@@ -437,7 +438,9 @@ def through_files(
             )  # fmt: skip
             shot = done.shots[0]
             try:
-                result = from_files(shot.chart, shot.lamp, white=shot.white, dark=shot.dark, basis=basis)
+                result = from_files(
+                    shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(basis=basis)
+                )
                 status = result.verdict.status
             except CalibrationError:
                 status = "refused"

@@ -19,6 +19,7 @@ from camssf.errors import CalibrationError
 from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
+from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
@@ -381,11 +382,13 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
     )
     done = calibrate_capture(
         Capture(shots, table, given["white_reflectance"]),
-        basis=given["basis"],
-        nonnegative=given["nonnegative"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        engine=engine,
+        options=Options(
+            basis=given["basis"],
+            nonnegative=given["nonnegative"],
+            l2=given["l2"],
+            gamma=given["gamma"],
+            engine=engine,
+        ),
     )
     curves, std = done.ssf.peak()
     return {

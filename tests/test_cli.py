@@ -21,6 +21,7 @@ from camssf import cli, errors
 from camssf.curves.basis import read_basis
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
+from camssf.options import Options
 
 ROOT = Path(__file__).parents[1]
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
@@ -60,7 +61,7 @@ def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes], None]:
 
 
 def swap(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> None:
-    """Replace something in camssf.calibrate; the module, not the verb of that name."""
+    """Replace something in camssf.calibration."""
     monkeypatch.setattr(import_module("camssf.calibration"), name, value)
 
 
@@ -232,7 +233,7 @@ def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.Capt
 def test_each_family_has_its_exit_status(
     kind: type[CalibrationError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    swap(monkeypatch, "calibrate", raising(kind("What [is] wrong.", "What to do.")))
+    swap(monkeypatch, "attempt", raising(kind("What [is] wrong.", "What to do.")))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55", "-o", str(tmp_path / "out")]) == kind.exit_status
     out, err = capsys.readouterr()
     assert out == ""
@@ -579,7 +580,7 @@ def test_words_steer_no_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_an_unknown_exception_is_one_line_and_a_request(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    swap(monkeypatch, "calibrate", raising(RuntimeError("odd [/] thing\nsecond line")))
+    swap(monkeypatch, "attempt", raising(RuntimeError("odd [/] thing\nsecond line")))
     call = ["calibrate", "x.dng", "--lamp", "D55"]
     assert cli.main(call) == cli.BUG
     out, err = capsys.readouterr()
@@ -593,7 +594,7 @@ def test_an_unknown_exception_is_one_line_and_a_request(
 
 
 def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    swap(monkeypatch, "calibrate", raising(KeyboardInterrupt()))
+    swap(monkeypatch, "attempt", raising(KeyboardInterrupt()))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
     assert "Traceback" not in capsys.readouterr().err
 
@@ -613,11 +614,11 @@ def test_an_output_folder_that_is_a_file(
 def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
     heard: dict[str, Any] = {}
 
-    def listen(photos: Any, lamps: Any, **options: Any) -> Any:
-        heard.update(options, photos=photos, lamps=lamps)
+    def listen(photos: Any, lamps: Any, *, options: Options, **more: Any) -> Any:
+        heard.update(vars(options) | more, photos=photos, lamps=lamps)
         raise InvalidArgument("enough.", "")
 
-    swap(monkeypatch, "calibrate", listen)
+    swap(monkeypatch, "attempt", listen)
     line = "calibrate a b --lamp D55 --lamp 2856K --white none --white w --dark d1 --dark NONE --fit 1,7-9,8 --signed"
     corners = ["--corners", "none", "--corners", "1,2 3,4 5,6.5 -7,8"]
     assert (
@@ -704,23 +705,23 @@ def test_progress_shows_itself_on_long_work_only(
         time.sleep(0.4)
         raise InvalidArgument("enough.", "")
 
-    swap(monkeypatch, "calibrate", work)
+    swap(monkeypatch, "attempt", work)
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
     monkeypatch.setenv("TERM", "xterm-256color")
     for after, shown in ((0.1, True), (2.0, False)):
-        monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", after)
+        monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
         assert ("looking for the chart" in err) is shown
         assert out == ""
     monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", 0.1)
+    monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", 0.1)
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
     assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
 
 
 def test_the_bar_waits_two_seconds() -> None:
-    assert cli.commands.PROGRESS_AFTER == 2.0
+    assert cli.terminal.PROGRESS_AFTER == 2.0
 
 
 def test_main_is_the_console_script() -> None:

@@ -69,7 +69,7 @@ def patch(samples: Floats, number: int, colour: str, scene: Scene) -> float:
 
 def test_the_list_is_whole() -> None:
     assert set(ISSUE.values()) <= set(FAULTS)
-    assert ", ".join(sorted(FAULTS)) == cli.commands._FAULTS
+    assert ", ".join(sorted(FAULTS)) == cli.captures.FAULTS
     for name, fault in FAULTS.items():
         assert fault.name == name
         assert len(set(fault.degrees)) == len(SEVERITIES)

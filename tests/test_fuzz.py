@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
+from camssf.documents.patches import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
 from camssf.fleet.run import read_manifest
-from camssf.photo.capture import Capture
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -74,4 +74,4 @@ def test_what_the_long_run_found(tmp_path: Path) -> None:
             place = place[key]
         place[path[-1]] = value
         with pytest.raises(InvalidArgument):
-            Capture.from_document(document)
+            read_patches(document)

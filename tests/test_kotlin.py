@@ -20,9 +20,10 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
+from camssf.documents.result import Json
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
-from camssf.photo.capture import Json
+from camssf.options import Options
 from camssf.simulation.frames import SimulatedShot, simulate
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
@@ -111,8 +112,7 @@ def python(case: Case) -> Json:
             case.lamps,
             white=[shot.white for shot in case.shots] if case.white else None,
             dark=[shot.dark for shot in case.shots] if case.dark else None,
-            corners=case.corners,
-            **case.options,
+            options=Options(corners=case.corners, **case.options),
         ).document()
     except CalibrationError as error:
         return error.evidence or {}

@@ -927,7 +927,7 @@ def test_save_refuses_what_is_in_the_way(tmp_path: Path) -> None:
 
 
 def test_previews_must_be_pictures() -> None:
-    with pytest.raises(InvalidArgument, match=r"previews\[0\] is not a JPEG or PNG"):
+    with pytest.raises(InvalidArgument, match="Preview 1 is not a JPEG or PNG"):
         report(document(), [b"GIF89a"])
     with pytest.raises(InvalidArgument, match="2 previews for 1 shots"):
         report(document(), [None, preview()])

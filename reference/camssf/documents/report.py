@@ -80,7 +80,7 @@ def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
     for i, preview in enumerate(previews):
         if preview is not None and (media_type(preview) is None or len(preview) > LARGEST_PREVIEW):
             raise InvalidArgument(
-                f"previews[{i}] is not a JPEG or PNG of at most {LARGEST_PREVIEW} bytes.",
+                f"Preview {i + 1} is not a JPEG or PNG of at most {LARGEST_PREVIEW} bytes.",
                 "Encode the photo's preview as one of them, or give None.",
             )
     if len(previews) > len(document["shots"]):

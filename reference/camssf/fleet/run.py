@@ -174,25 +174,18 @@ def read_manifest(path: str | Path, *, basis: str = "cameras", engine: str = "on
 
 def calibrate_job(job: Job, folder: Path) -> Outcome:
     """Calibrate one camera into `folder`; a refusal leaves what is known of the capture."""
-    from camssf.calibration import calibrate
+    from camssf.calibration import attempt
     from camssf.documents.report import report
+    from camssf.documents.result import Refusal
+    from camssf.options import Options
 
+    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
     try:
-        result = calibrate(
-            job.photos,
-            job.lamps,
-            white=job.white,
-            dark=job.dark,
-            chart=job.chart,
-            basis=job.basis,
-            engine=job.engine,
-            lens_shading=job.lens_shading,
-        )
+        result = attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
         report(result.document(), result.previews).save(folder)
+        if isinstance(result, Refusal):
+            raise result.error
     except CalibrationError as error:
-        evidence = getattr(error, "evidence", None)
-        if evidence is not None:
-            report(evidence, getattr(error, "previews", ())).save(folder)
         return Outcome(job.name, job.folder, "refused", error.code, f"{error.message} {error.advice}")
     reasons = result.verdict.reasons
     code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
