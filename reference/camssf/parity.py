@@ -52,7 +52,7 @@ _CAUSES = {
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
-    "If the result was made with --fit, --signed or a white card, say so here too.",
+    "If the result was made with --fit, --signed or --white-reflectance, say so here too.",
     "band": "The curve agrees, its standard deviation does not.",
     "gap": "One of the two has not converged.",
     "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
@@ -94,7 +94,7 @@ def parity(
     """Compare a "camssf-result/1" document with what Python makes of the same photos.
 
     Pose, lamp, chart, tolerances, basis and penalties are those that the document states. What it does not state has
-    to be given again: files of lamps and charts, the white card, the patches to fit, signed coefficients.
+    to be given again: files of lamps and charts, the white target, the patches to fit, signed coefficients.
 
     Args:
         document: the result, checked against its schema.
