@@ -26,7 +26,7 @@ class ChartTable:
     Attributes:
         name: of the chart as asked for, for example "classic24".
         table: name of the table, for example "BabelColor Average".
-        layout: geometry it is printed in, a key of `camssf.photo.pose.LAYOUTS`.
+        layout: geometry it is printed in, a key of `camssf.photo.layouts.LAYOUTS`.
         patches: (n) names in reading order from the chart's top left.
         values: (n, 681) reflectance on the grid, 0 to 1.
         tolerance: (n,) one standard deviation of the table's relative error for a chart somebody owns, 1.
