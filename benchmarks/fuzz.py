@@ -159,10 +159,10 @@ def _demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
     from camssf.calibration import solve
     from camssf.photo.capture import measure
-    from camssf.simulation.frames import simulate
+    from camssf.simulation.frames import Scene, simulate
 
     with tempfile.TemporaryDirectory() as folder:
-        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=3).shots[0]
+        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
         capture = measure(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
         result = solve(capture)
     documents = {"patches": capture.document(), "result": result.document()}

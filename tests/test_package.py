@@ -258,3 +258,49 @@ def test_nothing_but_the_two_packages_is_importable() -> None:
         if (path / "__init__.py").is_file() or path.suffix == ".py"
     }
     assert found == {"camssf", "camssf_onnx"}
+
+
+def arguments() -> list[tuple[str, str, int]]:
+    """(module, function, number of named parameters) of every public function and method."""
+    found = []
+    for module in MODULES:
+        path = PACKAGE / module.replace(".", "/")
+        path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+                found.append((module, node.name, len([each for each in every if each.arg not in ("self", "cls")])))
+    return found
+
+
+@pytest.mark.parametrize("room", ["direct", "photo.pose", "photo.mosaic", "simulation", "spectra", "tools"])
+def test_few_arguments(room: str) -> None:
+    known = [each for each in arguments() if each[0] == room or each[0].startswith(f"{room}.")]
+    assert known
+    assert not [each for each in known if each[2] > 8]
+
+
+@pytest.mark.parametrize("room", ["direct", "simulation", "spectra", "tools"])
+def test_no_file_is_long(room: str) -> None:
+    files = list((PACKAGE / room).glob("*.py"))
+    assert files
+    assert not [path.name for path in files if len(path.read_text("utf-8").splitlines()) > 450]
+
+
+SIMULATE_OF_0_1 = (
+    "CFA_ORDERS", "FOCAL", "FRAME", "FRAME_WIDTH", "LARGEST", "SURROUNDS", "Change", "Frames", "Light", "Plan",
+    "Samples", "Scene", "Sensor", "SimulatedShot", "Simulation", "Told", "View", "homography", "photograph",
+    "render_mosaic", "simulate", "sites", "take", "true_pose",
+)  # fmt: skip
+CHART_OF_0_1 = (
+    "ACCEPT", "ACCEPT_BY_HAND", "ATTEMPTS", "LAYOUTS", "LOCKED", "NEAR", "SMALLEST", "WINDOWS", "WINDOWS_BY_HAND",
+    "WORTH", "ChartLayout", "Pose", "agreement", "block_corners", "find_chart", "map_points", "patch_corners",
+    "plain_signals", "refine_corners",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "names"), [("simulate", SIMULATE_OF_0_1), ("chart", CHART_OF_0_1)])
+def test_the_names_in_a_former_module_are_there(name: str, names: tuple[str, ...]) -> None:
+    now = import_module(f"camssf.{former_names()[name]}")
+    assert not [each for each in names if not hasattr(now, each)]
+    assert set(names) <= set(now.__all__)

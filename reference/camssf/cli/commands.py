@@ -220,13 +220,13 @@ def demo(
     """Simulate, calibrate, compare with truth."""
     from camssf.calibration import calibrate as run
     from camssf.documents.report import report
+    from camssf.simulation.frames import Scene
     from camssf.simulation.frames import simulate as photograph
 
     with _progress() as progress:
         progress("simulating", 0.0)
-        scene = photograph(
-            camera, [lamp], out / "shots", size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0, seed=seed
-        )
+        before = Scene(size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
+        scene = photograph(camera, [lamp], out / "shots", scene=before, seed=seed)
         shot = scene.shots[0]
         with _evidence(out):
             result = run(
@@ -376,6 +376,7 @@ def simulate(
     For each lamp a chart, a white and a dark frame; and truth.csv.
     """
     from camssf.simulation.faults import strike
+    from camssf.simulation.frames import Scene, Sensor
     from camssf.simulation.frames import simulate as photograph
 
     if fault is None and severity is not None:
@@ -387,19 +388,17 @@ def simulate(
             lamp or [],
             out,
             chart=chart,
-            size=_size(size),
-            cfa=cfa,
-            black=black,
-            white_level=white_level,
-            exposure=exposure,
-            noise=noise,
+            scene=Scene(
+                size=_size(size),
+                fill=fill,
+                rotation=rotation,
+                tilt=tilt,
+                vignetting=vignetting,
+                blur=blur,
+                glare=glare,
+            ),
+            sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
             seed=seed,
-            vignetting=vignetting,
-            tilt=tilt,
-            rotation=rotation,
-            fill=fill,
-            blur=blur,
-            glare=glare,
             change=None if fault is None else strike(fault, 2 if severity is None else severity),
         )
     shots = [

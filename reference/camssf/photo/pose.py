@@ -64,7 +64,7 @@ ACCEPT_BY_HAND = 0.6
 """As `ACCEPT`, for corners given by hand, where somebody has seen the chart."""
 
 WINDOWS_BY_HAND = (0.50, 0.25, 0.15, 0.10, 0.10)
-"""As `WINDOWS`, for corners given by hand: a tap may be off by half a patch; beyond half a pitch is the next patch."""
+"""As `WINDOWS`, for corners given by hand: a tap may be off by half a patch; further on the next patch begins."""
 
 NEAR = 0.55
 """How far `refine_corners` may move a corner given by hand, in pitches."""
