@@ -98,7 +98,7 @@ def read_chart(spec: str) -> ChartTable:
         return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
     if chart == "sg140" and not tail:
         raise InvalidArgument(
-            "camssf has no table of the ColorChecker Digital SG: colour-science, its source of tables, has none.",
+            "There is no table of the ColorChecker Digital SG: colour-science, the source of tables, has none.",
             "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
         )
     if chart in (*known, "sg140") and tail:
