@@ -46,14 +46,14 @@ def decode(path: Path) -> int:
 def measure(runs: int, basis: str) -> Result:
     """Both in turns, and the memory of a process of its own."""
     from camssf import Options, calibrate
-    from camssf.simulation.frames import simulate
+    from camssf.simulation.frames import Scene, Sensor, simulate
 
     with tempfile.TemporaryDirectory() as folder:
         print("simulating a 12-megapixel lossless-JPEG DNG ...", file=sys.stderr)
-        photo = (
-            simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "12mp", size=SIZE, compression="ljpeg").shots[0].chart
-        )
-        small = simulate("Nikon 5100 (NPL)", "D55", Path(folder) / "small", size=(900, 675)).shots[0].chart
+        camera, where = "Nikon 5100 (NPL)", Path(folder)
+        large, packed = Scene(size=SIZE), Sensor(compression="ljpeg")
+        photo = simulate(camera, "D55", where / "12mp", scene=large, sensor=packed).shots[0].chart
+        small = simulate(camera, "D55", where / "small", scene=Scene(size=(900, 675))).shots[0].chart
         calibrate(small, "D55", options=Options(basis=basis))
         decode(photo)
         bare, whole, ratios = [], [], []

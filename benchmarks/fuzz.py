@@ -160,10 +160,10 @@ def _demo() -> dict[str, bytes]:
     from camssf.calibration import solve
     from camssf.documents.patches import patches_document
     from camssf.photo.capture import measure
-    from camssf.simulation.frames import simulate
+    from camssf.simulation.frames import Scene, simulate
 
     with tempfile.TemporaryDirectory() as folder:
-        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=3).shots[0]
+        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
         capture = measure(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
         result = solve(capture)
     documents = {"patches": patches_document(capture), "result": result.document()}

@@ -24,7 +24,7 @@ from camssf.errors import (
 )
 from camssf.options import Options, with_former
 from camssf.photo.capture import Capture, measure
-from camssf.simulation.frames import Simulation, simulate
+from camssf.simulation.frames import Scene, Simulation, simulate
 from camssf.spectra import CameraCurves, read_chart
 from tests.problems import theory, toy_camera
 
@@ -41,7 +41,10 @@ def camera() -> CameraCurves:
 @pytest.fixture(scope="module")
 def two_lamps(tmp_path_factory: pytest.TempPathFactory, camera: CameraCurves) -> Simulation:
     return simulate(
-        camera, ["D55", "A"], tmp_path_factory.mktemp("two"), size=SIZE, vignetting=0.5, rotation=8, tilt=10
+        camera,
+        ["D55", "A"],
+        tmp_path_factory.mktemp("two"),
+        scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10),
     )
 
 
@@ -244,7 +247,7 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
     with pytest.raises(UnreadableRaw):
         calibrate(tmp_path / "nothing.dng", "D55")
     other = CameraCurves("other", toy_camera(20), "a formula")
-    elsewhere = simulate(other, "A", tmp_path, size=SIZE)
+    elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=SIZE))
     with pytest.raises(FramesDiffer, match="different cameras"):
         calibrate([shot.chart, elsewhere.shots[0].chart], ["D55", "A"], options=Options(basis="cameras"))
 
@@ -282,7 +285,7 @@ def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
 
 
 def test_files_of_one_name_keep_their_hashes(tmp_path: Path, camera: CameraCurves) -> None:
-    shots = [simulate(camera, lamp, tmp_path / lamp, size=SIZE).shots[0] for lamp in ("D55", "A")]
+    shots = [simulate(camera, lamp, tmp_path / lamp, scene=Scene(size=SIZE)).shots[0] for lamp in ("D55", "A")]
     result = calibrate([s.chart for s in shots], ["D55", "A"], white=[s.white for s in shots])
     assert len(result.document()["hashes"]["inputs"]) == 4
 

@@ -14,8 +14,8 @@ import tifffile
 from benchmarks import spectrograph
 from benchmarks.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
+from camssf.direct import Direct, divide, extract, sweep
 from camssf.direct.dispersion import FEWEST, LINES, disperse, fine_structure
-from camssf.direct.spectrograph import Direct, divide, extract, sweep
 from camssf.errors import (
     FramesDiffer,
     InvalidArgument,

@@ -19,7 +19,7 @@ from camssf import cli
 from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
 from camssf.fleet import run as batch
-from camssf.simulation.frames import simulate
+from camssf.simulation.frames import Scene, simulate
 
 PACKAGE = Path(camssf.__file__).parent
 SOURCES = sorted(PACKAGE.glob("*.py"))
@@ -29,7 +29,7 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.joi
 @pytest.fixture(scope="module")
 def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shots")
-    simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=2)
+    simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=2)
     return folder
 
 

@@ -24,7 +24,7 @@ from camssf.documents.result import Json
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
-from camssf.simulation.frames import SimulatedShot, simulate
+from camssf.simulation.frames import Scene, SimulatedShot, simulate
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
 GOLDEN = BINDINGS / "golden" / "target"
@@ -189,8 +189,8 @@ def check(ours: Json, theirs: Json, *, bits: bool = False) -> None:
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot], Floats]:
     made = simulate(
-        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), size=(1200, 900), tilt=6, rotation=4,
-        vignetting=0.2, seed=11,
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), seed=11,
+        scene=Scene(size=(1200, 900), tilt=6, rotation=4, vignetting=0.2),
     )  # fmt: skip
     return list(made.shots), made.pose.corners + OFF
 
@@ -251,7 +251,7 @@ def test_a_refusal_keeps_the_same_evidence(
 
 
 def test_a_refused_verdict_is_the_same(tmp_path: Path, kotlin: Kotlin) -> None:
-    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, size=(1200, 900), glare=0.4)
+    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, scene=Scene(size=(1200, 900), glare=0.4))
     case = Case(list(made.shots), [made.pose.corners], ["D55"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert ours["verdict"]["status"] == "refused"

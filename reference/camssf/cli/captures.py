@@ -60,13 +60,13 @@ def demo(
     from camssf.calibration import attempt
     from camssf.documents.report import report
     from camssf.options import Options
+    from camssf.simulation.frames import Scene
     from camssf.simulation.frames import simulate as photograph
 
     with progress_bar() as progress:
         progress("simulating", 0.0)
-        scene = photograph(
-            camera, [lamp], out / "shots", size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0, seed=seed
-        )
+        before = Scene(size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
+        scene = photograph(camera, [lamp], out / "shots", scene=before, seed=seed)
         shot = scene.shots[0]
         result = product_of(
             attempt(
@@ -220,6 +220,7 @@ def simulate(
     For each lamp a chart, a white and a dark frame; and truth.csv.
     """
     from camssf.simulation.faults import strike
+    from camssf.simulation.frames import Scene, Sensor
     from camssf.simulation.frames import simulate as photograph
 
     if fault is None and severity is not None:
@@ -231,19 +232,17 @@ def simulate(
             lamp or [],
             out,
             chart=chart,
-            size=parse_size(size),
-            cfa=cfa,
-            black=black,
-            white_level=white_level,
-            exposure=exposure,
-            noise=noise,
+            scene=Scene(
+                size=parse_size(size),
+                fill=fill,
+                rotation=rotation,
+                tilt=tilt,
+                vignetting=vignetting,
+                blur=blur,
+                glare=glare,
+            ),
+            sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
             seed=seed,
-            vignetting=vignetting,
-            tilt=tilt,
-            rotation=rotation,
-            fill=fill,
-            blur=blur,
-            glare=glare,
             change=None if fault is None else strike(fault, 2 if severity is None else severity),
         )
     shots = [

@@ -43,7 +43,7 @@ def direct(
 
     The frames' wavelengths come from the Fraunhofer lines in them.
     """
-    from camssf.direct.spectrograph import divide, sweep
+    from camssf.direct import divide, sweep
 
     paths = given_paths("FRAME", frames)
     known = None
