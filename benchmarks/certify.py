@@ -50,7 +50,7 @@ from benchmarks._common import (
 )
 from camssf.curves.basis import Basis, interpolate, read_basis
 from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
-from camssf.curves.engine import load_model
+from camssf.curves.engine import load_model, onnx_runtime
 from camssf.curves.sensing import Sensing
 from camssf.curves.unrolled import solve
 from camssf.grid import WAVELENGTHS, Floats
@@ -241,8 +241,7 @@ def row_reader(basis: str) -> Any:
         import onnx
     except ImportError:
         return None
-    import onnxruntime
-
+    onnxruntime = onnx_runtime()
     model = onnx.load_from_string((resources.files("camssf") / "data" / f"camssf-{basis}.onnx").read_bytes())
     nodes = list(model.graph.node)
     first = next(i for i, node in enumerate(nodes) if node.op_type == "Loop")

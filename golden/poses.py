@@ -87,7 +87,8 @@ def levels() -> NDArray[np.int64]:
     """(24, 3) DN of the patches: BabelColor's table seen by three Gaussians, in whole fours."""
     curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
     signals = chart("babelcolor") @ (curves / curves.sum(axis=0)) * np.array([0.6, 1.0, 0.75])
-    return BLACK + 4 * np.rint(3000 * signals).astype(np.int64)
+    whole: NDArray[np.int64] = BLACK + 4 * np.rint(3000 * signals).astype(np.int64)
+    return whole
 
 
 def draw(view: View, cfa: bytes = bytes((0, 1, 1, 2)), *, unrest: int = 7, mirrored: bool = False) -> Samples:
@@ -258,7 +259,7 @@ def _patches() -> Iterator[Json]:
         shading: str = "as-stored",
         expect: str = "success",
     ) -> Json:
-        inputs = {role: frames[role][0] if role in frames else None for role in ("photo", "white", "dark")}
+        inputs: Json = {role: frames[role][0] if role in frames else None for role in ("photo", "white", "dark")}
         inputs |= {"quads": quads if places is None else places, "lens_shading": shading}
         return _case(f"patches/{name}", comment, inputs, dict(frames.values()), expect)
 

@@ -20,6 +20,7 @@ from camssf.errors import CalibrationError
 from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
+from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
@@ -333,7 +334,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
         )
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
-    alone = [answer(*(resolve(a[key]) for key in ("ssf", "code", "predicted")), ssf.std) for a in given["alone"]]
+    alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
     rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
@@ -386,11 +387,13 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
     )
     done = calibrate_capture(
         Capture(shots, table, given["white_reflectance"]),
-        basis=given["basis"],
-        nonnegative=given["nonnegative"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        engine=engine,
+        options=Options(
+            basis=given["basis"],
+            nonnegative=given["nonnegative"],
+            l2=given["l2"],
+            gamma=given["gamma"],
+            engine=engine,
+        ),
     )
     curves, std = done.ssf.peak()
     return {

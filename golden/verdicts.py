@@ -213,13 +213,15 @@ def case(
 def raw_white(level: float) -> list[float]:
     """The white's level in DN under the first lamp, as the camera sees it."""
     seen = lamp(LAMPS[0]) @ camera(CAMERA)
-    return np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
+    levels: list[float] = np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
+    return levels
 
 
 def white_under(light: str, tint: float) -> list[float]:
     """What a colour matrix tells of the camera's white, its red off by a factor."""
     seen = lamp(light) @ camera(CAMERA) * np.array([tint, 1.0, 1.0])
-    return np.round(seen / seen[1], 9).tolist()
+    white: list[float] = np.round(seen / seen[1], 9).tolist()
+    return white
 
 
 def statistics(y: Floats, span: float, noise: float = 1.0, texture: float = 0.0) -> dict[str, Floats]:

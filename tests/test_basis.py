@@ -10,7 +10,17 @@ import pytest
 from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.tools.learn import Crowd, Enlargement, crowd_of, enlarge, learn, main, maker_of, read_curves, save
+from camssf.tools.learn import (
+    Enlargement,
+    TrainingSet,
+    enlarge,
+    learn,
+    main,
+    maker_of,
+    read_curves,
+    save,
+    training_set_of,
+)
 from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 
@@ -55,11 +65,11 @@ def toys(count: int = 12) -> np.ndarray:
 def test_the_dictionary_is_the_spread_of_the_training_set() -> None:
     """Ψ Ψᵀ = 2 x the cameras' covariance + the enlargement's own, by loops; makers weigh the root of their number."""
     makers, copies = ["a"] * 9 + ["b"] * 2 + ["c"], 10
-    crowd = enlarge(toys(), Enlargement(), copies, np.random.default_rng(0)).reshape(copies, 12, 69, 3)
+    enlarged = enlarge(toys(), Enlargement(), copies, np.random.default_rng(0)).reshape(copies, 12, 69, 3)
     mean, dictionary = learn(toys(), makers=makers, components=69, copies=copies, seed=0)
     weight = np.array([1 / 3] * 9 + [2**-0.5] * 2 + [1.0]) / (3 + 2**0.5 + 1)
     for c in range(3):
-        shapes = crowd[..., c] / crowd[..., c].sum(axis=2, keepdims=True)
+        shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)
         centre = sum(w * shapes[:, i].mean(axis=0) for i, w in enumerate(weight))
         assert mean[c] == pytest.approx(centre / centre.max(), abs=1e-12)
         expected = np.zeros((69, 69))
@@ -151,7 +161,7 @@ def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
     assert main([str(CURVES), "-o", str(tmp_path / "again.npz"), "--licence", "Apache-2.0"]) == 0
     again, shipped = read_basis(str(tmp_path / "again.npz")), read_basis("cameras")
     assert again.source == shipped.source
-    carried, measured = crowd_of("cameras").curves, read_curves(CURVES)
+    carried, measured = training_set_of("cameras").curves, read_curves(CURVES)
     assert list(carried) == list(measured)
     assert all((carried[name] == measured[name]).all() for name in measured)
     assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
@@ -179,11 +189,11 @@ def test_a_maker_s_cameras_can_be_added_later(tmp_path: Path, capsys: pytest.Cap
     In another order the random copies are others: the mean stays within 0.01 of its peak and the spread within a
     tenth, where leaving the maker out moved it by more than an eighth.
     """
-    everything = crowd_of("cameras")
+    everything = training_set_of("cameras")
     own = {name: curve for name, curve in everything.curves.items() if maker_of(name) == "nikon"}
     rest = {name: curve for name, curve in everything.curves.items() if name not in own}
     assert len(own) == 11
-    save(Crowd(rest, ("rest.csv",), ("0" * 64,), ("Apache-2.0",)), 24, tmp_path / "rest.npz")
+    save(TrainingSet(rest, ("rest.csv",), ("0" * 64,), ("Apache-2.0",)), 24, tmp_path / "rest.npz")
     mine = write_curves(tmp_path / "mine.csv", own)
     joined = write_curves(tmp_path / "joined.csv", rest | own)
     for curves, more in ((mine, ["--extend", str(tmp_path / "rest.npz"), "--licence", "mine"]), (joined, [])):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _common, arm, arm_jvm, certify, depth, solver
+from benchmarks import _common, arm, arm_jvm, capture, certify, depth, solver
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import read_basis
 from camssf.curves.engine import load_model
@@ -304,3 +305,39 @@ def test_sensing_of_a_problem_is_the_reference_s() -> None:
     assert isinstance(sensing, Sensing)
     y = (problem.inputs["chart"] - 64.0)[0] / (problem.inputs["white"] - 64.0)[0]
     assert sensing.target == pytest.approx(y.T)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "peak", "status"),
+    [(1.9, 3.9, 0), (2.0, 4.0, 0), (2.01, 3.9, 1), (1.9, 4.01, 1), (float("nan"), 1.0, 1)],
+)
+def test_capture_ends_with_1_where_a_bar_is_missed(
+    ratio: float, peak: float, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured = {"file_megabytes": 1.0, "decode_seconds": 1.0, "calibrate_seconds": 1.0, "ratio_range": [1.0, 3.0]}
+    measured |= {"ratio": ratio, "peak_over_mosaic": peak}
+    monkeypatch.setattr(capture, "measure", lambda runs, basis: measured)
+    assert capture.main([]) == status
+    assert ("MISSED" in capsys.readouterr().out) == bool(status)
+
+
+BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
+WITHOUT_BARS = {"kotlin_variants", "penalties", "spectrograph"}
+"""Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
+
+
+@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
+def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> None:
+    """By reading the source: the last word of `main` is no constant."""
+    tree = ast.parse(path.read_text("utf-8"))
+    mains = [each for each in tree.body if isinstance(each, ast.FunctionDef) and each.name == "main"]
+    text = ast.unparse(tree)
+    if path.stem in WITHOUT_BARS:
+        assert "BAR" not in text
+        assert "exit status 1" not in text.casefold()
+        return
+    (main,) = mains
+    last = main.body[-1]
+    assert isinstance(last, ast.Return)
+    assert last.value is not None
+    assert not isinstance(last.value, ast.Constant)

@@ -106,6 +106,7 @@ def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_po
         np.testing.assert_allclose(means.chart.mean[number] - means.black, theirs, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_rendered_scenes() -> None:
     """At least 17 of 18 found, every patch centre within a quarter of a patch, right way up."""
     failures = {}

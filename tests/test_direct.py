@@ -14,8 +14,8 @@ import tifffile
 from benchmarks import spectrograph
 from benchmarks.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
+from camssf.direct import Direct, divide, extract, sweep
 from camssf.direct.dispersion import FEWEST, LINES, disperse, fine_structure
-from camssf.direct.spectrograph import Direct, divide, extract, sweep
 from camssf.errors import (
     FramesDiffer,
     InvalidArgument,
@@ -60,6 +60,7 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
     return float(np.abs(found.dispersions[role].wavelength(x) - nm)[(nm >= 400) & (nm <= 700)].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", ["AM1.5", "daylight"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
@@ -79,6 +80,7 @@ def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored:
     assert np.median((found.std / found.values.max(axis=0))[VISIBLE]) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [-3.0, 0.0, 3.0])
 def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     curves = np.stack([np.interp(FINE, WAVELENGTHS, c, 0.0, 0.0) for c in nikon().values.T], axis=1)
@@ -94,6 +96,7 @@ def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     assert np.abs(found.wavelength(pixel) - nm)[(nm > 400) & (nm < 700)].max() < 0.4
 
 
+@pytest.mark.slow
 def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Path]) -> None:
     paths = frames
     flat = divide(paths["rgb.dng"], paths["mono.tif"], dark=paths["rgb-dark.dng"], mono_dark=paths["mono-dark.tif"])
@@ -103,6 +106,7 @@ def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Pat
     assert any("taken for flat" in message for _, message in flat.assumptions)
 
 
+@pytest.mark.slow
 def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) -> None:
     paths = frames
     found = divide(paths["rgb.dng"], paths["mono.tif"], response=paths["mono-response.csv"])
@@ -222,6 +226,7 @@ def test_a_clipped_mono_frame_is_refused_whatever_its_bits(frames: dict[str, Pat
         divide(paths["rgb.dng"], clipped)
 
 
+@pytest.mark.slow
 def test_eight_bits_are_few_levels_but_no_heap(frames: dict[str, Path], tmp_path: Path) -> None:
     """Many samples share the largest of few levels without being clipped; at 255 they are."""
     paths = frames
@@ -396,6 +401,7 @@ def test_a_folder_that_cannot_be_written_gets_no_half(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["ssf.csv"]
 
 
+@pytest.mark.slow
 def test_the_command(frames: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = {name: str(path) for name, path in frames.items()}
     out = tmp_path / "out"

@@ -207,6 +207,7 @@ def command() -> Any:
     return __main__
 
 
+@pytest.mark.slow
 def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out

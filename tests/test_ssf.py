@@ -234,5 +234,5 @@ def test_a_surface_of_known_reflectance_is_better_known_than_a_patch() -> None:
     assert predicted(answer, **told).std == pytest.approx(exact[:, :12], rel=1e-6)
     with pytest.raises(InvalidArgument, match="no prior"):
         predicted(answer, **told | {"basis": "gaussian"})
-    with pytest.raises(InvalidArgument, match="of has shape"):
+    with pytest.raises(InvalidArgument, match="`of` has shape"):
         predicted(answer, **told, of=np.ones((2, 3)))

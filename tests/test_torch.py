@@ -7,6 +7,7 @@ import io
 import numpy as np
 import pytest
 
+from camssf.curves.engine import onnx_runtime
 from camssf.curves.unrolled import DEPTH, _Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
@@ -42,8 +43,7 @@ def test_layers_equal_the_reference(nonnegative: bool) -> None:
 
 @pytest.mark.filterwarnings("ignore")  # torch's exporter warns about its own insides
 def test_torch_s_export_of_the_layers_is_small_and_equal() -> None:
-    import onnxruntime
-
+    onnxruntime = onnx_runtime()
     from camssf_onnx.net import UnrolledNet
 
     inputs, expected = arguments(False)

@@ -248,6 +248,7 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     assert scene.surprise().count == 3 * used.sum()
 
 
+@pytest.mark.slow
 def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     """Charts drawn from the very tolerance that the model is told: mean and spread of T."""
     rng = np.random.default_rng(4)

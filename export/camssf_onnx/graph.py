@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import onnx
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 
@@ -28,7 +29,7 @@ class Graph:
 
     def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
         """A constant; equal ones are stored once."""
-        array = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
+        array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self.constants:
             self.constants[key] = name or self.fresh("c")

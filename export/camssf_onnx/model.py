@@ -12,7 +12,7 @@ names follow them. Differences of form, none of value:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 
 import numpy as np
@@ -56,6 +56,9 @@ INPUTS: dict[str, list[str | int]] = {
     "l2": [],
     "gamma": [],
 }
+
+# From the code and its spread: curves, their errors, predicted signals, the lamp.
+_Curves = Callable[[Value, Value], tuple[Value, Value, Value, Value]]
 
 
 def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
@@ -152,7 +155,7 @@ class _Rows:
         return means / means.slice(1, 2, 0)
 
 
-def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, object]:
+def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, _Curves]:
     """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
     scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
@@ -178,7 +181,7 @@ def _paper(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, object]:
     return columns.slice(0, r, 2), columns.slice(r, r + 1, 2).squeeze(2), curves
 
 
-def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, object]:
+def _cameras(g: Graph, rows: _Rows, basis: Basis) -> tuple[Value, Value, _Curves]:
     """Rows free of exposure, whitened by their full covariance, on the 5-nm nodes (sensing.py, `sense`).
 
     One Loop whose body takes the rows about a point: one turn where the lamps have no modes, else two, the first of
@@ -276,7 +279,7 @@ class _Scene:
         self.own = shots.unsqueeze(1, 3)  # (k, 1, k, 1): a shot's errors are no other's
         self.blocks = g.op("Concat", g.ints(3), self.N, self.K, g.ints(-1), axis=0)
 
-    def turn(self, turns: Value) -> object:
+    def turn(self, turns: Value) -> Callable[[Graph, Value, list[Value]], Body]:
         """The Loop's body: point → next point; leaves the whitened rows behind."""
 
         def body(g: Graph, step: Value, state: list[Value]) -> Body:
@@ -504,7 +507,7 @@ class _Problem:
         wrong = g.op("Or", g.op("Not", support), crossed)
         return g.op("Where", wrong, 0.0, x)
 
-    def _pivot(self, low: Value, high: Value) -> object:
+    def _pivot(self, low: Value, high: Value) -> Callable[[Graph, Value, list[Value]], Body]:
         """One step of the walk; three channels, those that have arrived masked."""
         r = self.r
 

@@ -28,7 +28,7 @@ def explain(
     evidence = evidence_of("explain", evidence, former, named)
     basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
     if not basis.prior:
-        raise InvalidArgument(f"the {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
     evidence.check_for(basis)
     sensing = sense(evidence, basis)
     basis = anchor(basis, evidence.white_reflectance * evidence.lamp[0])

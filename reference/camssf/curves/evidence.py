@@ -61,20 +61,21 @@ class Evidence:
         y = y[None] if y.ndim == 2 else y
         if y.ndim != 3 or y.shape[2] != 3 or 0 in y.shape:
             raise InvalidArgument(
-                f"signals have shape {y.shape}; (k, n, 3) or (n, 3) is needed.", "Give every shot the same patches."
+                f"The signals have shape {y.shape}; (k, n, 3) or (n, 3) is needed.",
+                "Give every shot the same patches.",
             )
         k, n, _ = y.shape
         lamp = array_of("lamp", self.lamp)
         lamp = np.broadcast_to(lamp, (k, m)) if lamp.shape == (m,) else array_of("lamp", lamp, (k, m))
         if (lamp < 0).any() or (lamp.max(axis=1) <= 0).any():
             raise LampUnfit(
-                "the lamp has negative power, or none at all, between 380 and 720 nm.",
+                "The lamp has negative power, or none at all, between 380 and 720 nm.",
                 "Give the spectrum of the light that fell on the chart, in nm and relative power.",
             )
         rho = array_of("white_reflectance", self.white_reflectance, (m,))
         if not (rho >= 0).all() or not (rho @ lamp.T > 0).all():
             raise InvalidArgument(
-                "the white reference reflects nothing under the lamp.", "Give its reflectance on the grid, 0 to 1."
+                "The white reference reflects nothing under the lamp.", "Give its reflectance on the grid, 0 to 1."
             )
         checked = {
             "signals": y,
@@ -112,7 +113,7 @@ class Evidence:
         """
         if not basis.prior and len(self.signals) > 1:
             raise InvalidArgument(
-                f"the {basis.name} basis takes one shot, not {len(self.signals)}: each shot's exposure would be a "
+                f"The {basis.name} basis takes one shot, not {len(self.signals)}: each shot's exposure would be a "
                 "further unknown.",
                 "Give one photo, or take --basis cameras, whose rows are free of exposure.",
             )
@@ -128,12 +129,14 @@ def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) 
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidArgument(
-            f"{name} is not an array of numbers: {error}.", "Give every shot the same patches and channels."
+            f"`{name}` is not an array of numbers: {error}.", "Give every shot the same patches and channels."
         ) from error
     if shape is not None and array.shape != shape:
-        raise InvalidArgument(f"{name} has shape {array.shape}; {shape} is needed.", "Put it on the 681-point grid.")
+        raise InvalidArgument(
+            f"`{name}` has shape {array.shape}; {shape} is needed.", "Put it on the 681-point grid."
+        )
     if not np.isfinite(array).all():
-        raise InvalidArgument(f"{name} holds NaN or infinity.", "Leave out what could not be measured.")
+        raise InvalidArgument(f"`{name}` holds NaN or infinity.", "Leave out what could not be measured.")
     return array
 
 
@@ -146,7 +149,7 @@ def tolerance_of(name: str, value: ArrayLike, size: int) -> Floats:
     array = array_of(name, value)
     if array.shape not in ((), (1,), (size,)) or (array < 0).any():
         raise InvalidArgument(
-            f"{name} must be one number or {size} numbers, not negative; it has shape {array.shape}.",
+            f"`{name}` must be one number or {size} numbers, not negative; it has shape {array.shape}.",
             "Write 3 % as 0.03.",
         )
     return np.broadcast_to(array.reshape(-1), size).copy()
@@ -156,10 +159,10 @@ def _errors(value: ArrayLike, signals: Floats) -> Floats:
     error = array_of("standard_error", value)
     if error.size != signals.size:
         raise InvalidArgument(
-            f"standard_error has {error.size} values, the signals {signals.size}.", "Give one for each signal."
+            f"`standard_error` has {error.size} values, the signals {signals.size}.", "Give one for each signal."
         )
     if (error < 0).any():
-        raise InvalidArgument("a standard error is negative.", "Give standard errors ≥ 0.")
+        raise InvalidArgument("A standard error is negative.", "Give standard errors ≥ 0.")
     return error.reshape(signals.shape)
 
 
@@ -170,7 +173,7 @@ def _mask(value: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] 
     mask = mask[None] if mask.ndim == 1 else mask
     if mask.dtype != np.bool_ or mask.shape != shape:
         raise InvalidArgument(
-            f"used has shape {mask.shape} and type {mask.dtype}; {shape} of booleans is needed.",
+            f"`used` has shape {mask.shape} and type {mask.dtype}; {shape} of booleans is needed.",
             "Give True for each signal that enters the fit.",
         )
     return mask
@@ -183,7 +186,7 @@ def _modes(value: ArrayLike, k: int) -> Floats:
         modes = modes[None] if len(modes) else np.zeros((k, 0, m))
     if modes.ndim != 3 or modes.shape[::2] != (k, m):
         raise InvalidArgument(
-            f"lamp_modes have shape {modes.shape}; ({k}, q, {m}) is needed.", "Give q modes a shot."
+            f"`lamp_modes` have shape {modes.shape}; ({k}, q, {m}) is needed.", "Give q modes a shot."
         )
     return modes
 

@@ -32,7 +32,7 @@ def penalties(
     if gamma is not None:
         sparsity = array_of("gamma", gamma)
         if sparsity.shape not in ((), (3,)):
-            raise InvalidArgument(f"gamma has shape {sparsity.shape}.", "Give one number, or one a channel.")
+            raise InvalidArgument(f"`gamma` has shape {sparsity.shape}.", "Give one number, or one a channel.")
         sparsity = np.broadcast_to(sparsity, 3)
     elif basis.prior:
         sparsity = np.full(3, GAMMA)
@@ -41,12 +41,12 @@ def penalties(
         sparsity = _discrepancy(sense(evidence, basis), noise, weight, nonnegative)
     if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
         raise InvalidArgument(
-            f"the penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",
+            f"The penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",
             "Leave them out to take the defaults.",
         )
     if weight == 0 and (sparsity == 0).any():
         raise InvalidArgument(
-            "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
+            "`gamma` = 0 and `l2` = 0 leave the problem without a unique answer.",
             "Give one of them a positive value, or leave them out to take the defaults.",
         )
     return weight, sparsity

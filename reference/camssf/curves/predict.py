@@ -61,11 +61,11 @@ def predict(
     evidence = evidence_of("predict", evidence, former, named)
     basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
     if not basis.prior:
-        raise InvalidArgument(f"the {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
     evidence.check_for(basis)
     others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))
     if others.shape[1:] != (WAVELENGTHS.size,):
-        raise InvalidArgument(f"of has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
+        raise InvalidArgument(f"`of` has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
     (k, n, _), p = evidence.signals.shape, len(others)
     every = np.concatenate([evidence.reflectance, others])
     values = respond(ssf.values, every, ssf.lamp, evidence.white_reflectance)

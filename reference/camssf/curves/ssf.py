@@ -94,7 +94,7 @@ def recover(
     known = basis if isinstance(basis, Basis) else read_basis(str(basis))
     evidence.check_for(known)
     if engine not in ENGINES:
-        raise InvalidArgument(f"there is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
+        raise InvalidArgument(f"There is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
     positive = not known.prior if nonnegative is None else nonnegative
     weight, sparsity = penalties(evidence, known, l2, gamma, positive)
     if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
@@ -184,7 +184,7 @@ def _believe(gap: Floats) -> None:
     """Refuse an answer without its proof; a gap that is NaN is none."""
     if not (gap <= LARGEST_GAP).all():
         raise NotConverged(
-            f"the solver's own proof failed: relative duality gap {gap.max():.1e}.",
+            f"The solver's own proof failed: relative duality gap {gap.max():.1e}.",
             "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
             value=float(gap.max()) if np.isfinite(gap).all() else None,
             threshold=LARGEST_GAP,
@@ -195,7 +195,7 @@ def _respond(response: Floats) -> None:
     """Refuse curves that do not see white."""
     if not (np.isfinite(response).all() and (response > 0).all()):
         raise NotConverged(
-            "a recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
+            "A recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
             "channel are empty.",
             "Take a smaller gamma, and check that the photo is exposed in all three channels.",
         )

@@ -29,6 +29,8 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.grid import Floats
 
+LARGEST = 64 * 2**20
+"""Bytes of a table of curves."""
 COMPONENTS = 24
 COPIES = 40
 SEED = 2021
@@ -63,11 +65,14 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """
     rows: dict[str, list[list[float]]] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            for row in csv.DictReader(stream):
-                numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
-                rows.setdefault(row["camera"], []).append(numbers)
-    except (OSError, KeyError, ValueError, TypeError) as error:
+        with path.open("rb") as binary:
+            data = binary.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise ValueError(f"it is larger than {LARGEST} bytes")
+        for row in csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")):
+            numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
+            rows.setdefault(row["camera"], []).append(numbers)
+    except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
         raise InvalidArgument(
             f"{path} cannot be read as measured curves ({error}).",
             "Give a CSV with the columns camera,wavelength_nm,R,G,B.",
@@ -130,13 +135,13 @@ def learn(
         copies: of each camera, itself included.
         seed: of the random changes; the same seed gives the same basis.
     """
-    crowd = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
-    crowd = crowd.reshape(copies, *curves.shape)
+    enlarged = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
+    enlarged = enlarged.reshape(copies, *curves.shape)
     weight = _weights(makers or [str(i) for i in range(len(curves))])
     mean, dictionary = [], []
     for c in range(3):
         # Rows know no scale, so none may be left to the prior: curves of equal area, the mean's peak at 1.
-        shapes = crowd[..., c] / crowd[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
+        shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
         centre = weight @ shapes.mean(axis=0)
         height = centre.max()
         shapes, centre = shapes / height, centre / height
@@ -164,7 +169,7 @@ def _weights(makers: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True)
-class Crowd:
+class TrainingSet:
     """Measured cameras and where they come from, in the order in which they are learned from.
 
     Attributes:
@@ -177,8 +182,8 @@ class Crowd:
     sha256: tuple[str, ...]
     licences: tuple[str, ...]
 
-    def joined(self, other: Crowd) -> Crowd:
-        """Both crowds as one.
+    def joined(self, other: TrainingSet) -> TrainingSet:
+        """Both sets as one.
 
         Raises:
             InvalidArgument: a camera is in both.
@@ -190,7 +195,7 @@ class Crowd:
                 f"{twice[0]} is in {', '.join(other.files)} and in the basis already.",
                 "Give it another name, the maker first, to let both count.",
             )
-        return Crowd(
+        return TrainingSet(
             self.curves | other.curves,
             self.files + other.files,
             self.sha256 + other.sha256,
@@ -204,13 +209,13 @@ class Crowd:
         return f"{components} components learned from {len(self.curves)} measured cameras ({'; '.join(parts)})"
 
 
-def read_crowd(path: Path, licence: str, *, least: int = 2) -> Crowd:
+def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSet:
     """The cameras of a CSV; errors as `read_curves`."""
     curves = read_curves(path, least=least)
-    return Crowd(curves, (path.name,), (hashlib.sha256(path.read_bytes()).hexdigest(),), (licence,))
+    return TrainingSet(curves, (path.name,), (hashlib.sha256(path.read_bytes()).hexdigest(),), (licence,))
 
 
-def crowd_of(spec: str) -> Crowd:
+def training_set_of(spec: str) -> TrainingSet:
     """The cameras that a basis was learned from: `cameras`, or a file that this command wrote.
 
     Raises:
@@ -228,24 +233,28 @@ def crowd_of(spec: str) -> Crowd:
         ) from error
     if curves.shape != (len(names), NODES.size, 3) or not np.isfinite(curves).all():
         raise InvalidArgument(f"{spec!r} holds curves of shape {curves.shape}.", "Learn anew from all curves.")
-    return Crowd(dict(zip(map(str, names), curves, strict=True)), *origins)
+    return TrainingSet(dict(zip(map(str, names), curves, strict=True)), *origins)
 
 
-def save(crowd: Crowd, components: int, path: Path) -> str:
-    """Learn from a crowd and write the basis file, whole or not at all; returns what it says of itself."""
-    stack = np.stack(list(crowd.curves.values()))
-    mean, dictionary = learn(stack, makers=[maker_of(name) for name in crowd.curves], components=components)
-    source = crowd.source(components)
+Crowd, read_crowd, crowd_of = TrainingSet, read_training_set, training_set_of
+"""Their names in version 0.1; to be removed in the release after the next."""
+
+
+def save(training: TrainingSet, components: int, path: Path) -> str:
+    """Learn from a training set and write the basis file, whole or not at all; returns what it says of itself."""
+    stack = np.stack(list(training.curves.values()))
+    mean, dictionary = learn(stack, makers=[maker_of(name) for name in training.curves], components=components)
+    source = training.source(components)
     content = io.BytesIO()
     np.savez_compressed(
         content,
         mean=mean,
         dictionary=dictionary,
         source=np.array(source),
-        files=np.array(crowd.files),
-        sha256=np.array(crowd.sha256),
-        licence=np.array(crowd.licences),
-        cameras=np.array(list(crowd.curves)),
+        files=np.array(training.files),
+        sha256=np.array(training.sha256),
+        licence=np.array(training.licences),
+        cameras=np.array(list(training.curves)),
         curves=stack,
     )
     write_file(path, content.getvalue())
@@ -267,11 +276,13 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         if not 1 <= options.components <= NODES.size:
-            raise InvalidArgument(f"{options.components} components.", f"Take 1 to {NODES.size}.")
-        crowd = read_crowd(options.curves, options.licence, least=0 if options.extend else 2)
+            raise InvalidArgument(
+                f"A basis of {options.components} components cannot be learned.", f"Take 1 to {NODES.size}."
+            )
+        training = read_training_set(options.curves, options.licence, least=0 if options.extend else 2)
         if options.extend:
-            crowd = crowd_of(options.extend).joined(crowd)
-        source = save(crowd, options.components, options.output)
+            training = training_set_of(options.extend).joined(training)
+        source = save(training, options.components, options.output)
     except CalibrationError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return error.exit_status
