@@ -201,7 +201,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
     else:
         ssf = recover(
             Evidence(
-                signals,
+                signals,  # type: ignore[arg-type]  # ragged where the case is an error
                 given["reflectance"],
                 given["lamp"],
                 standard_error=given["standard_error"],

@@ -165,7 +165,7 @@ def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
     """A page of 1.8 GB in a file of some bytes; tifffile alone fills in what is not there."""
     import tifffile
 
-    from camssf.direct import _read_tiff
+    from camssf.direct.reading import _read_tiff
     from camssf.errors import UnreadableRaw
 
     path = tmp_path / "mono.tif"
