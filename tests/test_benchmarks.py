@@ -183,6 +183,7 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
     assert (results / "solver.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = depth.main(["--cameras", "1", "--depths", "1", "32"])
     said = capsys.readouterr().out

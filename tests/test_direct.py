@@ -116,6 +116,7 @@ def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) ->
     assert "darkest tenth of the rows" in black
 
 
+@pytest.mark.slow
 def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
     """Noise-free tables: I = L S |dλ/dx| on two bent scales gives S back; without dλ/dx red to blue were 3 % off."""
     paths = {}
@@ -188,6 +189,7 @@ def test_light_without_lines_is_refused() -> None:
         assert caught.value.threshold == FEWEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["FL2", "FL3.7", "FL3.9", "FL11", "HP1", "HP4", "LED-RGB1"])
 def test_lamps_with_lines_of_their_own_are_no_sun(name: str) -> None:
     """FL3.7, FL3.9 and HP4 are, of all CIE lamps, those whose lines come nearest to the sun's by chance."""
@@ -257,6 +259,7 @@ def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path)
         divide(rgb, mono, dark=small)
 
 
+@pytest.mark.slow
 def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
     """A mono table that ends at 640 nm has lines enough, but no red."""
     paths = frames
@@ -269,6 +272,7 @@ def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_pa
         divide(paths["rgb.dng"], table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zeros", "noise", "small", "row", "spikes", "slope"])
 def test_pictures_of_something_else_are_refused(frames: dict[str, Path], tmp_path: Path, kind: str) -> None:
     rng = np.random.default_rng(0)
