@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from camssf.grid import WAVELENGTHS, Floats
 
 ROUNDINGS = 4
-"""Half units in the last place between two machines' residuals: of the rows, of their whitening, of x, of the sums."""
+"""Half units in the last place between two machines' residuals: of the rows, their whitening, x and the sums."""
 VISIBLE = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
 
 
@@ -108,8 +108,8 @@ def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: 
     """How far rounding alone moves the relative gap of x, to first order: of each case its own, by its conditioning.
 
     Another machine's rows and whitening differ in the last bits, x is itself rounded, and so w = Fᵀ (y - F x) - λ₂ x
-    moves by δ ≤ ROUNDINGS ε (|F|ᵀ (|F| |x| + |y|) + λ₂ |x|). Then α falls by max δ / γ and xᵀ w moves by |x|ᵀ δ: the gap
-    grows by at most 2 ‖x‖₁ max δ; where γ = 0, by ½ ‖δ‖² / λ₂.
+    moves by δ ≤ ROUNDINGS 2⁻⁵³ (|F|ᵀ (|F| |x| + |y|) + λ₂ |x|). Then α falls by max δ / γ and xᵀ w moves by |x|ᵀ δ:
+    the gap grows by at most 2 ‖x‖₁ max δ; where γ = 0, by ½ ‖δ‖² / λ₂.
     """
     root = np.linalg.cholesky(covariance)
     F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)

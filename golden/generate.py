@@ -396,7 +396,7 @@ def drift(stored: Json, made: Json) -> list[str]:
 
 
 class Proof(NamedTuple):
-    """Objective and relative gap of one channel's code, and the largest gap that it may have on this machine's rows."""
+    """Objective and relative gap of one channel's code, and the largest gap it may have on this machine's rows."""
 
     objective: float
     gap: float

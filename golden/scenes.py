@@ -228,8 +228,8 @@ def _ssf_cameras() -> Iterator[Case]:
         change={"lamp": {"lamps": ["equal-energy"] * 2}},
     )  # fmt: skip
     yield scene(
-        "cameras-lamp-far", "Modes ten times as large, no noise, no tolerance of the chart: the first look's matrices "
-        "have a condition of 1e12 and more, and an explicit inverse in it was 1e-8 of the answer off.",
+        "cameras-lamp-far", "Modes ten times as large, no noise, no tolerance of the chart: the first look's "
+        "matrices have a condition of 1e12 and more, and an explicit inverse in it was 1e-8 of the answer off.",
         lamps=["D55", "LED-B3"], modes=FAR, lamp_tolerance=0.3, noise="none", chart_tolerance=0.0,
         change={"lamp": {"lamps": ["equal-energy"] * 2}},
     )  # fmt: skip
@@ -303,8 +303,8 @@ def _ssf_gaussian() -> Iterator[Case]:
         patches=[19] * 6 + [15] * 6, gamma=0.1, **plain,
     )  # fmt: skip
     yield scene(
-        "gaussian-three-patches", "Three patches, 18 atoms: the layers' support has more atoms than there are rows, the "
-        "walk from it keeps few digits, and only a second one, from where it ended, is proven.",
+        "gaussian-three-patches", "Three patches, 18 atoms: the layers' support has more atoms than there are rows, "
+        "the walk from it keeps few digits, and only a second one, from where it ended, is proven.",
         patches=[8, 11, 16], gamma=85.0, noise="none", **plain,
     )  # fmt: skip
     yield scene(

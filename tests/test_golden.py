@@ -186,12 +186,11 @@ def test_the_oracle_proves_itself(name: str) -> None:
 
 
 def test_rounding_blurs_only_the_gaps_of_the_hard_cases() -> None:
-    """What the bound of a proof adds to 5e-10 follows from the case: a tenth of it and less in all but a few."""
-    hard = {name for name in SOLVED if max(p.bound for p in generate.proofs(CASES[name])) > 1.1 * generate.ORACLE_GAP}
-    assert hard <= {
+    """What the bound of a proof adds to 5e-10 follows from the case; more than that again only where it is hard."""
+    hard = {name for name in SOLVED if max(p.bound for p in generate.proofs(CASES[name])) > 2 * generate.ORACLE_GAP}
+    assert hard == {
         "ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/gaussian-ridge", "ssf/cameras-floor",
-        "ssf/cameras-l1-tiny", "solve/gaussian-weak", "ssf/cameras-diagonal", "ssf/cameras-lamp-far",
-        "ssf/gaussian-three-patches",
+        "ssf/cameras-l1-tiny",
     }  # fmt: skip
     assert max(p.bound for name in SOLVED for p in generate.proofs(CASES[name])) < 1e-8
 
