@@ -158,7 +158,7 @@ def test_extraction_by_hand() -> None:
 def test_a_lean_of_one_rounding_moves_no_sample_to_another_bin(
     monkeypatch: pytest.MonkeyPatch, lean: float, mono: bool
 ) -> None:
-    """Samples lie half a column from the edges of bins: the last bit of the lean, each processor's own, is nothing."""
+    """Samples lie half a column from the edges of bins: the last bit of the lean, a processor's own, is nothing."""
     monkeypatch.setattr("camssf.direct._lean", lambda *_: lean)
     cell = np.zeros((2, 2), int) if mono else np.array([[1, 0], [2, 1]])
     picture = np.tile(np.linspace(50.0, 100.0, 400), (34, 1)) * np.where(np.arange(34) < 5, 0.0, 1.0)[:, None]
