@@ -158,6 +158,19 @@ def test_extraction_by_hand() -> None:
     assert [len(x) for x in found.pixel] == [200, 200, 200]
 
 
+@pytest.mark.parametrize("lean", [-1e-16, 0.0, 1e-16, 1e-9])
+@pytest.mark.parametrize("mono", [False, True])
+def test_a_lean_of_one_rounding_moves_no_sample_to_another_bin(
+    monkeypatch: pytest.MonkeyPatch, lean: float, mono: bool
+) -> None:
+    """Samples lie half a column from the edges of bins: the last bit of the lean, a processor's own, is nothing."""
+    monkeypatch.setattr("camssf.direct._lean", lambda *_: lean)
+    cell = np.zeros((2, 2), int) if mono else np.array([[1, 0], [2, 1]])
+    picture = np.tile(np.linspace(50.0, 100.0, 400), (34, 1)) * np.where(np.arange(34) < 5, 0.0, 1.0)[:, None]
+    found = extract(picture, cell, "frame", "none")
+    assert [len(x) for x in found.pixel] == ([400] if mono else [200] * 3)
+
+
 def test_fine_structure_forgets_what_is_smooth_and_keeps_a_line() -> None:
     x = np.linspace(-1.0, 1.0, 1400)
     smooth = np.exp(x - 2.0 * x**2 + x**3)
