@@ -23,6 +23,11 @@ ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
 """Modes of a daylight and of a white LED that may be far off, as polynomials."""
+FAR = [
+    [[0.0, 1.5], [0.0, 0.0, 1.0], [0.0, 0.5, 0.0, -1.0]],
+    [[0.0, 5.0], [0.0, 0.0, 6.0], [0.0, -3.0, 0.0, 5.0]],
+]
+"""Modes so large that they tell nothing of a lamp."""
 EIGHTEEN = list(range(1, 19))
 NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
@@ -223,6 +228,12 @@ def _ssf_cameras() -> Iterator[Case]:
         change={"lamp": {"lamps": ["equal-energy"] * 2}},
     )  # fmt: skip
     yield scene(
+        "cameras-lamp-far", "Modes ten times as large, no noise, no tolerance of the chart: the first look's "
+        "matrices have a condition of 1e12 and more, and an explicit inverse in it was 1e-8 of the answer off.",
+        lamps=["D55", "LED-B3"], modes=FAR, lamp_tolerance=0.3, noise="none", chart_tolerance=0.0,
+        change={"lamp": {"lamps": ["equal-energy"] * 2}},
+    )  # fmt: skip
+    yield scene(
         "cameras-lamp-one-of-two", "A lamp known and one that is not: only the second takes ŷ for y in its rows.",
         lamps=["D55", "LED-B3"], modes=[[[0.0]] * 3, FAMILY[1]], lamp_tolerance=0.05, rmse=0.07,
         change={"lamp": {"lamps": ["D55", "equal-energy"]}},
@@ -290,6 +301,11 @@ def _ssf_gaussian() -> Iterator[Case]:
     yield scene(
         "gaussian-two-patches", "Six times one patch, six times another, and no prior: rank two.",
         patches=[19] * 6 + [15] * 6, gamma=0.1, **plain,
+    )  # fmt: skip
+    yield scene(
+        "gaussian-three-patches", "Three patches, 18 atoms: the layers' support has more atoms than there are rows, "
+        "the walk from it keeps few digits, and only a second one, from where it ended, is proven.",
+        patches=[8, 11, 16], gamma=85.0, noise="none", **plain,
     )  # fmt: skip
     yield scene(
         "gaussian-equal-energy", "The paper's assumption of a flat lamp, true here.", lamps=["equal-energy"],

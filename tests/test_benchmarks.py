@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 import subprocess
 import sys
@@ -124,7 +125,7 @@ def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureF
 def test_a_missed_bar_is_listed_and_nan_is_missed() -> None:
     problem, _ = certify.draw(0, 1)
     good = dict.fromkeys(("reference", "onnx", "reference_recomputed", "onnx_recomputed"), np.full(3, 1e-12))
-    good["pivots"] = np.ones(3)
+    good |= {"pivots": np.ones(3), "rows_apart": np.full(3, 1e-13)}
     assert not certify.misses(1, problem, good)
     for bad in (1.1e-9, np.nan):
         (miss,) = certify.misses(1, problem, good | {"onnx": np.array([0.0, bad, 0.0])})
@@ -132,6 +133,27 @@ def test_a_missed_bar_is_listed_and_nan_is_missed() -> None:
     off = {"determined": np.array([1.0, 0.0, 1.0]), "reference_off": np.zeros(3)}
     assert not certify.misses(1, problem, good | off | {"onnx_off": np.array([0.0, 1.0, 0.0])})
     assert certify.misses(1, problem, good | off | {"onnx_off": np.array([2e-6, 0.0, 0.0])})
+    (miss,) = certify.misses(1, problem, good | {"rows_apart": np.array([0.0, 0.0, 2e-10])})
+    assert miss["bar"] == "rows apart"
+
+
+def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
+    results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cvxpy = pytest.importorskip("cvxpy")
+
+    def fail(*_: object, **__: object) -> None:
+        raise cvxpy.error.SolverError("Solver 'CLARABEL' failed. Try another solver.")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", fail)
+    A, b = identity(24, 24)
+    found = certify.oracle(A, b, read_basis("cameras"), 1.0, 0.1, False)
+    assert found.refused.all()
+    assert (found.gap < 1e-12).all()  # the exchanges arrive from zero, too
+    certify.main(["--count", "2", "--oracle-every", "1"])
+    assert "oracle refused: Clarabel gave no answer to 6 of 6" in capsys.readouterr().out
+    groups = json.loads((results / "certify.json").read_text())["groups"]
+    assert groups[-1]["oracle refused"] == groups[-1]["oracle asked"] == 6
 
 
 def test_the_model_s_own_rows_are_read() -> None:
@@ -183,6 +205,7 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
     assert (results / "solver.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = depth.main(["--cameras", "1", "--depths", "1", "32"])
     said = capsys.readouterr().out

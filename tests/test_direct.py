@@ -116,6 +116,7 @@ def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) ->
     assert "darkest tenth of the rows" in black
 
 
+@pytest.mark.slow
 def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
     """Noise-free tables: I = L S |dλ/dx| on two bent scales gives S back; without dλ/dx red to blue were 3 % off."""
     paths = {}
@@ -157,6 +158,19 @@ def test_extraction_by_hand() -> None:
     assert [len(x) for x in found.pixel] == [200, 200, 200]
 
 
+@pytest.mark.parametrize("lean", [-1e-16, 0.0, 1e-16, 1e-9])
+@pytest.mark.parametrize("mono", [False, True])
+def test_a_lean_of_one_rounding_moves_no_sample_to_another_bin(
+    monkeypatch: pytest.MonkeyPatch, lean: float, mono: bool
+) -> None:
+    """Samples lie half a column from the edges of bins: the last bit of the lean, a processor's own, is nothing."""
+    monkeypatch.setattr("camssf.direct.extraction._lean", lambda *_: lean)
+    cell = np.zeros((2, 2), int) if mono else np.array([[1, 0], [2, 1]])
+    picture = np.tile(np.linspace(50.0, 100.0, 400), (34, 1)) * np.where(np.arange(34) < 5, 0.0, 1.0)[:, None]
+    found = extract(picture, cell, "frame", "none")
+    assert [len(x) for x in found.pixel] == ([400] if mono else [200] * 3)
+
+
 def test_fine_structure_forgets_what_is_smooth_and_keeps_a_line() -> None:
     x = np.linspace(-1.0, 1.0, 1400)
     smooth = np.exp(x - 2.0 * x**2 + x**3)
@@ -188,6 +202,7 @@ def test_light_without_lines_is_refused() -> None:
         assert caught.value.threshold == FEWEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["FL2", "FL3.7", "FL3.9", "FL11", "HP1", "HP4", "LED-RGB1"])
 def test_lamps_with_lines_of_their_own_are_no_sun(name: str) -> None:
     """FL3.7, FL3.9 and HP4 are, of all CIE lamps, those whose lines come nearest to the sun's by chance."""
@@ -257,6 +272,7 @@ def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path)
         divide(rgb, mono, dark=small)
 
 
+@pytest.mark.slow
 def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
     """A mono table that ends at 640 nm has lines enough, but no red."""
     paths = frames
@@ -269,6 +285,7 @@ def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_pa
         divide(paths["rgb.dng"], table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zeros", "noise", "small", "row", "spikes", "slope"])
 def test_pictures_of_something_else_are_refused(frames: dict[str, Path], tmp_path: Path, kind: str) -> None:
     rng = np.random.default_rng(0)

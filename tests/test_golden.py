@@ -189,9 +189,39 @@ def test_cases_that_only_others_read() -> None:
 def test_the_oracle_proves_itself(name: str) -> None:
     """Its objective and gap, recomputed from its code without cvxpy."""
     oracle = CASES[name]["oracle"]
-    for (objective, gap), stated in zip(generate.proofs(CASES[name]), oracle["objective"], strict=True):
-        assert gap <= generate.ORACLE_GAP
-        assert objective == pytest.approx(stated, rel=1e-10, abs=1e-300)
+    for proof, stated in zip(generate.proofs(CASES[name]), oracle["objective"], strict=True):
+        assert proof.gap <= proof.bound
+        assert proof.objective == pytest.approx(stated, rel=1e-10, abs=1e-300)
+
+
+def test_rounding_blurs_only_the_gaps_of_the_hard_cases() -> None:
+    """What the bound of a proof adds to 5e-10 follows from the case; more than that again only where it is hard."""
+    hard = {name for name in SOLVED if max(p.bound for p in generate.proofs(CASES[name])) > 2 * generate.ORACLE_GAP}
+    assert hard == {
+        "ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/gaussian-ridge", "ssf/cameras-floor",
+        "ssf/cameras-l1-tiny",
+    }  # fmt: skip
+    assert max(p.bound for name in SOLVED for p in generate.proofs(CASES[name])) < 1e-8
+
+
+def test_the_blur_is_what_perturbed_rows_do() -> None:
+    """The hardest case, its rows changed by one unit in the last place at random: the gap moves, but not beyond."""
+    case = CASES["ssf/gaussian-two-patches"]
+    rows, x, gamma = problem(case), np.array(case["oracle"]["x"]), case["inputs"]["gamma"]
+    rng, moved = np.random.default_rng(3), []
+    for c in range(3):
+        A, b, S = rows.matrix[c], rows.target[c], rows.covariance[c]
+        allowed = compare.blur(A, b, S, x[c], 0.0, gamma)
+        gaps = [
+            compare.optimality(
+                A * (1 + 2.0**-52 * rng.integers(-1, 2, A.shape)), b * (1 + 2.0**-52 * rng.integers(-1, 2, b.shape)),
+                S, x[c], 0.0, gamma, True,
+            )[1]
+            for _ in range(50)
+        ]  # fmt: skip
+        assert max(gaps) <= generate.ORACLE_GAP + allowed
+        moved.append((max(gaps) - min(gaps)) / allowed)
+    assert max(moved) > 0.02  # the bound is no mere large number
 
 
 def test_every_problem_has_an_oracle() -> None:
@@ -380,7 +410,7 @@ def test_a_runner_that_lacks_a_capability_skips_visibly() -> None:
 def test_a_falsified_oracle_is_found() -> None:
     case = copy.deepcopy(CASES["ssf/cameras-nikon"])
     case["oracle"]["x"][0][0] += 1e-3
-    assert max(gap for _, gap in generate.proofs(case)) > generate.ORACLE_GAP
+    assert any(proof.gap > proof.bound for proof in generate.proofs(case))
 
 
 def test_drift_is_found_and_rounding_is_not() -> None:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks._common import Problem
+from benchmarks.certify import model_rows, row_reader, rows_apart
 from camssf.curves.basis import read_basis
 from camssf.curves.engine import SHIPPED, Model, load_model
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import Ssf
+from camssf.curves.ssf import Ssf, recover
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
-from golden.compare import norm, optimality, peak
+from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
-from golden.running import BY_MODEL, findings, problem, run
+from golden.running import BY_MODEL, arrays, findings, problem, run
 from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths() if path.parent.name in BY_MODEL}
@@ -33,7 +36,10 @@ def test_golden_cases(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case["oracle"]])
 def test_the_code_is_optimal(name: str) -> None:
-    """The model's own code, proved without the model: objective not above the oracle's, gap small."""
+    """The model's own code, proved without the model: objective not above the oracle's, gap small.
+
+    On the reference's rows, which are the model's but for rounding: what that makes of the gap is allowed, too.
+    """
     case = CASES[name]
     given, rows, code = case["inputs"], problem(case), run(case, "onnx")["code"]
     for c, known in enumerate(case["oracle"]["objective"]):
@@ -41,7 +47,9 @@ def test_the_code_is_optimal(name: str) -> None:
             rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"],
             given["nonnegative"],
         )  # fmt: skip
-        assert gap <= 1e-9
+        assert gap <= 1e-9 + blur(
+            rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"]
+        )
         assert objective <= known * (1 + 1e-9)
 
 
@@ -106,6 +114,55 @@ def test_lamps_of_a_family(seed: int) -> None:
         assert norm(getattr(onnx, name), getattr(reference, name)) <= 1e-10
     assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
     assert norm(onnx.lamp[-1], a["lamp"][-1]) > 1e-3
+
+
+def far(seed: int) -> dict[str, Any]:
+    """Arguments whose lamps are told as anything: humps up to 300 times the lamp, exact signals, 30 % tolerance."""
+    a = seeded(2 * seed)
+    rng = np.random.default_rng([77, seed])
+    k, q, size = len(a["lamp"]), int(rng.integers(1, 7)), 10 ** rng.uniform(-0.5, 2.5)
+    centre, width = rng.uniform(400, 700, (2, k, q, 1)), rng.uniform(10, 60, (k, q, 1))
+    modes = size * rng.normal(size=(k, q, 1)) * np.exp(-0.5 * ((WAVELENGTHS - centre[0]) / width) ** 2)
+    floor = a["standard_error"] * rng.choice([0.0, 0.1])
+    return a | {"lamp_modes": modes, "lamp_tolerance": 0.3, "standard_error": floor}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -> None:
+    """Lamps so loose that the first look's condition is 1e12 and more: no engine adds to what one unit in the last
+    place of the inputs does. An explicit inverse in the reference did, by up to 1e-2 of the peak."""
+    a = far(seed)
+    onnx, reference = both(a)
+    rng = np.random.default_rng(seed)
+    inherent = 0.0
+    for _ in range(3):
+        given = {name: a[name] for name in ("signals", "reflectance", "lamp")}
+        moved = {name: x * (1 + 2.0**-52 * rng.integers(-1, 2, x.shape)) for name, x in given.items()}
+        inherent = max(inherent, norm(recover(**a | moved, engine="onnx").values, onnx.values))
+    assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
+    assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
+
+
+ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family", "ssf/cameras-lamp-one-of-two",
+        "ssf/gaussian-paper", "ssf/gaussian-three-patches"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_model_forms_the_reference_s_rows(name: str) -> None:
+    """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
+    given = arrays(CASES[name])
+    basis = given["basis"]
+    modes = given["lamp_modes"] if given["lamp_modes"].shape[1] else np.zeros((len(given["lamp"]), 1, 681))
+    inputs = {i.name: np.asarray(given[i.name], float) for i in load_model(basis).session.get_inputs()
+              if i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
+    inputs |= {"lamp_modes": modes, "nonnegative": np.array(float(given["nonnegative"]))}
+    if row_reader(basis) is None:
+        pytest.skip("onnx is not installed (extra: export): the rows cannot be read out of the model")
+    reference = problem(CASES[name])
+    own = model_rows(Problem(inputs, basis, name), reference)
+    assert (rows_apart(own, reference) <= 1e-11).all()
+    wrong = replace(reference, covariance=reference.covariance * (1 + 1e-9))
+    assert not (rows_apart(own, wrong) <= 1e-11).all()
 
 
 @pytest.mark.parametrize("seed", range(0, 12, 3))

@@ -190,6 +190,7 @@ def test_the_large_chart_is_not_the_small_one() -> None:
     assert apart.min() > 0.01
 
 
+@pytest.mark.slow
 def test_cameras_learn_nothing_of_their_maker() -> None:
     every = paper.cameras()
     assert len(every) == 54

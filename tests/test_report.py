@@ -492,6 +492,7 @@ def test_csv_without_bands() -> None:
         assert report(made).ssf_csv == text
 
 
+@pytest.mark.slow
 def test_png_shows_curves_bands_and_truth() -> None:
     import cv2
 

@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
+from camssf import unrolled
 from camssf.curves.sensing import Sensing
 from camssf.curves.unrolled import soft, solve
+from golden.reading import ROOT, read_case
+from golden.running import problem
 from tests.problems import gamma_max, random_sensing
 
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
@@ -152,3 +155,38 @@ def test_finish_does_what_the_layers_do_not() -> None:
     assert (deeper.gap < layers.gap).all()
     useless_start = solve(sensing, 0.0, gamma, depth=0)
     assert useless_start.values == pytest.approx(exact.values, rel=1e-8, abs=1e-10)
+
+
+def test_a_walk_of_dependent_atoms_starts_anew_from_where_it_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three patches under the paper's 18 atoms: the first walk's answer is no answer, the second one's is proven."""
+    case = read_case(ROOT / "cases" / "ssf" / "gaussian-three-patches.json")
+    rows, gamma = problem(case), np.full(3, case["inputs"]["gamma"])
+    code = solve(rows, 0.0, gamma, nonnegative=True)
+    assert (code.gap <= 1e-9).all()
+    monkeypatch.setattr(unrolled, "WALKS", 1)
+    once = solve(rows, 0.0, gamma, nonnegative=True)
+    assert (once.gap > 0.1).any()
+    proven = once.gap <= 1e-9
+    assert (once.values[proven] == code.values[proven]).all()  # who was proven at once is left alone
+    assert ((once.values != 0) == (code.values != 0)).all()  # the first walk's support was right
+
+
+def test_the_layers_pull_keeps_its_digits() -> None:
+    """z against the same layers in 80 bits: an explicit inverse times the large pull alone is 1e-9 off."""
+    case = read_case(ROOT / "cases" / "weights" / "gaussian.json")
+    rows = problem(case)
+    found = solve(rows, 0.0, np.ones(3), nonnegative=True, depth=4, finish=0).values
+    for c in range(3):
+        A, b = (np.asarray(part, dtype=np.longdouble) for part in unrolled.whiten(
+            rows.matrix[c], rows.target[c], rows.covariance[c]
+        ))  # fmt: skip
+        M, g = A.T @ A + np.eye(A.shape[1]), A.T @ b  # ρ = γ = 1
+        W = np.linalg.inv(M.astype(float)).astype(np.longdouble)
+        for _ in range(3):  # Newton's steps to the inverse in 80 bits
+            W = W @ (2 * np.eye(len(M)) - M @ W)
+        v = np.zeros(len(M), dtype=np.longdouble)
+        for _ in range(4):
+            z = np.maximum(v - 1, 0)
+            v = v + unrolled.RELAXATION * (W @ g + W @ (2 * z - v) - z)
+        condition = float(np.linalg.cond(M.astype(float)))
+        assert np.abs(found[c] - np.maximum(v - 1, 0)).max() < 20 * 2.0**-53 * condition

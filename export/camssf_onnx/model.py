@@ -33,7 +33,18 @@ from camssf.curves.covariance import (
     smooth_errors,
 )
 from camssf.curves.sensing import DARKEST
-from camssf.curves.unrolled import DEPTH, EXACT, GOLDEN, PIVOT_FLOOR, REFINEMENTS, RELAXATION, RIDGE, finish_steps
+from camssf.curves.unrolled import (
+    DEPTH,
+    EXACT,
+    GOLDEN,
+    PIVOT_FLOOR,
+    PROVEN,
+    REFINEMENTS,
+    RELAXATION,
+    RIDGE,
+    WALKS,
+    finish_steps,
+)
 from camssf.grid import STEP, WAVELENGTHS
 from camssf_onnx.graph import Body, Graph, Value
 
@@ -81,9 +92,9 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
     both = _inverse(g, g.op("Concat", quadratic + rho * eye, H + eye, axis=0), r)
     W, spread = both.slice(0, 3, 0), both.slice(3, 6, 0)
 
-    z = _layers(g, W, pull, rho, gamma, low, r, depth)
     problem = _Problem(g, A, b, quadratic, l2, gamma, nonnegative, r)
-    x = problem.finish(z)
+    z = _layers(g, W, problem.pulled(W, pull, rho), rho, gamma, low, r, depth)
+    x, gap = problem.finish(z)
     ssf, std, predicted, lamp = curves(x, spread)
     outputs = {
         "ssf": ssf,
@@ -91,7 +102,7 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
         "code": x.transpose(1, 0),
         "signals": rows.signals,
         "predicted": predicted,
-        "gap": problem.gap(x),
+        "gap": gap,
         "channel_gain": rows.gain(),
         "lamp_estimate": lamp,
     }
@@ -365,13 +376,13 @@ class _Scene:
         return [curve, lamp, offset * 1.0, told * 1.0, covariance * 1.0, np.eye(self.r) - across @ A]
 
 
-def _layers(g: Graph, W: Value, pull: Value, rho: Value, gamma: Value, low: Value, r: int, depth: int) -> Value:
+def _layers(g: Graph, W: Value, pulled: Value, rho: Value, gamma: Value, low: Value, r: int, depth: int) -> Value:
     """The unrolled layers: v ← W₁ b + W_v v + W_q clip(v), the step of `unrolled.py` with z = v - clip(v)."""
     high, low = gamma / rho, low / rho
     W2 = RELAXATION * (rho * W)
     eye = np.eye(r)
     both = g.op("Concat", W2 + (1.0 - RELAXATION) * eye, RELAXATION * eye - 2.0 * W2, axis=2)
-    push = RELAXATION * (W @ pull.unsqueeze(2))  # (3, r, 1)
+    push = RELAXATION * pulled  # (3, r, 1)
 
     def clip(graph: Graph, v: Value) -> Value:
         return graph.op("Min", graph.op("Max", v, low), high)
@@ -404,8 +415,17 @@ class _Problem:
     def at(self, g: Graph) -> _Problem:
         """The same problem, seen from a body."""
         other = copy(self)
-        other.A, other.b = self.A.here(g), self.b.here(g)
+        other.g = g
+        for name, value in vars(self).items():
+            if isinstance(value, Value):
+                setattr(other, name, value.here(g))
         return other
+
+    def pulled(self, W: Value, pull: Value, rho: Value) -> Value:
+        """W g, (3, r, 1), refined on the residual (unrolled.py, `unroll`)."""
+        u = W @ pull.unsqueeze(2)
+        first = u.squeeze(2)
+        return u + W @ (self.residual(first) - rho * first).unsqueeze(2)
 
     def rest(self, x: Value) -> Value:
         """b - A x, (3, N, 1)."""
@@ -415,8 +435,25 @@ class _Problem:
         """w = Aᵀ (b - A x) - λ₂ x, (3, r)."""
         return (self.A.transpose(0, 2, 1) @ self.rest(x)).squeeze(2) - self.l2 * x
 
-    def finish(self, z: Value) -> Value:
-        """Walk from the layers' z to the optimum (unrolled.py, `finish`)."""
+    def finish(self, z: Value) -> tuple[Value, Value]:
+        """Walk from the layers' z to the optimum, anew from what was found until it is proven: x, gap (3,)."""
+
+        def walk(body: Graph, step: Value, state: list[Value]) -> Body:
+            z, best, least = state
+            here = self.at(body)
+            x = here.walk(z)
+            gap = here.gap(x).unsqueeze(1)
+            better = body.op("Or", body.op("Less", gap, least), body.op("Equal", step, body.constant(0, np.int64)))
+            best, least = body.op("Where", better, x, best), body.op("Where", better, gap, least)
+            unproven = body.op("Not", body.op("LessOrEqual", least, PROVEN)).real()
+            return Body([x, best, least], go=body.op("Greater", unproven.max(0, 1), 0.5))
+
+        start = [z, z, self.g.constant(np.full((3, 1), BIG))]
+        _, x, gap = self.g.loop(walk, start, [D] * 3, self.g.constant(WALKS, np.int64), "finish")
+        return x, gap.squeeze(1)
+
+    def walk(self, z: Value) -> Value:
+        """One walk from z (unrolled.py, `_start`, `_Walk`, `_settle`)."""
         g, r, scale = self.g, self.r, self.scale
         unit = self.M * scale.unsqueeze(1) * scale.unsqueeze(2) + RIDGE * np.eye(r)
         high = self.gamma * scale

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from camssf.curves.basis import Basis, fold, interpolate
 from camssf.curves.covariance import EDGE, FLOOR, Seen, Tolerances, covariance
@@ -183,22 +184,44 @@ def _look(given: _Folded) -> _Expansion:
     """
     start = _start(given)
     channels = [_rows(given, start, c) for c in range(3)]
-    inverses = [
-        np.linalg.inv(np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T) for rows in channels
+    # Whitened, P = L Lᵀ: an explicit P⁻¹ would cost twice the digits, and modes may make P's condition 1e12 and more.
+    whitened = [
+        _whiten(
+            np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T,
+            np.concatenate([rows.matrix, rows.target[:, None], rows.modes], axis=1),
+        )
+        for rows in channels
     ]
-    pairs = list(zip(channels, inverses, strict=True))
-    precision = np.stack([rows.modes.T @ inverse @ rows.modes for rows, inverse in pairs])
-    pull = np.stack([rows.modes.T @ inverse @ rows.target for rows, inverse in pairs])
+    r = given.atoms.shape[2]
+    matrix, target, modes = (
+        np.stack([rows[:, part] for rows in whitened]) for part in (slice(r), r, slice(r + 1, None))
+    )
+    precision = np.swapaxes(modes, 1, 2) @ modes
+    pull = np.einsum("cnq,cn->cq", modes, target)
     one = np.eye(start.offset.size)
-    offset = np.linalg.solve(one + precision.sum(axis=0), pull.sum(axis=0))
-    of_u = np.linalg.inv(one + precision.sum(axis=0) - precision)
-    mean = np.einsum("cij,cj->ci", of_u, pull.sum(axis=0) - pull)
-    code = np.stack([rows.matrix.T @ inverse @ (rows.target - rows.modes @ offset) for rows, inverse in pairs])
-    spread = [np.eye(rows.matrix.shape[1]) - rows.matrix.T @ inverse @ rows.matrix for rows, inverse in pairs]
+    offset = _posterior(one + precision.sum(axis=0), pull.sum(axis=0))[0]
+    others = [
+        _posterior(one + precision.sum(axis=0) - own, pull.sum(axis=0) - told)
+        for own, told in zip(precision, pull, strict=True)
+    ]
+    mean, of_u = (np.stack(parts) for parts in zip(*others, strict=True))
+    code = np.einsum("cnr,cn->cr", matrix, target - modes @ offset)
+    spread = np.eye(r) - np.swapaxes(matrix, 1, 2) @ matrix
     k, q, _ = given.modes.shape
     bend = 1.0 + np.einsum("kq,kqv->kv", offset.reshape(k, q), given.modes)
     curves = given.mean + np.einsum("cvr,cr->cv", given.atoms, code)
-    return _Expansion(curves, np.maximum(bend, DARKEST), offset, mean, np.asarray(of_u), np.stack(spread))
+    return _Expansion(curves, np.maximum(bend, DARKEST), offset, mean, of_u, spread)
+
+
+def _whiten(covariance: Floats, columns: Floats) -> Floats:
+    """L⁻¹ columns with covariance = L Lᵀ."""
+    return np.asarray(solve_triangular(np.linalg.cholesky(covariance), columns, lower=True))
+
+
+def _posterior(precision: Floats, pull: Floats) -> tuple[Floats, Floats]:
+    """Λ⁻¹ h and Λ⁻¹, symmetric and of no negative eigenvalue whatever Λ's condition."""
+    root = _whiten(precision, np.column_stack([np.eye(pull.size), pull]))
+    return root[:, :-1].T @ root[:, -1], root[:, :-1].T @ root[:, :-1]
 
 
 def _rows(given: _Folded, point: _Expansion, c: int) -> _Rows:

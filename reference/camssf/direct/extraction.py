@@ -76,8 +76,9 @@ def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Sp
     for channel in range(int(cell.max()) + 1):
         mine = which == channel
         x, y, p = along[mine], block[mine], share[mine]
-        # Upright lines put whole columns on the bins' edges, where a lean of 1e-13 must not part them.
-        index = np.floor(x / bin_width + 1e-6).astype(np.int64)
+        # A sample covers half a column to either side. Bins begin at such an edge, not at a sample's centre: there
+        # the last bit of the lean would choose the bin.
+        index = np.floor((x + 0.5) / bin_width).astype(np.int64)
         index -= index.min()
         total = np.bincount(index, p)
         full = total > 0.5 * np.median(total)

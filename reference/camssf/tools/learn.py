@@ -20,6 +20,8 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -96,8 +98,7 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
 
 def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Generator) -> Floats:
     """(cameras, 69, 3) → (cameras · copies, 69, 3), peak 1; the first copy of each camera is the camera itself."""
-    smooth = np.exp(-0.5 * ((NODES[:, None] - NODES) / 120.0) ** 2)
-    root = np.linalg.cholesky(smooth + 1e-9 * np.eye(NODES.size))
+    root = _smooth_root()
     enlarged = [curves]
     for _ in range(copies - 1):
         for camera in curves:
@@ -114,6 +115,30 @@ def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Gener
             copy = np.maximum(copy @ leak, 0.0)
             enlarged.append((copy / copy.max(axis=0))[None])
     return np.concatenate(enlarged)
+
+
+@cache
+def _smooth_root() -> Floats:
+    """L with L Lᵀ = exp(-½ (Δλ / 120 nm)²) + 1e-9 I on the nodes, rounded once.
+
+    The condition is 5e10: in float64 another processor's Cholesky gives an L that is 4e-8 off, and so another basis.
+    In 60 decimal digits there is one answer, whatever the machine.
+    """
+    size = NODES.size
+    with localcontext() as context:
+        context.prec = 60
+        gaps = [(Decimal(float(node - NODES[0])) / 120) ** 2 / 2 for node in NODES]
+        smooth = [(-gap).exp() for gap in gaps]  # the nodes are even: of the distance alone
+        smooth[0] += Decimal("1e-9")
+        rows: list[list[Decimal]] = []
+        for i in range(size):
+            row: list[Decimal] = []
+            for j in range(i + 1):
+                other = rows[j] if j < i else row
+                rest = smooth[i - j] - sum((a * b for a, b in zip(row, other, strict=False)), Decimal(0))
+                row.append(rest / other[j] if j < i else rest.sqrt())
+            rows.append(row)
+    return np.array([[float(value) for value in row] + [0.0] * (size - len(row)) for row in rows])
 
 
 def learn(
