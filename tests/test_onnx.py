@@ -138,7 +138,7 @@ def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -
     for _ in range(3):
         given = {name: a[name] for name in ("signals", "reflectance", "lamp")}
         moved = {name: x * (1 + 2.0**-52 * rng.integers(-1, 2, x.shape)) for name, x in given.items()}
-        inherent = max(inherent, norm(recover(**a | moved, engine="onnx").values, onnx.values))
+        inherent = max(inherent, norm(recovered(**a | moved, engine="onnx").values, onnx.values))
     assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
     assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
