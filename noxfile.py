@@ -69,6 +69,7 @@ def golden(session: nox.Session) -> None:
         session.run("python", "-m", "golden.generate")
     session.run("python", "-m", "golden.generate", "--check")
     session.run("python", "-m", "camssf_onnx", "check")
+    session.run("python", "-m", "golden.models")
 
 
 @nox.session

@@ -40,6 +40,7 @@ COMMANDS = (
     ("tests", ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "numerical and not slow"]),
     ("golden", ["-m", "golden.generate", "--check"]),
     ("models", ["-m", "camssf_onnx", "check"]),
+    ("golden models", ["-m", "golden.models"]),
 )
 
 

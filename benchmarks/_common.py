@@ -187,7 +187,7 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
 
 
 def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
-    """Relative duality gap of x by the formula in `camssf.curves.unrolled`, from whitened rows (N, r), (N,); γ > 0.
+    """Relative duality gap of x by the formula in `camssf.curves.proof`, from whitened rows (N, r), (N,); γ > 0.
 
     Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
     where x ≥ 0 is asked is judged after that entry is set to zero.

@@ -31,6 +31,7 @@ from importlib import import_module, resources
 from typing import Any
 
 import numpy as np
+from camssf.curves.code import solve
 
 from benchmarks._common import (
     Problem,
@@ -55,7 +56,6 @@ from camssf.curves.basis import Basis, interpolate, read_basis
 from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
 from camssf.curves.engine import load_model, onnx_runtime
 from camssf.curves.sensing import Sensing
-from camssf.curves.unrolled import solve
 from camssf.grid import WAVELENGTHS, Floats
 
 GAP_BAR, CURVE_BAR, ROWS_BAR = 1e-9, 1e-6, 1e-11

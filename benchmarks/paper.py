@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from camssf.curves.code import solve
 
 from benchmarks import _paper_captures as captures
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
@@ -40,7 +41,6 @@ from camssf.curves.basis import Basis, gaussian_basis, read_basis
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import recover
-from camssf.curves.unrolled import solve
 from camssf.errors import NotConverged
 from camssf.evidence.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats

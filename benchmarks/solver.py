@@ -30,6 +30,7 @@ from importlib import import_module, resources
 from typing import Any
 
 import numpy as np
+from camssf.curves.code import solve
 
 from benchmarks._common import (
     RESULTS,
@@ -51,7 +52,6 @@ from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
 from camssf.curves.engine import load_model, onnx_runtime
 from camssf.curves.ssf import recover
-from camssf.curves.unrolled import solve
 from camssf.grid import Floats
 from camssf.spectra import read_camera
 

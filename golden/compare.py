@@ -81,7 +81,7 @@ METRICS: dict[str, Callable[[Any, Any], float]] = {
 def optimality(
     A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool
 ) -> tuple[float, float]:
-    """Objective and relative duality gap of a code x, for one channel: the formula of `camssf.curves.unrolled`.
+    """Objective and relative duality gap of a code x, for one channel: the formula of `camssf.curves.proof`.
 
     By the Cholesky factor of Σ, not by its inverse, and without any solver, so that it may judge them all. The dual
     point is the residual, scaled until it is feasible; γ = 0 has no such ball, there ½ ‖w‖² / λ₂ bounds the gap.

@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
+from camssf.curves.code import solve
 
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
@@ -15,7 +16,6 @@ from camssf.curves.engine import load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf, recover
-from camssf.curves.unrolled import solve
 from camssf.errors import CalibrationError
 from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
 from camssf.evidence.verdict import judge as weigh

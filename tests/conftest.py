@@ -25,7 +25,7 @@ NUMERICAL = {
     "test_onnx",
     "test_sensing",
     "test_ssf",
-    "test_unrolled",
+    "test_code",
     "test_validate",
     "test_verdict",
 }

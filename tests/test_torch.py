@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from camssf.curves.engine import onnx_runtime
-from camssf.curves.unrolled import DEPTH, _Problem, whiten
+from camssf.curves.layers import DEPTH, splitting
+from camssf.curves.problem import Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")
@@ -21,11 +22,11 @@ def arguments(nonnegative: bool) -> tuple[list[object], np.ndarray]:
     sensing = random_sensing(7, 20, 12)
     gamma = float(0.05 * gamma_max(sensing).min())
     problems = [
-        _Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
+        Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
         for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
     ]
-    expected = np.stack([p.unroll(DEPTH) for p in problems])
-    rho = torch.tensor(problems[0].rho(), dtype=torch.float64)
+    expected = np.stack([splitting(p).unroll(DEPTH) for p in problems])
+    rho = torch.tensor(problems[0].gamma + 2.0 * problems[0].l2, dtype=torch.float64)
     both, push = UnrolledNet.weights(
         torch.tensor(np.stack([p.M for p in problems])), torch.tensor(np.stack([p.g for p in problems])), rho
     )

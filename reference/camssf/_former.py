@@ -39,7 +39,7 @@ FORMER = {
     "simulate": "simulation.frames",
     "ssf": "curves",
     "tabulate": "tools.tabulate",
-    "unrolled": "curves.unrolled",
+    "unrolled": "curves.code",
     "validate": "evidence.scores",
     "verdict": "evidence.verdict",
 }

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.curves.basis import Basis
+from camssf.curves.code import solve
 from camssf.curves.evidence import Evidence, array_of
 from camssf.curves.sensing import Sensing, sense
-from camssf.curves.unrolled import solve
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 

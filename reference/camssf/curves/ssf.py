@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.curves.basis import Basis, read_basis
+from camssf.curves.code import Code, solve
 from camssf.curves.engine import OUTPUTS, SHIPPED, Model, load_model
 from camssf.curves.evidence import Evidence, evidence_of
 from camssf.curves.penalties import penalties
 from camssf.curves.sensing import anchor, sense
-from camssf.curves.unrolled import Code, solve
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
