@@ -16,7 +16,7 @@ from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.curves.unrolled import solve
 from camssf.errors import CalibrationError
-from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
+from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
 from camssf.photo.capture import Capture, Photo, Shot
@@ -332,15 +332,10 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
-    verdict = weigh(
-        signals, table, shots, poses, lamps, ssf, white_reflectance=rho, white_tolerance=given["white_tolerance"],
-        rivals=rivals, neutrals=neutrals, alone=alone,
-    )  # fmt: skip
-    joint = surprise(signals, table, lamps, ssf, rho, given["white_tolerance"])
-    each = [
-        surprise(only(signals, j), table, [lamps[j]], shot_answer(a, j), rho, given["white_tolerance"], pose=poses[j])
-        for j, a in enumerate(alone or [ssf] * len(shots))
-    ]  # fmt: skip
+    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"])
+    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone)
+    joint = weighed.surprise(ssf)
+    each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]
     return {
         "status": verdict.status,

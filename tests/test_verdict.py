@@ -13,6 +13,7 @@ from camssf.curves.basis import Basis, interpolate
 from camssf.curves.sensing import NODES, sense, smooth_errors
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError, NotSensorRaw
+from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     RIVAL,
     Fatal,
@@ -21,7 +22,7 @@ from camssf.evidence.verdict import (
     Rival,
     Surprise,
     Verdict,
-    _covariance,
+    Weighed,
     directions,
     judge,
     refusal,
@@ -111,10 +112,12 @@ class Scene:
             name: changes.get(name, getattr(self, name)) for name in ("signals", "shots", "poses", "lamps", "ssf")
         }
         return judge(
-            given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], given["ssf"],
-            white_reflectance=self.rho, white_tolerance=0.01, rivals=self.rivals, neutrals=self.neutrals,
+            Weighed(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            given["ssf"],
+            rivals=self.rivals,
+            neutrals=self.neutrals,
             alone=self.each(),
-        )  # fmt: skip
+        )
 
 
 def clean(lamp: str = "D55") -> Floats:

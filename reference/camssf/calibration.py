@@ -15,7 +15,7 @@ from camssf.curves.engine import load_model
 from camssf.curves.ssf import HIDDEN, Ssf, explain, predict, recover, respond
 from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.evidence.scores import FAINTEST, Scores, rmse, validate
-from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, judge, refusal, surprise
+from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge, refusal, surprise
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import (
     Begun,
@@ -31,11 +31,12 @@ from camssf.photo.capture import (
     shot_picture,
 )
 from camssf.photo.signals import Assumption, Signals, normalise
+from camssf.rules import rules
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_lamp
 
-FOLDS = 4
+FOLDS = rules().whole("calibration.folds")
 """All patches enter the fit; each is predicted by a fit that left its quarter of the chart out."""
-WHITE_TOLERANCE = 0.01
+WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
 
 
 @dataclass(frozen=True)
@@ -230,14 +231,8 @@ def solve(
         means, poses = [shot.means for shot in capture.shots], [shot.pose for shot in capture.shots]
         rho, white_tolerance = white_reference(capture)
         verdict = judge(
-            signals,
-            table,
-            means,
-            poses,
-            lamps,
+            Weighed(signals, table, means, poses, lamps, rho, white_tolerance),
             ssf,
-            white_reflectance=rho,
-            white_tolerance=white_tolerance,
             neutrals=[
                 [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
                 for shot in capture.shots

@@ -15,13 +15,14 @@ from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.unrolled import Code, solve
 from camssf.errors import InvalidArgument, LampUnfit, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.rules import rules
 
-L2, GAMMA = 1.0, 0.05
+L2, GAMMA = rules().number("calibration.l2"), rules().number("calibration.gamma")
 """The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser."""
 LARGEST_GAP = 1e-6
 """Relative duality gap above which there is no answer."""
 ENGINES = ("onnx", "reference")
-HIDDEN = 1e3
+HIDDEN = rules().number("calibration.hidden")
 """Standard error of a signal that the fit must not see: it weighs nothing."""
 SMALLEST_GAMMA = 1e-5
 """The discrepancy principle looks no further down than this share of γ_max."""

@@ -41,18 +41,19 @@ from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.mosaic import Mosaic, shading
 from camssf.photo.pose import Pose
+from camssf.rules import rules
 
-SHRINK = 0.5
+SHRINK = rules().number("patches.shrink")
 """Part of each patch edge that is measured."""
-REJECT = 6
+REJECT = rules().whole("patches.reject")
 """Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels."""
-FLOOR = 2
+FLOOR = rules().whole("patches.floor")
 """DN that are always allowed: whole numbers have a MAD of zero where there is no noise."""
-FEWEST = 16
+FEWEST = rules().whole("patches.fewest")
 """Samples that each position of the CFA cell must have in every patch."""
 LENS_SHADING = ("as-stored", "apply")
 """What can be done about the lens shading that a file describes: nothing, or rule 6."""
-ALIKE = 0.01
+ALIKE = rules().number("patches.alike")
 """Relative difference up to which two exposures are the same: files round them."""
 
 
