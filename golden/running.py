@@ -340,6 +340,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     return {
         "status": verdict.status,
         "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
         "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
         "values": [float(reason.value or 0.0) for reason in verdict.reasons] or None,
         "thresholds": [float(reason.threshold or 0.0) for reason in verdict.reasons] or None,
@@ -391,6 +392,8 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "predicted": done.ssf.predicted,
         "gap": done.ssf.gap,
         "channel_gain": done.ssf.channel_gain,
+        "rmsre_percent": done.scores.rmsre_percent,
+        "codes": [reason.code for reason in done.verdict.reasons],
     }
 
 
