@@ -31,6 +31,9 @@ from benchmarks._common import console, progress, table
 from benchmarks.kotlin_calibrate import Unavailable, class_path
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"
+GOLDEN = Path(__file__).parents[1] / "golden"
+FAULT = 3
+"""Exit status of Kotlin's runner where a case does not hold."""
 CHEAP = ("verdict", "signals", "patches")
 """Stages whose golden cases take a second in all; `calibrate` follows where these notice nothing."""
 STAGES = (*CHEAP, "calibrate")
@@ -134,13 +137,13 @@ def kotlin(folder: Path, stages: Sequence[str]) -> str | None:
     done = subprocess.run(
         [
             "java", "-Xmx512m", "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", "-cp",
-            os.pathsep.join([str(folder), class_path()]), "org.camssf.golden.Stages", *stages,
+            os.pathsep.join([str(folder), class_path()]), "org.camssf.golden.Stages", str(GOLDEN), *stages,
         ],
         capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     if done.returncode == 0:
         return None
-    if done.returncode == 1:
+    if done.returncode == FAULT:
         return done.stdout.strip().splitlines()[-1]
     raise Unavailable(f"org.camssf.golden.Stages failed: {done.stderr.strip()[-300:] or done.stdout.strip()[-300:]}")
 

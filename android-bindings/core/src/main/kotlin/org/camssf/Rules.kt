@@ -39,7 +39,12 @@ internal class Rules private constructor(
      * @property code its word in the vocabulary of errors.
      * @property limits names of the numbers that decide: doubtful, and after it refused where there is one.
      */
-    class Wording(val code: String, val limits: List<String>, private val message: String, private val advice: String) {
+    class Wording(
+        val code: String,
+        val limits: List<String>,
+        private val message: String,
+        private val advice: String,
+    ) {
         fun message(values: Map<String, Any>): String = fill(message, values)
 
         fun advice(values: Map<String, Any>): String = fill(advice, values)

@@ -24,7 +24,7 @@ internal class Samples(
 
     fun reasons(): List<Reason> = listOfNotNull(darkWhite(), darkestPatch(), few(), dirt(), greens()) + noise()
 
-    private fun because(reason: String, value: Double, fatal: Boolean = false, vararg words: Pair<String, Any>): Reason =
+    private fun because(reason: String, value: Double, fatal: Boolean, vararg words: Pair<String, Any>): Reason =
         Reasons.because(reason, value, mapOf("shot" to name, *words), fatal)
 
     private fun bound(name: String): Double = Rules.shipped.number("verdict.$name")

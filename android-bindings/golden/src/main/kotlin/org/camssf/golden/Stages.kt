@@ -1,15 +1,18 @@
 package org.camssf.golden
 
+import java.io.File
 import kotlin.system.exitProcess
 
 /**
  * The golden cases of some stages, up to the first that fails: what a mutation run over rules.json asks for each mutant
- * (`python -m benchmarks.mutate_rules --kotlin`). Status 0 if all hold, 1 if one does not, and its fault on the last line.
+ * (`python -m benchmarks.mutate_rules --kotlin`): the folder of the cases, then the stages. Status 0 if all hold, 3 if one
+ * does not, and its fault on the last line; the JVM's own failures give 1.
  */
 internal object Stages {
     @JvmStatic
-    fun main(stages: Array<String>) {
-        GoldenRunner(GoldenFiles.resources("golden/")).use { runner ->
+    fun main(arguments: Array<String>) {
+        val stages = arguments.drop(1)
+        GoldenRunner(GoldenFiles.of(File(arguments[0]))).use { runner ->
             val names = runner.names()
             for (stage in stages) {
                 val found = names.filter { it.startsWith("$stage/") }
@@ -25,7 +28,7 @@ internal object Stages {
                     }
                     if (fault != null) {
                         println("$name: $fault")
-                        exitProcess(1)
+                        exitProcess(3)
                     }
                 }
             }

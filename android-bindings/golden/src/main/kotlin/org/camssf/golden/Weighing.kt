@@ -120,7 +120,8 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             "named" to JsonArray(
                 each.map { one ->
                     val suspect = one.accused()
-                    JsonPrimitive(suspect?.let { if (it.patch == null) it.cause.word else "${it.cause.word} ${it.patch}" })
+                    val patch = suspect?.patch?.let { " $it" }.orEmpty()
+                    JsonPrimitive(suspect?.let { it.cause.word + patch })
                 },
             ),
             "residual" to Tensor.scalar(joint.residual),
