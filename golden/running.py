@@ -8,16 +8,16 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from camssf.curves.code import solve
 
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.code import solve
 from camssf.curves.engine import load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError
-from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
+from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
 from camssf.options import Options
@@ -338,19 +338,15 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
-    verdict = weigh(
-        signals, table, shots, poses, lamps, ssf, white_reflectance=rho, white_tolerance=given["white_tolerance"],
-        rivals=rivals, neutrals=neutrals, alone=alone,
-    )  # fmt: skip
-    joint = surprise(signals, table, lamps, ssf, rho, given["white_tolerance"])
-    each = [
-        surprise(only(signals, j), table, [lamps[j]], shot_answer(a, j), rho, given["white_tolerance"], pose=poses[j])
-        for j, a in enumerate(alone or [ssf] * len(shots))
-    ]  # fmt: skip
+    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"])
+    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone)
+    joint = weighed.surprise(ssf)
+    each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]
     return {
         "status": verdict.status,
         "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
         "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
         "values": [float(reason.value or 0.0) for reason in verdict.reasons] or None,
         "thresholds": [float(reason.threshold or 0.0) for reason in verdict.reasons] or None,
@@ -404,6 +400,8 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "predicted": done.ssf.predicted,
         "gap": done.ssf.gap,
         "channel_gain": done.ssf.channel_gain,
+        "rmsre_percent": done.scores.rmsre_percent,
+        "codes": [reason.code for reason in done.verdict.reasons],
     }
 
 

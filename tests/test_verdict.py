@@ -15,6 +15,7 @@ from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError, NotSensorRaw
+from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     RIVAL,
     Fatal,
@@ -23,7 +24,7 @@ from camssf.evidence.verdict import (
     Rival,
     Surprise,
     Verdict,
-    _covariance,
+    Weighed,
     directions,
     judge,
     refusal,
@@ -115,10 +116,12 @@ class Scene:
             name: changes.get(name, getattr(self, name)) for name in ("signals", "shots", "poses", "lamps", "ssf")
         }
         return judge(
-            given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], given["ssf"],
-            white_reflectance=self.rho, white_tolerance=0.01, rivals=self.rivals, neutrals=self.neutrals,
+            Weighed(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            given["ssf"],
+            rivals=self.rivals,
+            neutrals=self.neutrals,
             alone=self.each(),
-        )  # fmt: skip
+        )
 
 
 def clean(lamp: str = "D55") -> Floats:

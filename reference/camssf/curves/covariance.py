@@ -13,22 +13,23 @@ from numpy.typing import NDArray
 
 from camssf.curves.basis import NODES
 from camssf.grid import Floats
+from camssf.rules import rules
 
-CHART_CORRELATION = 100.0
+CHART_CORRELATION = rules().number("covariance.chart_correlation")
 """Length over which the relative part of a chart's error, and a white's error, are smooth, nm."""
-TABLE_CORRELATION = 25.0
+TABLE_CORRELATION = rules().number("covariance.table_correlation")
 """Length over which the other parts of a chart's error are smooth, nm."""
-RELATIVE, ABSOLUTE, EDGE = 0.6, 1.0 / 3.0, 70.0
+RELATIVE, ABSOLUTE, EDGE = (rules().number(f"covariance.{name}") for name in ("relative", "absolute", "edge"))
 """A chart's error as parts of its tolerance τ: ε = τ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃).
 
 Robust fit (multivariate t) to the difference of the two measured tables in colour-science, BabelColor's and Ohta's:
 1.8 % of R over 100 nm, 1.0 % of white over 35 nm and a wavelength error of 2.1 nm over 17 nm; the same on odd and on
 even patches but for the first (0 to 2.4 %). One length stands for both short ones; τ = 3 % is a public table's."""
-LAMP_CORRELATION = 60.0
+LAMP_CORRELATION = rules().number("covariance.lamp_correlation")
 """Length over which a lamp's error is smooth, nm."""
-INDEPENDENT_SHARE = 0.05
+INDEPENDENT_SHARE = rules().number("covariance.independent_share")
 """Part of the chart's tolerance that is independent from patch to patch and shot to shot."""
-FLOOR = 1e-4
+FLOOR = rules().number("covariance.floor")
 """No row is believed better than this share of its white signal."""
 
 

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from camssf.curves.basis import Basis
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.rules import rules
 
-WEIGHTLESS = 1e3
+WEIGHTLESS = rules().number("calibration.hidden")
 """Standard error of a signal that may not be used. The model has one input for both; what weighs 1e-6 of the faintest
 signal moves no curve."""
 

@@ -13,8 +13,9 @@ from camssf.curves.evidence import Evidence, array_of
 from camssf.curves.sensing import Sensing, sense
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.rules import rules
 
-L2, GAMMA = 1.0, 0.05
+L2, GAMMA = rules().number("calibration.l2"), rules().number("calibration.gamma")
 """The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser."""
 SMALLEST_GAMMA = 1e-5
 """The discrepancy principle looks no further down than this share of γ_max."""

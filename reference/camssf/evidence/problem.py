@@ -18,11 +18,12 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, listed
 from camssf.photo.signals import Signals, normalise
+from camssf.rules import rules
 from camssf.spectra import Lamp
 
 FEWEST_PATCHES = 3
 """Below which nothing is fitted."""
-WHITE_TOLERANCE = 0.01
+WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
 """Relative error of a white frame's reflectance."""
 
 

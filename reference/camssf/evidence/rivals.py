@@ -10,7 +10,7 @@ import numpy as np
 from camssf.curves.ssf import Ssf
 from camssf.errors import LampUnfit, NotConverged
 from camssf.evidence.problem import Problem
-from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, judge, surprise
+from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge, surprise
 from camssf.spectra import read_lamp
 
 
@@ -19,14 +19,16 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     shots = problem.capture.shots
     rho, tolerance = problem.white_reference()
     return judge(
-        problem.signals,
-        problem.capture.chart,
-        [shot.means for shot in shots],
-        [shot.pose for shot in shots],
-        problem.lamps,
+        Weighed(
+            problem.signals,
+            problem.capture.chart,
+            [shot.means for shot in shots],
+            [shot.pose for shot in shots],
+            problem.lamps,
+            rho,
+            tolerance,
+        ),
         ssf,
-        white_reflectance=rho,
-        white_tolerance=tolerance,
         rivals=solve_rivals(problem, ssf),
         neutrals=[
             [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
@@ -37,7 +39,7 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
 
 
 def solve_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
-    """How well the same signals fit with other lamps, one shot at a time: rule 4 of `camssf.evidence.verdict`."""
+    """How well the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md."""
     capture, signals = problem.capture, problem.signals
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()

@@ -10,9 +10,10 @@ from camssf.curves.ssf import Ssf
 from camssf.evidence.problem import Problem
 from camssf.evidence.scores import Scores, validate
 from camssf.grid import Floats
+from camssf.rules import rules
 from camssf.spectra import CameraCurves
 
-FOLDS = 4
+FOLDS = rules().whole("calibration.folds")
 """All patches enter the fit; each is predicted by a fit that left its quarter of the chart out."""
 
 

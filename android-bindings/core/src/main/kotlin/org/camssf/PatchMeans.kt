@@ -71,8 +71,8 @@ public class PatchMeans internal constructor(
 ) {
     public companion object {
         /**
-         * Measures the same samples of every patch in all frames of one shot, by the numbered rule of Python's
-         * `camssf.photo.patches`: sums of whole numbers, so both give the same to the last bit.
+         * Measures the same samples of every patch in all frames of one shot, by the numbered rule of
+         * docs/patches.md, the same as in Python: sums of whole numbers, so both give the same to the last bit.
          *
          * @param chart the photo of the chart; its region must hold the patches, and so must the other frames'.
          * @param pose where the chart lies in it.
@@ -124,16 +124,16 @@ public class PatchMeans internal constructor(
         }
 
         /** Part of each patch edge that is measured. */
-        private const val SHRINK = 0.5
+        private val SHRINK get() = Rules.shipped.number("patches.shrink")
 
         /** Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels. */
-        private const val REJECT = 6
+        private val REJECT get() = Rules.shipped.whole("patches.reject")
 
         /** DN that are always allowed: whole numbers have a MAD of zero where there is no noise. */
-        private const val FLOOR = 2
+        private val FLOOR get() = Rules.shipped.whole("patches.floor")
 
         /** Samples that each position of the CFA cell must have in every patch. */
-        private const val FEWEST = 16
+        private val FEWEST get() = Rules.shipped.whole("patches.fewest")
 
         /** Index in the 2 × 2 cell of R, the green on R's rows, the green on B's rows, B. */
         private fun cells(cfa: String): List<Int> {
@@ -402,7 +402,7 @@ private object Shading {
 /** Whether frames of one shot were taken alike. */
 private object Alike {
     /** Relative difference up to which two exposures are the same: files round them. */
-    private const val SAME = 0.01
+    private val SAME get() = Rules.shipped.number("patches.alike")
 
     /** Refuses a frame that was not taken with the chart photo's camera and settings. */
     fun check(chart: Mosaic, frame: Mosaic, word: String) {

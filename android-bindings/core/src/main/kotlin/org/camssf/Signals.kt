@@ -39,19 +39,19 @@ public class Signals internal constructor(
 ) {
     internal companion object {
         /** Share of clipped samples from which a patch, or a white frame, is no measurement. */
-        const val CLIPPED = 0.01
+        val CLIPPED get() = Rules.shipped.number("signals.clipped")
 
         /** Part of the sensor's range that the white signal must reach in every channel. */
-        const val FAINT = 0.005
+        val FAINT get() = Rules.shipped.number("signals.faint")
 
         /** Largest relative standard error of the white signal. */
-        const val NOISY = 0.05
+        val NOISY get() = Rules.shipped.number("signals.noisy")
 
         /** A patch whose signal is below this many of its standard errors in some channel is lost in noise. */
-        const val LOST = 3.0
+        val LOST get() = Rules.shipped.number("signals.lost")
 
         /** Patches that must be left in every shot. */
-        const val FEWEST = 6
+        val FEWEST get() = Rules.shipped.whole("signals.fewest")
 
         /**
          * Divides every patch by the white at its own place.

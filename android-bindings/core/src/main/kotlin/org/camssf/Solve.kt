@@ -1,5 +1,12 @@
 package org.camssf
 
+import org.camssf.evidence.Case
+import org.camssf.evidence.Foretold
+import org.camssf.evidence.Judge
+import org.camssf.evidence.Light
+import org.camssf.evidence.Rival
+import org.camssf.evidence.Told
+
 /** Everything one calibration found; `unseen` (k, n, 3) is NaN where every fit had seen the patch. */
 internal class Solution(
     val capture: MeasuredCapture,
@@ -66,10 +73,10 @@ internal class Solve(
 
     /** How well the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
     private fun rivals(ssf: Ssf, gamma: DoubleArray?): List<Rival> {
-        if (ssf.std == null || k > Judge.MOST_RIVALLED) return emptyList()
+        if (ssf.std == null || k > Light.MOST_RIVALLED) return emptyList()
         val (rho, tolerance) = whiteReference()
         return capture.shots.indices.flatMap { j ->
-            Judge.RIVALS.mapNotNull { name ->
+            Light.RIVALS.mapNotNull { name ->
                 val others = lamps.toMutableList().also { it[j] = lamp(name) }
                 val answer = try {
                     fit(signals.used, gamma, others)
@@ -237,11 +244,11 @@ internal class Solve(
 
     companion object {
         /** All patches enter the fit; each is predicted by a fit that left its quarter of the chart out. */
-        private const val FOLDS = 4
+        private val FOLDS get() = Rules.shipped.whole("calibration.folds")
 
         /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
-        private const val HIDDEN = 1e3
-        private const val WHITE_TOLERANCE = 0.01
+        private val HIDDEN get() = Rules.shipped.number("calibration.hidden")
+        private val WHITE_TOLERANCE get() = Rules.shipped.number("calibration.white_tolerance")
 
         /** Lamps by name, which every verdict asks for. */
         private val known = HashMap<String, Lamp>()

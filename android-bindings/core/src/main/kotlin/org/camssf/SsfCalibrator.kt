@@ -3,6 +3,7 @@ package org.camssf
 import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.ensureActive
 import kotlinx.coroutines.withContext
+import org.camssf.evidence.Reasons
 import java.io.Closeable
 import java.io.InterruptedIOException
 import java.net.SocketTimeoutException
@@ -128,7 +129,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         try {
             val solution = interruptible(work)
             if (solution.verdict.status == "refused") {
-                return Refused(Judge.refusal(solution.verdict), solution.verdict, begun)
+                return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun)
             }
             return Calibrated(solution, engine.sha256)
         } catch (error: InvalidArgument) {

@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.evidence.dot
 import org.camssf.model.Models
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNotEquals

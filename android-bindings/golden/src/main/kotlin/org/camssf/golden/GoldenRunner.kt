@@ -18,7 +18,6 @@ import org.camssf.Engine
 import org.camssf.Evidence
 import org.camssf.FrameMeans
 import org.camssf.Grid
-import org.camssf.Judge
 import org.camssf.Lamp
 import org.camssf.LensShading
 import org.camssf.MeasuredCapture
@@ -33,6 +32,7 @@ import org.camssf.Settings
 import org.camssf.Signals
 import org.camssf.Solve
 import org.camssf.Tensor
+import org.camssf.evidence.Reasons
 import java.io.Closeable
 import java.io.File
 import java.security.MessageDigest
@@ -296,7 +296,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
         val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
         val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
-        if (done.verdict.status == "refused") throw Judge.refusal(done.verdict)
+        if (done.verdict.status == "refused") throw Reasons.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
             val channels = List(3) { of(it) }
@@ -310,6 +310,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "predicted" to Tensor(ssf.predicted, shots.size, n, 3),
             "gap" to Tensor(ssf.gap, 3),
             "channel_gain" to Tensor(ssf.channelGain, 3),
+            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
         )
     }
 

@@ -11,21 +11,21 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.Case
 import org.camssf.ChartPose
 import org.camssf.ChartTable
-import org.camssf.Foretold
 import org.camssf.Grid
-import org.camssf.Judge
 import org.camssf.Lamp
 import org.camssf.LensShading
 import org.camssf.MeasuredShot
 import org.camssf.Photo
-import org.camssf.Rival
 import org.camssf.Signals
 import org.camssf.Ssf
 import org.camssf.Tensor
-import org.camssf.Told
+import org.camssf.evidence.Case
+import org.camssf.evidence.Foretold
+import org.camssf.evidence.Judge
+import org.camssf.evidence.Rival
+import org.camssf.evidence.Told
 
 /** The stage verdict: the judge, and the numbers of its rules 1 to 3. */
 internal class Weighing(private val forms: Forms, private val frames: Statistics) {
@@ -113,13 +113,15 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         return mapOf(
             "status" to verdict.status,
             "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
+            "messages" to JsonArray(verdict.reasons.map { JsonPrimitive(it.message) }),
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
             "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),
             "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
             "named" to JsonArray(
                 each.map { one ->
-                    val suspect = Judge.accused(one)
-                    JsonPrimitive(suspect?.let { if (it.patch == null) it.kind else "${it.kind} ${it.patch}" })
+                    val suspect = one.accused()
+                    val patch = suspect?.patch?.let { " $it" }.orEmpty()
+                    JsonPrimitive(suspect?.let { it.cause.word + patch })
                 },
             ),
             "residual" to Tensor.scalar(joint.residual),

@@ -1,0 +1,126 @@
+package org.camssf.evidence
+
+import org.camssf.ChartTable
+import org.camssf.MeasuredShot
+import org.camssf.Reason
+import org.camssf.Rules
+import org.camssf.Signals
+import org.camssf.Ssf
+import org.camssf.Verdict
+import kotlin.math.abs
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/**
+ * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), the rivals, and for each shot
+ * what its file foretells of its white.
+ */
+internal class Case(
+    val told: Told,
+    val shots: List<MeasuredShot>,
+    val alone: List<Ssf>,
+    val rivals: List<Rival>,
+    val foretold: List<List<Foretold>>,
+) {
+    /** What is told of each shot alone, and the answer to it. */
+    val single: List<Told> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
+
+    /** Rules 2 and 3 of each shot alone; below so many patches nothing is suspected. */
+    fun each(): List<Surprise> {
+        val fewest = Rules.shipped.whole("verdict.fewest")
+        return shots.mapIndexed { j, shot ->
+            if (single[j].signals.used.count { it } < fewest) {
+                Surprise(0.0, 0.0, fewest, emptyList())
+            } else {
+                single[j].surprise(shot.pose, shot.means.white == null)
+            }
+        }
+    }
+}
+
+/** Patches of a shot that enter the fit. */
+internal fun used(signals: Signals, shot: Int): List<Int> =
+    (0 until signals.patches).filter { signals.used[shot * signals.patches + it] }
+
+/**
+ * Evidence → verdict, by the numbered rules of docs/verdict.md, the same as in Python. RMSRE has no say: the same lamp
+ * stands on both of its sides, so it stays small when the lamp is wrong.
+ */
+internal object Judge {
+    private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
+    private val STRANGE get() = Rules.shipped.number("verdict.strange")
+    private val ALIEN get() = Rules.shipped.number("verdict.alien")
+    private val FREER get() = Rules.shipped.number("verdict.freer")
+    private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
+    private val VAGUE get() = Rules.shipped.number("verdict.vague")
+
+    fun judge(case: Case): Verdict {
+        val told = case.told
+        val found = told.surprise()
+        val each = case.each()
+        val reasons = ArrayList<Reason>()
+        reasons += surprised(found, each, told.table)
+        reasons += strange(found.prior, each.size)
+        case.shots.forEachIndexed { j, shot ->
+            val name = "shot ${j + 1}"
+            reasons += Samples(name, told.signals, j, shot.means, told.table).reasons()
+            if (shot.pose.score < POOR_POSE) {
+                reasons += Reasons.because("pose", shot.pose.score, mapOf("shot" to name, "score" to shot.pose.score))
+            }
+        }
+        case.shots.forEachIndexed { j, shot ->
+            reasons += Light.tinted("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
+        }
+        if (case.shots.size == 1 || each.none { it.accused() != null }) {
+            reasons += Light.rivalled(case.rivals, case.shots.map { it.lamp.name }, found.weighted)
+        }
+        reasons += vague(told.ssf)
+        return Verdict(Status.of(reasons).word, reasons)
+    }
+
+    /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
+    private fun surprised(found: Surprise, each: List<Surprise>, table: ChartTable): List<Reason> {
+        val excess = found.total / found.count
+        val hopeless = found.total > HOPELESS * found.count
+        val reasons = each.mapIndexedNotNull { j, one ->
+            val suspect = one.accused() ?: return@mapIndexedNotNull null
+            val value = if (hopeless) excess else suspect.gain
+            val words = words(suspect, table) + ("shot" to "shot ${j + 1}")
+            Reasons.because(accusation(suspect), value, words, hopeless)
+        }
+        val worst = each.maxOfOrNull { it.z } ?: found.z
+        val largest = max(found.z, worst)
+        if (reasons.isNotEmpty() || !(hopeless || largest > Surprise.SURPRISE)) return reasons
+        val name = if (each.size > 1 && worst <= Surprise.SURPRISE) "contradiction" else "unexplained"
+        val value = if (hopeless) excess else largest
+        return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), hopeless))
+    }
+
+    /** The reason's name for a suspect. */
+    private fun accusation(suspect: Suspect): String =
+        if (suspect.cause == Cause.VEIL && !(suspect.amount > 0)) "bright_dark" else suspect.cause.word
+
+    /** What fills that reason's words. */
+    private fun words(suspect: Suspect, table: ChartTable): Map<String, Any> = when (suspect.cause) {
+        Cause.VEIL -> mapOf("amount" to abs(suspect.amount))
+        Cause.TONE -> mapOf("exponent" to 1 + suspect.amount)
+        Cause.PATCH -> mapOf("patch" to table.patches[suspect.patch!!])
+        Cause.WHITE, Cause.LIGHT -> emptyMap()
+    }
+
+    /** Curves unlike a camera's, by the length of their code. */
+    private fun strange(prior: Double, shots: Int): List<Reason> {
+        val (strange, alien) = listOf(STRANGE, ALIEN).map { it + FREER * (shots - 1) }
+        if (!(prior > strange)) return emptyList()
+        val fatal = prior > alien
+        val words = mapOf("length" to prior, "bound" to strange)
+        return listOf(Reasons.because("strange", prior, words, fatal, if (fatal) alien else strange))
+    }
+
+    /** A band too wide to tell cameras apart. */
+    private fun vague(ssf: Ssf): List<Reason> {
+        if (ssf.std == null) return emptyList()
+        val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
+        return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
+    }
+}
