@@ -345,7 +345,7 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
 
 
 BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {"kotlin_variants", "penalties", "spectrograph"}
+WITHOUT_BARS = {"kotlin_variants", "penalties", "rules_table", "spectrograph"}
 """Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
 
 
