@@ -36,7 +36,7 @@ class Problem:
     """One call of a model, three channels.
 
     Attributes:
-        inputs: of the model, as DESIGN.md's contract names them; l2, gamma and nonnegative included.
+        inputs: of the model, as docs/architecture.md names them; l2, gamma and nonnegative included.
         basis: name of the shipped basis.
         label: what it is, in words.
     """

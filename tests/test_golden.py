@@ -259,7 +259,7 @@ def test_weights_are_the_inverse(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["chart", "white", "lamp", "two-lamps", "diagonal"])
 def test_rows_and_covariance_by_their_integrals(name: str) -> None:
-    """Against loops over DESIGN.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
+    """Against loops over docs/maths.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
     case = CASES[f"sensing/cameras-{name}"]
     g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
     basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]

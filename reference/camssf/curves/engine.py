@@ -39,7 +39,7 @@ class Model:
     metadata: dict[str, str]
 
     def run(self, inputs: dict[str, Floats]) -> dict[str, Floats]:
-        """Outputs by name; inputs as DESIGN.md's contract names them, float64."""
+        """Outputs by name; inputs as docs/architecture.md names them, float64."""
         values = self.session.run(list(OUTPUTS), {name: np.asarray(value, float) for name, value in inputs.items()})
         return dict(zip(OUTPUTS, values, strict=True))
 
