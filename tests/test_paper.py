@@ -226,11 +226,3 @@ def test_a_phone_through_files() -> None:
     assert max(exact["truth_rmsre_percent"]) < 1.0
     assert max(exact["rmse"]) < 0.08
     assert np.shape(exact["synthetic_srgb"]) == (96, 3)
-
-
-def test_without_cameras_nothing_is_measured(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(paper, "CURVES", tmp_path / "none.csv")
-    assert paper.main([]) == 0
-    assert "nothing was measured" in capsys.readouterr().err
