@@ -6,11 +6,12 @@ Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from camssf.basis import NODES, Basis, fold, interpolate
+from camssf.basis import NODES, Basis, fold, interpolate, steady_exp
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
 CHART_CORRELATION = 100.0
@@ -80,7 +81,13 @@ def smooth_errors(length: float, at: Floats = NODES) -> Floats:
     step = length / 2.0
     points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
     weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    return np.asarray(weight * np.exp(-(((at[:, None] - points) / length) ** 2)))
+    return np.asarray(weight * steady_exp(-(((at[:, None] - points) / length) ** 2)))
+
+
+@cache
+def _on_nodes(length: float) -> Floats:
+    """`smooth_errors`, once a process; nobody writes to it."""
+    return smooth_errors(length)
 
 
 def sense(
@@ -296,7 +303,7 @@ def _rows(scene: _Scene, point: _Point, c: int) -> _Rows:
 
     # A smooth error times s₀ is a curve like any other: known on the nodes, straight between them.
     chart_curves, lamp_curves, table_curves = (
-        smooth_errors(length) * curve[:, None] for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+        _on_nodes(length) * curve[:, None] for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
     floor = np.broadcast_to((light @ table_curves)[:, None], (k, n, table_curves.shape[1]))
     chart = np.concatenate([RELATIVE * (seen @ chart_curves), ABSOLUTE * floor, edge @ table_curves], axis=2)
