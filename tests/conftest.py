@@ -20,6 +20,7 @@ NUMERICAL = {
     "test_basis",
     "test_direct",
     "test_engine",
+    "test_evidence",
     "test_families",
     "test_golden",
     "test_onnx",

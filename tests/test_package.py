@@ -95,6 +95,7 @@ def test_public_names() -> None:
     assert camssf.__all__ == [
         "Calibration",
         "CalibrationError",
+        "Evidence",
         "Options",
         "calibrate",
         "find_chart",
@@ -340,6 +341,23 @@ CHART_OF_0_1 = (
     "WORTH", "ChartLayout", "Pose", "agreement", "block_corners", "find_chart", "map_points", "patch_corners",
     "plain_signals", "refine_corners",
 )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "also"),
+    [
+        ("ssf", ("LARGEST_GAP", "ENGINES", "SMALLEST_GAMMA", "L2", "explain", "predict")),
+        ("sensing", ("CHART_CORRELATION", "LAMP_CORRELATION", "INDEPENDENT_SHARE", "smooth_errors", "sense")),
+        ("unrolled", ("GOLDEN", "RELAXATION", "PIVOT_FLOOR", "RIDGE", "DEPTH", "solve", "whiten")),
+        ("calibrate", ("compare", "calibrate", "solve", "Calibration", "WHITE_TOLERANCE", "FOLDS")),
+    ],
+)
+def test_a_former_module_that_was_divided_has_all_its_names(name: str, also: tuple[str, ...]) -> None:
+    fresh(
+        f"import warnings; warnings.simplefilter('ignore'); from camssf.{name} import {', '.join(also)}\n"
+        f"import camssf.{name}\ntry: camssf.{name}.nothing\nexcept AttributeError as e: assert 'camssf.' in str(e)\n"
+        "else: raise SystemExit(1)"
+    )
 
 
 MOSAIC_OF_0_1 = (

@@ -12,6 +12,7 @@ from camssf._former import install
 
 if TYPE_CHECKING:
     from camssf.calibration import calibrate as calibrate
+    from camssf.curves.evidence import Evidence as Evidence
     from camssf.curves.ssf import recover as recover
     from camssf.documents.result import Calibration as Calibration
     from camssf.errors import CalibrationError as CalibrationError
@@ -34,12 +35,14 @@ _HOME = {
     "validate": "camssf.evidence.scores",
     "Calibration": "camssf.documents.result",
     "CalibrationError": "camssf.errors",
+    "Evidence": "camssf.curves.evidence",
     "Options": "camssf.options",
 }
 
 __all__ = [
     "Calibration",
     "CalibrationError",
+    "Evidence",
     "Options",
     "calibrate",
     "find_chart",

@@ -44,6 +44,14 @@ FORMER = {
     "verdict": "evidence.verdict",
 }
 """Former name → where it stands now, both below `camssf`."""
+ALSO = {
+    "calibrate": ("documents.result", "evidence.problem", "evidence.unseen"),
+    "capture": ("documents.patches", "documents.result", "documents.previews"),
+    "sensing": ("curves.covariance",),
+    "ssf": ("curves.ssf", "curves.penalties"),
+    "unrolled": ("curves.layers", "curves.finish", "curves.problem"),
+}
+"""Former names whose contents stand in several files now: where the rest is."""
 
 
 VERBS = ("calibrate", "validate")
@@ -79,10 +87,13 @@ class _Loader(InspectLoader):
         module = import_module(self.now)
         self.spec = module.__spec__
         verb = spec.name.rpartition(".")[2]
-        return _Verb(spec.name, module, verb) if verb in VERBS else module
+        if verb in VERBS or verb in ALSO:
+            also = [import_module(f"camssf.{name}") for name in ALSO.get(verb, ())]
+            return (_Verb if verb in VERBS else _Parted)(spec.name, (module, *also))
+        return module
 
     def exec_module(self, module: ModuleType) -> None:
-        if not isinstance(module, _Verb):
+        if not isinstance(module, _Parted):
             module.__spec__ = self.spec
 
     def get_code(self, fullname: str) -> CodeType | None:
@@ -98,18 +109,25 @@ class _Loader(InspectLoader):
         return spec.loader.get_source(self.now)
 
 
-class _Verb(ModuleType):
-    """A former module that Python puts in the place of the verb of the same name, and that still is that verb."""
+class _Parted(ModuleType):
+    """A former module whose contents stand in several files now."""
 
-    def __init__(self, name: str, now: ModuleType, verb: str) -> None:
-        super().__init__(name, now.__doc__)
-        self._now, self._verb = now, verb
+    def __init__(self, name: str, now: tuple[ModuleType, ...]) -> None:
+        super().__init__(name, now[0].__doc__)
+        self._now = now
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._now, name)
+        for module in self._now:
+            if name in vars(module):
+                return vars(module)[name]
+        raise AttributeError(f"{self.__name__} has no {name!r} any more; see {self._now[0].__name__}")
+
+
+class _Verb(_Parted):
+    """A former module that Python puts in the place of the verb of the same name, and that still is that verb."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return getattr(self._now, self._verb)(*arguments, **named)
+        return getattr(self, self.__name__.rpartition(".")[2])(*arguments, **named)
 
 
 def install() -> None:

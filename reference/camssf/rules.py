@@ -83,8 +83,12 @@ class Rules:
     reasons: Mapping[str, Wording]
 
     def number(self, name: str) -> float:
-        """A number by group and word."""
-        return float(self.numbers[name].value)
+        """A number by group and word.
+
+        Raises:
+            InvalidArgument: the file lacks it.
+        """
+        return float(self._found(name).value)
 
     def whole(self, name: str) -> int:
         """A number that counts.
@@ -92,9 +96,13 @@ class Rules:
         Raises:
             InvalidArgument: it is no whole number.
         """
-        value = self.numbers[name].value
+        value = self._found(name).value
         _need(isinstance(value, int), f"{name} is {value}, which is no whole number")
         return int(value)
+
+    def _found(self, name: str) -> Number:
+        _need(name in self.numbers, f"{name} is missing")
+        return self.numbers[name]
 
 
 @cache

@@ -14,7 +14,10 @@ from camssf.grid import Floats
 
 
 def explain(
-    evidence: Evidence | ArrayLike, *former: ArrayLike, basis: str | Basis = "cameras", **named: ArrayLike | None
+    evidence: Evidence | ArrayLike | None = None,
+    *former: ArrayLike,
+    basis: str | Basis = "cameras",
+    **named: ArrayLike | None,
 ) -> dict[str, Floats]:
     """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
 

@@ -58,8 +58,7 @@ class Evidence:
 
     def __post_init__(self) -> None:
         m = WAVELENGTHS.size
-        y = array_of("signals", self.signals)
-        y = y[None] if y.ndim == 2 else y
+        y = _signals(self.signals, self.used)
         if y.ndim != 3 or y.shape[2] != 3 or 0 in y.shape:
             raise InvalidArgument(
                 f"The signals have shape {y.shape}; (k, n, 3) or (n, 3) is needed.",
@@ -78,18 +77,19 @@ class Evidence:
             raise InvalidArgument(
                 "The white reference reflects nothing under the lamp.", "Give its reflectance on the grid, 0 to 1."
             )
+        mask = _mask(self.used, (k, n))
         checked = {
             "signals": y,
-            "reflectance": array_of("reflectance", self.reflectance, (n, m)),
+            "reflectance": _reflectance(self.reflectance, (n, m)),
             "lamp": lamp,
             "standard_error": None if self.standard_error is None else _errors(self.standard_error, y),
-            "used": _mask(self.used, (k, n)),
+            "used": mask,
             "chart_tolerance": tolerance_of("chart_tolerance", self.chart_tolerance, n),
             "white_reflectance": rho,
             "white_tolerance": float(tolerance_of("white_tolerance", self.white_tolerance, 1)[0]),
             "lamp_tolerance": tolerance_of("lamp_tolerance", self.lamp_tolerance, k),
             "lamp_modes": _modes(self.lamp_modes, k),
-            "frames": None if self.frames is None else tuple(array_of("frames", f, y.shape) for f in self.frames),
+            "frames": None if self.frames is None else _frames(self.frames, y.shape),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -130,7 +130,7 @@ def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) 
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidArgument(
-            f"`{name}` is not an array of numbers: {error}.", "Give every shot the same patches and channels."
+            f"`{name}` is not an array of numbers: {error}.", "Give numbers; of several shots, the same patches each."
         ) from error
     if shape is not None and array.shape != shape:
         raise InvalidArgument(
@@ -156,27 +156,69 @@ def tolerance_of(name: str, value: ArrayLike, size: int) -> Floats:
     return np.broadcast_to(array.reshape(-1), size).copy()
 
 
+def _signals(value: ArrayLike, used: ArrayLike | None) -> Floats:
+    """(k, n, 3); what is not used may be NaN."""
+    try:
+        y, mask = np.asarray(value, dtype=np.float64), None if used is None else np.asarray(used)
+    except (TypeError, ValueError):
+        y, mask = array_of("signals", value), None  # says what is wrong
+    y = y[None] if y.ndim == 2 else y
+    if mask is not None and mask.dtype == np.bool_ and mask.shape in (y.shape[:2], y.shape[1:2]):
+        y = np.where(np.isnan(y) & ~np.broadcast_to(mask, y.shape[:2])[:, :, None], 0.0, y)
+    return array_of("signals", y)
+
+
+def _reflectance(value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """(n, m), 0 to 2: a fluorescent patch may give more than it gets."""
+    found = array_of("reflectance", value, shape)
+    if found.min() < -0.01 or found.max() > 2.0:
+        raise InvalidArgument(
+            f"`reflectance` reaches from {found.min():.3g} to {found.max():.3g}.", "Write 35 % as 0.35."
+        )
+    return found
+
+
+def _frames(value: Any, shape: tuple[int, ...]) -> tuple[Floats, ...]:
+    """Chart, white and dark, each (k, n, 3)."""
+    if not isinstance(value, tuple | list) or len(value) != 3:
+        raise InvalidArgument("`frames` is not chart, white and dark.", "Give three arrays like the signals.")
+    frames = tuple(array_of("frames", frame) for frame in value)
+    frames = tuple(frame[None] if frame.ndim == 2 else frame for frame in frames)
+    if any(frame.shape != shape for frame in frames):
+        raise InvalidArgument(
+            f"`frames` have shapes {[frame.shape for frame in frames]}, the signals {shape}.",
+            "Give each of the three the shape of the signals.",
+        )
+    return frames
+
+
 def _errors(value: ArrayLike, signals: Floats) -> Floats:
     error = array_of("standard_error", value)
-    if error.size != signals.size:
+    error = error[None] if error.ndim == 2 else error
+    if error.shape != signals.shape:
         raise InvalidArgument(
-            f"`standard_error` has {error.size} values, the signals {signals.size}.", "Give one for each signal."
+            f"`standard_error` has shape {error.shape}, the signals {signals.shape}.", "Give one for each signal."
         )
     if (error < 0).any():
         raise InvalidArgument("A standard error is negative.", "Give standard errors ≥ 0.")
-    return error.reshape(signals.shape)
+    return error
 
 
 def _mask(value: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
     if value is None:
         return None
-    mask = np.asarray(value)
+    try:
+        mask = np.asarray(value)
+    except ValueError as error:
+        raise InvalidArgument(f"`used` is no array: {error}.", "Give every shot the same patches.") from error
     mask = mask[None] if mask.ndim == 1 else mask
     if mask.dtype != np.bool_ or mask.shape != shape:
         raise InvalidArgument(
             f"`used` has shape {mask.shape} and type {mask.dtype}; {shape} of booleans is needed.",
             "Give True for each signal that enters the fit.",
         )
+    if not mask.any():
+        raise InvalidArgument("`used` leaves no signal at all.", "Mark at least one as True.")
     return mask
 
 
@@ -192,7 +234,9 @@ def _modes(value: ArrayLike, k: int) -> Floats:
     return modes
 
 
-def evidence_of(verb: str, given: Evidence | ArrayLike, former: Sequence[Any], named: Mapping[str, Any]) -> Evidence:
+def evidence_of(
+    verb: str, given: Evidence | ArrayLike | None, former: Sequence[Any], named: Mapping[str, Any]
+) -> Evidence:
     """What a verb was given, also in the form before `Evidence`: signals, reflectance, lamp and the rest by name."""
     if isinstance(given, Evidence):
         if former or named:
@@ -205,4 +249,5 @@ def evidence_of(verb: str, given: Evidence | ArrayLike, former: Sequence[Any], n
         DeprecationWarning,
         stacklevel=3,
     )
-    return Evidence(given, *former, **{name: value for name, value in named.items() if value is not None})  # type: ignore[arg-type]
+    known = {name: value for name, value in named.items() if value is not None}
+    return Evidence(*(() if given is None else (given, *former)), **known)

@@ -38,7 +38,9 @@ def penalties(
     elif basis.prior:
         sparsity = np.full(3, GAMMA)
     else:
-        noise = np.zeros_like(evidence.signals) if evidence.standard_error is None else evidence.errors(basis)
+        known = np.zeros_like(evidence.signals) if evidence.standard_error is None else evidence.standard_error
+        # A signal that may not be used leaves no residual, so it gives no noise to compare with.
+        noise = known if evidence.used is None else np.where(evidence.used[:, :, None], known, 0.0)
         sparsity = _discrepancy(sense(evidence, basis), noise, weight, nonnegative)
     if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
         raise InvalidArgument(

@@ -30,7 +30,7 @@ class Prediction:
 
 def predict(
     ssf: Ssf,
-    evidence: Evidence | ArrayLike,
+    evidence: Evidence | ArrayLike | None = None,
     *former: ArrayLike,
     of: ArrayLike | None = None,
     of_tolerance: ArrayLike = 0.0,

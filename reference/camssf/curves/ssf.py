@@ -60,7 +60,7 @@ class Ssf:
 
 
 def recover(
-    evidence: Evidence | ArrayLike,
+    evidence: Evidence | ArrayLike | None = None,
     *former: ArrayLike,
     basis: str | Basis = "cameras",
     l2: float | None = None,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camssf.curves.budget import explain
+from camssf.curves.covariance import CHART_CORRELATION, LAMP_CORRELATION
 from camssf.curves.ssf import Ssf
 from camssf.evidence.problem import Problem
 from camssf.evidence.scores import FAINTEST
@@ -28,9 +29,10 @@ def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] |
     lamps = problem.lamps
     sizes = {
         "noise": f"standard errors of the signals, median {noise:.2%}",
-        "chart": f"{np.median(capture.chart.tolerance):.1%} a patch, smooth over 100 nm, the same under every lamp",
-        "white": f"{white:.1%}, smooth over 100 nm",
-        "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + ", smooth over 60 nm",
+        "chart": f"{np.median(capture.chart.tolerance):.1%} a patch, smooth over {CHART_CORRELATION:g} nm, "
+        "the same under every lamp",
+        "white": f"{white:.1%}, smooth over {CHART_CORRELATION:g} nm",
+        "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + f", smooth over {LAMP_CORRELATION:g} nm",
         "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
         "unseen": "what the prior leaves open and no patch has seen",
     }
