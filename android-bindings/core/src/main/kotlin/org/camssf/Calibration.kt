@@ -1,5 +1,14 @@
 package org.camssf
 
+import org.camssf.curves.Ssf
+import org.camssf.documents.ResultJson
+import org.camssf.evidence.Scores
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Assumption
+import org.camssf.photo.Begun
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.Signals
+
 /**
  * How to solve; null takes the default.
  *

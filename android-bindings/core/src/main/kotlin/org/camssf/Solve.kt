@@ -1,5 +1,29 @@
 package org.camssf
 
+import org.camssf.curves.Engine
+import org.camssf.curves.Evidence
+import org.camssf.curves.Frames
+import org.camssf.curves.OnnxEngine
+import org.camssf.curves.Penalties
+import org.camssf.curves.Recover
+import org.camssf.curves.Ssf
+import org.camssf.curves.Tensor
+import org.camssf.evidence.Case
+import org.camssf.evidence.Foretold
+import org.camssf.evidence.Judge
+import org.camssf.evidence.Rival
+import org.camssf.evidence.Scores
+import org.camssf.evidence.Told
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Assumption
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Signals
+import org.camssf.photo.Tell
+import org.camssf.spectra.Lamp
+import org.camssf.spectra.flatten
+
 /** Everything one calibration found; `unseen` (k, n, 3) is NaN where every fit had seen the patch. */
 internal class Solution(
     val capture: MeasuredCapture,

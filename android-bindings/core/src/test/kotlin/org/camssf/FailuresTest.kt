@@ -1,5 +1,16 @@
 package org.camssf
 
+import org.camssf.curves.ModelInputs
+import org.camssf.curves.OnnxEngine
+import org.camssf.curves.Tensor
+import org.camssf.photo.Capture
+import org.camssf.photo.Frame
+import org.camssf.photo.Region
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertSame

@@ -7,6 +7,16 @@ import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.documents.ResultJson
+import org.camssf.photo.Capture
+import org.camssf.photo.Frame
+import org.camssf.photo.ChartPose
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull

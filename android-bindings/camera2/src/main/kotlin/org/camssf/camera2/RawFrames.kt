@@ -13,13 +13,13 @@ import android.hardware.camera2.params.LensShadingMap
 import android.hardware.camera2.params.RggbChannelVector
 import android.media.Image
 import android.os.Build
-import org.camssf.GainMap
 import org.camssf.InvalidArgument
-import org.camssf.Mosaic
-import org.camssf.Neutral
 import org.camssf.NotSensorRaw
-import org.camssf.Region
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.GainMap
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Neutral
+import org.camssf.photo.Region
 import java.nio.ByteOrder
 
 /**

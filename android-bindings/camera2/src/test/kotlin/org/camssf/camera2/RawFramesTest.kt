@@ -14,11 +14,11 @@ import android.util.Range
 import android.util.Rational
 import android.util.Size
 import org.camssf.CalibrationException
-import org.camssf.DngReader
-import org.camssf.DngSource
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
 import org.junit.Assert.assertNull
@@ -26,8 +26,8 @@ import org.junit.Assert.assertThrows
 import org.junit.Assert.assertTrue
 import org.junit.Test
 import org.junit.runner.RunWith
-import org.mockito.Mockito.mock
 import org.mockito.Mockito.`when`
+import org.mockito.Mockito.mock
 import org.robolectric.RobolectricTestRunner
 import org.robolectric.annotation.Config
 import org.robolectric.shadow.api.Shadow

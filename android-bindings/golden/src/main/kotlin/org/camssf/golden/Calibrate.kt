@@ -1,15 +1,15 @@
 package org.camssf.golden
 
 import org.camssf.CalibrationException
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.Frame
-import org.camssf.Lamp
-import org.camssf.LensShading
 import org.camssf.Refused
 import org.camssf.Settings
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
+import org.camssf.photo.Capture
+import org.camssf.photo.Frame
+import org.camssf.photo.LensShading
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.Closeable
 import java.io.File
 import kotlin.system.exitProcess

@@ -5,17 +5,17 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.ChartPose
-import org.camssf.ChartTable
-import org.camssf.DngReader
-import org.camssf.DngSource
-import org.camssf.FrameMeans
-import org.camssf.GainMap
-import org.camssf.LensShading
-import org.camssf.Mosaic
-import org.camssf.PatchMeans
-import org.camssf.Region
-import org.camssf.Tensor
+import org.camssf.curves.Tensor
+import org.camssf.photo.ChartPose
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.GainMap
+import org.camssf.photo.LensShading
+import org.camssf.photo.Mosaic
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Region
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
 import java.security.MessageDigest
 
 /** The stages that begin with a DNG of golden/dng. */

@@ -1,12 +1,12 @@
 package org.camssf.packaging
 
 import kotlinx.coroutines.runBlocking
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.Frame
-import org.camssf.Lamp
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
+import org.camssf.photo.Capture
+import org.camssf.photo.Frame
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.File
 
 /** An app's coroutine, for the shrunk jar: `DNG x,y,x,y,x,y,x,y OUTPUT`. */

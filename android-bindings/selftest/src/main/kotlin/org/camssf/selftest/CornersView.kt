@@ -7,7 +7,8 @@ import android.graphics.Color
 import android.graphics.Paint
 import android.view.MotionEvent
 import android.view.View
-import org.camssf.Mosaic
+import org.camssf.photo.Mosaic
+import org.camssf.spectra.flatten
 
 /** A grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
 internal class CornersView(context: Context) : View(context) {

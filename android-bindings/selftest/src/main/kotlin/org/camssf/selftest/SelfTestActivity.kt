@@ -14,18 +14,18 @@ import android.widget.TextView
 import org.camssf.Calibrated
 import org.camssf.Calibration
 import org.camssf.CalibrationException
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.DngReader
-import org.camssf.Frame
-import org.camssf.Lamp
 import org.camssf.Refused
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
 import org.camssf.camera2.Photos
 import org.camssf.golden.GoldenFiles
 import org.camssf.golden.GoldenRunner
 import org.camssf.golden.Outcome
+import org.camssf.photo.Capture
+import org.camssf.photo.Frame
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.IOException
 import java.util.concurrent.Executors
 

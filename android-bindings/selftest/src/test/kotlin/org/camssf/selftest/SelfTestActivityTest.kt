@@ -9,10 +9,10 @@ import android.view.View
 import android.view.ViewGroup
 import android.widget.Button
 import android.widget.TextView
-import org.camssf.Mosaic
-import org.camssf.Region
 import org.camssf.golden.GoldenFiles
 import org.camssf.golden.GoldenRunner
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Region
 import org.json.JSONObject
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
