@@ -1,7 +1,7 @@
 package org.camssf.evidence
 
 import org.camssf.InvalidArgument
-import org.camssf.photo.LeastSquares
+import org.camssf.LeastSquares
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -12,17 +12,19 @@ import kotlin.math.sqrt
  *
  * Neither score notices a wrong lamp, which is on both of its sides.
  *
- * @property rmsrePercent (3) root mean square relative error of the signals (the paper's Eq. 13), %.
  * @property deltaE00 mean CIEDE2000 between measured and synthetic patch colours.
  * @property unseen how the unseen patches were chosen, in words.
  */
 public class Scores internal constructor(
-    public val rmsrePercent: DoubleArray,
+    internal val sharedRmsre: DoubleArray,
     public val deltaE00: Double,
     public val unseen: String,
     internal val measuredSrgb: DoubleArray,
     internal val syntheticSrgb: DoubleArray,
 ) {
+    /** (3) root mean square relative error of the signals (the paper's Eq. 13), %; a copy at each call. */
+    public val rmsrePercent: DoubleArray get() = sharedRmsre.copyOf()
+
     internal companion object {
         /** A signal below this share of the white has no relative error: no sensor measures it. */
         private const val FAINTEST = 1e-6
@@ -45,8 +47,8 @@ public class Scores internal constructor(
             val synthetic = DoubleArray(predicted.size)
             val differences = ArrayList<Double>()
             for ((j, lamp) in lamps.withIndex()) {
-                val matrix = matrix(signals, j, Colour.xyz(table.values, lamp.values))
-                val white = Colour.white(lamp.values)
+                val matrix = matrix(signals, j, Colour.xyz(table.sharedValues, lamp.sharedValues))
+                val white = Colour.white(lamp.sharedValues)
                 fun seen(values: DoubleArray): DoubleArray = Colour.adapted(
                     DoubleArray(3 * n) { at ->
                         val i = 3 * j * n + at - at % 3
@@ -54,7 +56,7 @@ public class Scores internal constructor(
                     },
                     white,
                 )
-                val ours = seen(signals.values)
+                val ours = seen(signals.sharedValues)
                 val theirs = seen(predicted)
                 Colour.srgb(ours).copyInto(measured, 3 * j * n)
                 Colour.srgb(theirs).copyInto(synthetic, 3 * j * n)
@@ -65,7 +67,7 @@ public class Scores internal constructor(
                     differences += Colour.difference(a.copyOfRange(3 * i, 3 * i + 3), b.copyOfRange(3 * i, 3 * i + 3))
                 }
             }
-            val rmsre = rmsre(signals.values, predicted, counts)
+            val rmsre = rmsre(signals.sharedValues, predicted, counts)
             return Scores(rmsre, differences.average(), how, measured, synthetic)
         }
 
@@ -88,9 +90,11 @@ public class Scores internal constructor(
         /** The 3 × 3 matrix that takes a shot's signals to XYZ (n, 3), by least squares over its used patches. */
         private fun matrix(signals: Signals, shot: Int, target: DoubleArray): Array<DoubleArray> {
             val n = signals.patches
-            val used = (0 until n).filter { signals.used[shot * n + it] }
+            val used = (0 until n).filter { signals.sharedUsed[shot * n + it] }
             val fit = if (used.size >= 3) used else (0 until n).toList()
-            val rows = fit.map { i -> DoubleArray(3) { signals.values[3 * (shot * n + i) + it] } }.toTypedArray()
+            val rows = fit.map { i ->
+                DoubleArray(3) { signals.sharedValues[3 * (shot * n + i) + it] }
+            }.toTypedArray()
             val columns = List(3) { c -> LeastSquares.solve(rows, DoubleArray(fit.size) { target[3 * fit[it] + c] }) }
             // Signals that are multiples of each other name no colours: grey, then.
             return Array(3) { a -> DoubleArray(3) { c -> columns[c]?.get(a) ?: 1.0 / 3 } }

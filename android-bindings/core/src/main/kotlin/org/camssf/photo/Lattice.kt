@@ -1,8 +1,9 @@
 package org.camssf.photo
 
+import org.camssf.LeastSquares
+import org.camssf.flatten
 import org.camssf.median
 import org.camssf.spectra.ChartLayout
-import org.camssf.spectra.flatten
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.min

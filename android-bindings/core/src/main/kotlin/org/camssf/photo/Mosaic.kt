@@ -1,86 +1,242 @@
 package org.camssf.photo
 
 import org.camssf.InvalidArgument
+import org.camssf.frozen
 
 /**
- * A rectangle of samples; `right` and `bottom` are exclusive.
+ * One RAW photo, neither demosaiced nor white-balanced. Pose and pixel positions refer to the active area.
  *
- * @property left first column.
- * @property top first row.
- * @property right one behind the last column.
- * @property bottom one behind the last row.
- */
-public data class Region(
-    public val left: Int,
-    public val top: Int,
-    public val right: Int,
-    public val bottom: Int,
-) {
-    /** Columns. */
-    public val width: Int get() = right - left
-
-    /** Rows. */
-    public val height: Int get() = bottom - top
-
-    /** Whether the sample lies inside. */
-    public fun contains(x: Int, y: Int): Boolean = x in left until right && y in top until bottom
-}
-
-/**
- * One RAW photo, neither demosaiced nor white-balanced. Immutable by convention: do not write into its arrays.
+ * Its small arrays are copied in and out, so that nobody changes them. The samples are not, since they are large (24 MB
+ * for 12 megapixels): who makes a mosaic hands them over and must not write into them afterwards. Safe to pass between
+ * threads.
  *
- * @property name of the file, for messages and results; no path.
- * @property width columns of the active area; pose and pixel positions refer to the active area.
+ * @property origin of the photo: file, camera, exposure.
+ * @property width columns of the active area.
  * @property height rows of the active area.
  * @property region the part of the active area whose samples are here: all of it unless a part was asked for.
  * @property samples (region.height, region.width) unsigned 16-bit DN, row-major, after the file's LinearizationTable,
- *   before black subtraction; see [get].
- * @property cfa colours of the 2 × 2 cell at the active area's corner: RGGB, GRBG, GBRG or BGGR.
- * @property black (2, 2) row-major black level of each position of that cell, DN.
- * @property white the white level (saturation), DN.
- * @property make of the camera, "" where unknown.
- * @property model of the camera, "" where unknown.
- * @property exposure seconds, null where unknown.
- * @property iso sensitivity, null where unknown.
- * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
- * @property gainMaps lens-shading maps of the file, not applied to the samples.
- * @property badPixels lists of bad samples, not repaired.
- * @property unknownOpcodes numbers of the file's other operations that it does not call optional; none is applied.
- * @property colorMatrix1 (3, 3) row-major XYZ to camera, or null.
- * @property colorMatrix2 (3, 3) row-major XYZ to camera, or null.
- * @property asShotNeutral (3) the camera's white, or null.
- * @property asShotWhiteXY (2) the same as chromaticity x, y, or null.
- * @property noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null.
- * @property maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area).
- * @property sha256 of the file, lower-case hex; "" where there was no file.
- * @property neutrals the camera's white under the light that each colour matrix was made for.
+ *   before black subtraction; see [get]. The mosaic's own array, not a copy: do not write into it.
+ * @property sensor colour filters and levels.
+ * @property corrections that the file describes; none is applied to the samples.
+ * @property colours what the file says of the camera's colours.
+ * @throws InvalidArgument sizes that do not fit, other colour filters than Bayer's, levels that are no numbers.
  */
 public class Mosaic(
-    public val name: String,
+    public val origin: Origin,
     public val width: Int,
     public val height: Int,
     public val region: Region,
     public val samples: ShortArray,
-    public val cfa: String,
-    public val black: DoubleArray,
-    public val white: Double,
-    public val make: String = "",
-    public val model: String = "",
-    public val exposure: Double? = null,
-    public val iso: Double? = null,
-    public val orientation: Int = 1,
-    public val gainMaps: List<GainMap> = emptyList(),
-    public val badPixels: List<BadPixels> = emptyList(),
-    public val unknownOpcodes: List<Int> = emptyList(),
-    public val colorMatrix1: DoubleArray? = null,
-    public val colorMatrix2: DoubleArray? = null,
-    public val asShotNeutral: DoubleArray? = null,
-    public val asShotWhiteXY: DoubleArray? = null,
-    public val noiseProfile: DoubleArray? = null,
-    public val maskedAreas: List<Region> = emptyList(),
-    public val sha256: String = "",
-    public val neutrals: List<Neutral> = emptyList(),
+    public val sensor: Sensor,
+    public val corrections: Corrections = Corrections(),
+    public val colours: Colours = Colours(),
 ) {
+    /**
+     * Where a photo came from and how it was taken.
+     *
+     * @property name of the file, for messages and results; no path.
+     * @property make of the camera, "" where unknown.
+     * @property model of the camera, "" where unknown.
+     * @property exposure seconds, null where unknown.
+     * @property iso sensitivity, null where unknown.
+     * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
+     * @property sha256 of the file, lower-case hex; "" where there was no file.
+     */
+    public class Origin @JvmOverloads constructor(
+        public val name: String,
+        public val make: String = "",
+        public val model: String = "",
+        public val exposure: Double? = null,
+        public val iso: Double? = null,
+        public val orientation: Int = 1,
+        public val sha256: String = "",
+    )
+
+    /**
+     * What the samples mean.
+     *
+     * @property cfa colours of the 2 × 2 cell at the active area's corner: RGGB, GRBG, GBRG or BGGR.
+     * @param black (2, 2) row-major black level of each position of that cell, DN; copied.
+     * @property white the white level (saturation), DN.
+     * @param noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null; copied.
+     * @param maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area); copied.
+     */
+    public class Sensor @JvmOverloads constructor(
+        public val cfa: String,
+        black: DoubleArray,
+        public val white: Double,
+        noiseProfile: DoubleArray? = null,
+        maskedAreas: List<Region> = emptyList(),
+    ) {
+        internal val sharedBlack: DoubleArray = black.copyOf()
+        private val ownProfile = noiseProfile?.copyOf()
+
+        /** (2, 2) row-major black level of each position of the cell, DN; a copy at each call. */
+        public val black: DoubleArray get() = sharedBlack.copyOf()
+
+        /** Pairs (S, O), or null; a copy at each call. */
+        public val noiseProfile: DoubleArray? get() = ownProfile?.copyOf()
+
+        /** Shielded parts of the sensor, in samples of the stored picture. */
+        public val maskedAreas: List<Region> = maskedAreas.frozen()
+    }
+
+    /**
+     * What the file would have done to the samples; nothing of it was.
+     *
+     * @param gainMaps lens-shading maps; copied.
+     * @param badPixels lists of bad samples, not repaired; copied.
+     * @param unknownOpcodes numbers of the file's other operations that it does not call optional; copied.
+     */
+    public class Corrections @JvmOverloads constructor(
+        gainMaps: List<GainMap> = emptyList(),
+        badPixels: List<BadPixels> = emptyList(),
+        unknownOpcodes: List<Int> = emptyList(),
+    ) {
+        /** Lens-shading maps of the file. */
+        public val gainMaps: List<GainMap> = gainMaps.frozen()
+
+        /** Lists of bad samples. */
+        public val badPixels: List<BadPixels> = badPixels.frozen()
+
+        /** Numbers of other operations that the file does not call optional. */
+        public val unknownOpcodes: List<Int> = unknownOpcodes.frozen()
+    }
+
+    /**
+     * What the file says of the camera's colours; arrays are copied.
+     *
+     * @param colorMatrix1 (3, 3) row-major XYZ to camera, or null.
+     * @param colorMatrix2 (3, 3) row-major XYZ to camera, or null.
+     * @param asShotNeutral (3) the camera's white, or null.
+     * @param asShotWhiteXY (2) the same as chromaticity x, y, or null.
+     * @param neutrals the camera's white under the light that each colour matrix was made for.
+     */
+    public class Colours @JvmOverloads constructor(
+        colorMatrix1: DoubleArray? = null,
+        colorMatrix2: DoubleArray? = null,
+        asShotNeutral: DoubleArray? = null,
+        asShotWhiteXY: DoubleArray? = null,
+        neutrals: List<Neutral> = emptyList(),
+    ) {
+        private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
+        private val ownNeutral = asShotNeutral?.copyOf()
+        private val ownWhite = asShotWhiteXY?.copyOf()
+
+        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
+        public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
+
+        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
+        public val colorMatrix2: DoubleArray? get() = ownMatrices[1]?.copyOf()
+
+        /** (3) the camera's white, or null; a copy at each call. */
+        public val asShotNeutral: DoubleArray? get() = ownNeutral?.copyOf()
+
+        /** (2) the same as chromaticity x, y, or null; a copy at each call. */
+        public val asShotWhiteXY: DoubleArray? get() = ownWhite?.copyOf()
+
+        /** The camera's white under the light that each colour matrix was made for. */
+        public val neutrals: List<Neutral> = neutrals.frozen()
+    }
+
+    /** All of it in one list. */
+    @Deprecated("Its parts are types: Mosaic.Origin, Mosaic.Sensor. Goes with the next release.")
+    public constructor(
+        name: String,
+        width: Int,
+        height: Int,
+        region: Region,
+        samples: ShortArray,
+        cfa: String,
+        black: DoubleArray,
+        white: Double,
+        make: String = "",
+        model: String = "",
+        exposure: Double? = null,
+        iso: Double? = null,
+        orientation: Int = 1,
+        gainMaps: List<GainMap> = emptyList(),
+        badPixels: List<BadPixels> = emptyList(),
+        unknownOpcodes: List<Int> = emptyList(),
+        colorMatrix1: DoubleArray? = null,
+        colorMatrix2: DoubleArray? = null,
+        asShotNeutral: DoubleArray? = null,
+        asShotWhiteXY: DoubleArray? = null,
+        noiseProfile: DoubleArray? = null,
+        maskedAreas: List<Region> = emptyList(),
+        sha256: String = "",
+        neutrals: List<Neutral> = emptyList(),
+    ) : this(
+        Origin(name, make, model, exposure, iso, orientation, sha256),
+        width,
+        height,
+        region,
+        samples,
+        Sensor(cfa, black, white, noiseProfile, maskedAreas),
+        Corrections(gainMaps, badPixels, unknownOpcodes),
+        Colours(colorMatrix1, colorMatrix2, asShotNeutral, asShotWhiteXY, neutrals),
+    )
+
+    /** See [Origin]. */
+    public val name: String get() = origin.name
+
+    /** See [Origin]. */
+    public val make: String get() = origin.make
+
+    /** See [Origin]. */
+    public val model: String get() = origin.model
+
+    /** See [Origin]. */
+    public val exposure: Double? get() = origin.exposure
+
+    /** See [Origin]. */
+    public val iso: Double? get() = origin.iso
+
+    /** See [Origin]. */
+    public val orientation: Int get() = origin.orientation
+
+    /** See [Origin]. */
+    public val sha256: String get() = origin.sha256
+
+    /** See [Sensor]. */
+    public val cfa: String get() = sensor.cfa
+
+    /** See [Sensor]; a copy at each call. */
+    public val black: DoubleArray get() = sensor.black
+
+    /** See [Sensor]. */
+    public val white: Double get() = sensor.white
+
+    /** See [Sensor]; a copy at each call. */
+    public val noiseProfile: DoubleArray? get() = sensor.noiseProfile
+
+    /** See [Sensor]. */
+    public val maskedAreas: List<Region> get() = sensor.maskedAreas
+
+    /** See [Corrections]. */
+    public val gainMaps: List<GainMap> get() = corrections.gainMaps
+
+    /** See [Corrections]. */
+    public val badPixels: List<BadPixels> get() = corrections.badPixels
+
+    /** See [Corrections]. */
+    public val unknownOpcodes: List<Int> get() = corrections.unknownOpcodes
+
+    /** See [Colours]; a copy at each call. */
+    public val colorMatrix1: DoubleArray? get() = colours.colorMatrix1
+
+    /** See [Colours]; a copy at each call. */
+    public val colorMatrix2: DoubleArray? get() = colours.colorMatrix2
+
+    /** See [Colours]; a copy at each call. */
+    public val asShotNeutral: DoubleArray? get() = colours.asShotNeutral
+
+    /** See [Colours]; a copy at each call. */
+    public val asShotWhiteXY: DoubleArray? get() = colours.asShotWhiteXY
+
+    /** See [Colours]. */
+    public val neutrals: List<Neutral> get() = colours.neutrals
+
     init {
         val whole = region.left >= 0 && region.top >= 0 && region.right <= width && region.bottom <= height
         if (!whole || region.width < 1 || region.height < 1) {
@@ -89,15 +245,15 @@ public class Mosaic(
         if (samples.size.toLong() != region.width.toLong() * region.height) {
             throw InvalidArgument("$name: ${samples.size} samples for $region.", "Give one sample for each place.")
         }
-        if (cfa !in CFA_ORDERS || black.size != 4) {
+        if (sensor.cfa !in CFA_ORDERS || sensor.sharedBlack.size != 4) {
             throw InvalidArgument(
-                "$name: colour filters $cfa and ${black.size} black levels.",
+                "$name: colour filters ${sensor.cfa} and ${sensor.sharedBlack.size} black levels.",
                 "Give one of the orders ${CFA_ORDERS.joinToString()} and four black levels.",
             )
         }
-        if (!(white > 0 && white.isFinite()) || !black.all { it.isFinite() }) {
+        if (!(white > 0 && white.isFinite()) || !sensor.sharedBlack.all { it.isFinite() }) {
             throw InvalidArgument(
-                "$name: a white level of $white over black levels of ${black.joinToString()}.",
+                "$name: a white level of $white over black levels of ${sensor.sharedBlack.joinToString()}.",
                 "Give them in DN, as the sensor's characteristics or the file have them.",
             )
         }
@@ -127,105 +283,3 @@ public class Mosaic(
         public val CFA_ORDERS: List<String> = listOf("RGGB", "GRBG", "GBRG", "BGGR")
     }
 }
-
-/**
- * The camera's white under a light, as the file's colour matrix tells it.
- *
- * @property illuminant the light, an Exif LightSource code: 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
- * @property white (3) R, G, B, green 1.
- */
-public class Neutral(public val illuminant: Int, public val white: DoubleArray) {
-    public companion object {
-        /** CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15). */
-        private val WHITE_POINTS = mapOf(
-            17 to doubleArrayOf(0.44758, 0.40745),
-            18 to doubleArrayOf(0.34842, 0.35161),
-            19 to doubleArrayOf(0.31006, 0.31616),
-            20 to doubleArrayOf(0.33243, 0.34744),
-            21 to doubleArrayOf(0.31272, 0.32903),
-            22 to doubleArrayOf(0.29903, 0.31488),
-            23 to doubleArrayOf(0.34567, 0.35851),
-        )
-
-        /**
-         * Camera white = gains · calibration · colour matrix · XYZ of the light (DNG 1.7, chapter 6); null for another
-         * light than those above, or where a colour is lost.
-         *
-         * @param matrix (3, 3) row-major XYZ to camera.
-         * @param calibration (3, 3) row-major of the single camera, null for the identity.
-         * @param gains (3) analogue gains.
-         */
-        @JvmStatic
-        @JvmOverloads
-        public fun of(
-            illuminant: Int,
-            matrix: DoubleArray,
-            calibration: DoubleArray? = null,
-            gains: DoubleArray = doubleArrayOf(1.0, 1.0, 1.0),
-        ): Neutral? {
-            val (x, y) = WHITE_POINTS[illuminant] ?: return null
-            val plain = times(matrix, doubleArrayOf(x / y, 1.0, (1.0 - x - y) / y))
-            val seen = if (calibration == null) plain else times(calibration, plain)
-            val white = DoubleArray(3) { gains[it] * seen[it] }
-            val sound = white.all { !it.isNaN() && !it.isInfinite() } && white.min() > 1e-3 * white.max()
-            return if (sound) Neutral(illuminant, DoubleArray(3) { white[it] / white[1] }) else null
-        }
-
-        private fun times(matrix: DoubleArray, vector: DoubleArray): DoubleArray =
-            DoubleArray(3) { row -> (0..2).sumOf { matrix[3 * row + it] * vector[it] } }
-    }
-}
-
-/**
- * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.
- *
- * It applies to the samples (y, x) with `y = top, top + rowPitch, ... < bottom` and
- * `x = left, left + columnPitch, ... < right`, after black subtraction, the gain interpolated between the points.
- *
- * @property list the opcode list that holds it: 1 acts before linearisation, on the stored picture; 2 on the mosaic's
- *   active area; 3 on the demosaiced picture.
- * @property area the samples it applies to.
- * @property plane first plane; a mosaic has plane 0, list 3 has R, G, B.
- * @property planes number of planes.
- * @property rowPitch step between rows.
- * @property columnPitch step between columns.
- * @property pointsV rows of the grid.
- * @property pointsH columns of the grid.
- * @property spacingV distance of the grid's rows, in parts of the picture's height.
- * @property spacingH distance of the grid's columns, in parts of the picture's width.
- * @property originV place of the first row, in parts of the picture's height.
- * @property originH place of the first column, in parts of the picture's width.
- * @property mapPlanes gains a point; plane i has the entry min(i, mapPlanes - 1).
- * @property gains (pointsV, pointsH, mapPlanes) row-major.
- */
-public class GainMap(
-    public val list: Int,
-    public val area: Region,
-    public val plane: Int,
-    public val planes: Int,
-    public val rowPitch: Int,
-    public val columnPitch: Int,
-    public val pointsV: Int,
-    public val pointsH: Int,
-    public val spacingV: Double,
-    public val spacingH: Double,
-    public val originV: Double,
-    public val originH: Double,
-    public val mapPlanes: Int,
-    public val gains: FloatArray,
-)
-
-/**
- * Samples that the file calls bad (DNG opcodes 4 and 5).
- *
- * @property list the opcode list that holds it: 1 refers to the stored picture, 2 to the active area.
- * @property constant opcode 4: every sample of just this value is bad; null for a list of places.
- * @property points opcode 5: (n, 2) row and column of single samples, else empty.
- * @property areas opcode 5: rectangles.
- */
-public class BadPixels(
-    public val list: Int,
-    public val constant: Int?,
-    public val points: IntArray,
-    public val areas: List<Region>,
-)

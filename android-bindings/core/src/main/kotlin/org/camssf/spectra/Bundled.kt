@@ -11,6 +11,7 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.flatten
 import org.camssf.mean
 import org.camssf.model.Models
 import org.camssf.short
@@ -166,16 +167,6 @@ internal object Bundled {
     }
 
     private const val DIMMEST = 1e-3
-}
-
-internal fun List<DoubleArray>.flatten(): DoubleArray {
-    val all = DoubleArray(sumOf { it.size })
-    var at = 0
-    for (each in this) {
-        each.copyInto(all, at)
-        at += each.size
-    }
-    return all
 }
 
 internal fun JsonObject.part(name: String): JsonObject = getValue(name).jsonObject

@@ -3,43 +3,17 @@ package org.camssf.spectra
 import org.camssf.ChartUnfit
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.flatten
+import org.camssf.frozen
 import org.camssf.short
 import kotlin.math.sqrt
 
 /**
- * The printed geometry of a chart, in units of its patch pitch (centre to centre).
- *
- * @property name for example "classic24".
- * @property columns of patches; patch i lies at column i % columns, row i / columns.
- * @property rows of patches.
- * @property sideX edge of a patch along x in pitches; the rest is the gap.
- * @property sideY edge along y.
- */
-public class ChartLayout internal constructor(
-    public val name: String,
-    public val columns: Int,
-    public val rows: Int,
-    public val sideX: Double,
-    public val sideY: Double,
-) {
-    public companion object {
-        /** The charts that camssf knows. */
-        @JvmStatic
-        public fun all(): List<ChartLayout> = Bundled.layouts()
-
-        internal fun of(name: String): ChartLayout? = Bundled.layouts().firstOrNull { it.name == name }
-    }
-}
-
-/**
- * The measured reflectances of a chart.
+ * The measured reflectances of a chart. Safe to pass between threads.
  *
  * @property name of the chart as asked for, for example "classic24".
  * @property table name of the table, for example "BabelColor Average".
  * @property layout name of the [ChartLayout] it is printed in.
- * @property patches (n) names in reading order from the chart's top left.
- * @property values (n, 681) reflectance on [Grid], row-major, 0 to 1; do not write into it.
- * @property tolerance (n) one standard deviation of the table's relative error for a chart somebody owns, 1.
  * @property white index of the white patch.
  * @property source in words for the report.
  * @property file name and SHA-256 of the file it came from, or null.
@@ -48,14 +22,24 @@ public class ChartTable internal constructor(
     public val name: String,
     public val table: String,
     public val layout: String,
-    public val patches: List<String>,
-    public val values: DoubleArray,
-    public val tolerance: DoubleArray,
+    patches: List<String>,
+    internal val sharedValues: DoubleArray,
+    internal val sharedTolerance: DoubleArray,
     public val white: Int,
     public val source: String,
     public val file: SourceFile? = null,
 ) {
-    internal fun reflectance(patch: Int): DoubleArray = values.copyOfRange(patch * Grid.SIZE, (patch + 1) * Grid.SIZE)
+    /** (n) names in reading order from the chart's top left. */
+    public val patches: List<String> = patches.frozen()
+
+    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches): keep it. */
+    public val values: DoubleArray get() = sharedValues.copyOf()
+
+    /** (n) one standard deviation of the table's relative error for a chart somebody owns, 1; a copy at each call. */
+    public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
+
+    internal fun reflectance(patch: Int): DoubleArray =
+        sharedValues.copyOfRange(patch * Grid.SIZE, (patch + 1) * Grid.SIZE)
 
     public companion object {
         private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")

@@ -6,23 +6,27 @@ import org.camssf.LampUnfit
 import org.camssf.short
 
 /**
- * The relative spectral power of a shot's light.
+ * The relative spectral power of a shot's light. Safe to pass between threads.
  *
  * @property name as asked for.
- * @property values (681) on [Grid], any scale, none negative; do not write into it.
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
- * @property modes directions (681) in which L may be off, relative to it, each one standard deviation long.
  * @property source table, formula or file it came from, in words for the report.
  * @property file name and SHA-256 of the file it came from, or null.
  */
 public class Lamp internal constructor(
     public val name: String,
-    public val values: DoubleArray,
+    internal val sharedValues: DoubleArray,
     public val tolerance: Double,
-    public val modes: List<DoubleArray>,
+    internal val sharedModes: List<DoubleArray>,
     public val source: String,
     public val file: SourceFile? = null,
 ) {
+    /** (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB). */
+    public val values: DoubleArray get() = sharedValues.copyOf()
+
+    /** Directions (681) in which L may be off, relative to it, each one standard deviation long; copies at each call. */
+    public val modes: List<DoubleArray> get() = sharedModes.map { it.copyOf() }
+
     /**
      * The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
      *
@@ -46,7 +50,7 @@ public class Lamp internal constructor(
                     "Name a family, or measure it.",
                 )
             }
-            return Lamp(name, values, size / 100.0, modes, source, file)
+            return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file)
         }
         val (formula, kelvin) = temperature()
         if (!(0 < size && size < 0.25 * kelvin)) {
@@ -56,7 +60,7 @@ public class Lamp internal constructor(
             )
         }
         val mode = Bundled.temperatureMode(formula, kelvin, size)
-        return Lamp(name, values, tolerance, modes + mode, "$source, ± ${short(size)} K", file)
+        return Lamp(name, sharedValues, tolerance, sharedModes + mode, "$source, ± ${short(size)} K", file)
     }
 
     private fun temperature(): Pair<(Double) -> DoubleArray, Double> {
@@ -204,19 +208,6 @@ public class Lamp internal constructor(
             val key = plain(text).removePrefix("cie").replace(Regex("^f(?=[0-9])"), "fl")
             return Bundled.lamps.firstOrNull { plain(it) == key }
         }
-    }
-}
-
-/**
- * A file that a lamp or a chart table came from.
- *
- * @property name without its path.
- * @property sha256 of its content, lower-case hex.
- */
-public class SourceFile internal constructor(public val name: String, public val sha256: String) {
-    internal companion object {
-        fun of(name: String, content: ByteArray): SourceFile =
-            SourceFile(name.substringAfterLast('/').substringAfterLast('\\'), org.camssf.model.Models.sha256(content))
     }
 }
 

@@ -44,9 +44,9 @@ class RecoverTest {
 
     @Test
     fun `a root by Brent`() {
-        val found = Discrepancy.root(0.0, 1.0, 3.0, cos(3.0), 1e-12) { cos(it) }
+        val found = Brent.root(0.0, 1.0, 3.0, cos(3.0), 1e-12) { cos(it) }
         assertEquals(PI / 2, found, 1e-11)
-        val wide = Discrepancy.root(0.0, -1.0, 10.0, 999.0, 0.01) { it * it * it - 1.0 }
+        val wide = Brent.root(0.0, -1.0, 10.0, 999.0, 0.01) { it * it * it - 1.0 }
         assertEquals(1.0, wide, 0.01)
     }
 

@@ -8,8 +8,12 @@ import org.junit.jupiter.api.Test
 
 class MosaicTest {
     private fun mosaic(white: Double = 1023.0, black: Double = 64.0, orientation: Int = 1) = Mosaic(
-        "frame", 4, 4, Region(0, 0, 4, 4), ShortArray(16) { 300 }, "RGGB", doubleArrayOf(64.0, 64.0, 64.0, black),
-        white, orientation = orientation,
+        Mosaic.Origin("frame", orientation = orientation),
+        4,
+        4,
+        Region(0, 0, 4, 4),
+        ShortArray(16) { 300 },
+        Mosaic.Sensor("RGGB", doubleArrayOf(64.0, 64.0, 64.0, black), white),
     )
 
     @Test

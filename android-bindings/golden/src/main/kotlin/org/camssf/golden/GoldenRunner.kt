@@ -23,10 +23,12 @@ import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
 import org.camssf.curves.Tensor
 import org.camssf.evidence.Judge
+import org.camssf.evidence.Status
 import org.camssf.photo.ChartPose
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Normalise
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
@@ -168,7 +170,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val n = case.inputs.getValue("patches").jsonPrimitive.int
         val white = case.inputs.getValue("white").jsonPrimitive.int
         val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
-        val found = Signals.normalise(shots, List(n) { "patch ${it + 1}" }, white)
+        val found = Normalise.all(shots, List(n) { "patch ${it + 1}" }, white)
         return mapOf(
             "signals" to Tensor(found.values, shots.size, n, 3),
             "standard_error" to Tensor(found.standardError, shots.size, n, 3),
@@ -294,7 +296,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
         val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
         val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
-        if (done.verdict.status == "refused") throw Judge.refusal(done.verdict)
+        if (done.verdict.outcome == Status.REFUSED) throw Judge.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
             val channels = List(3) { of(it) }

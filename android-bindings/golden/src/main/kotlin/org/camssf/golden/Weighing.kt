@@ -111,7 +111,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val each = case.each()
         fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
         return mapOf(
-            "status" to verdict.status,
+            "status" to verdict.outcome.word,
             "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
             "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),

@@ -3,7 +3,8 @@ package org.camssf.packaging
 import kotlinx.coroutines.runBlocking
 import org.camssf.SsfCalibrator
 import org.camssf.photo.Capture
-import org.camssf.photo.Frame
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -13,8 +14,8 @@ import java.io.File
 internal object Suspending {
     @JvmStatic
     fun main(words: Array<String>) {
-        val corners = words[1].split(",").map { it.toDouble() }.toDoubleArray()
-        val shot = Shot(Frame.of(File(words[0])), Lamp.read("D55"), corners)
+        val corners = Corners.of(*words[1].split(",").map { it.toDouble() }.toDoubleArray())
+        val shot = Shot(PhotoSource.of(File(words[0])), Lamp.read("D55"), corners)
         val capture = Capture(shot, ChartTable.read("classic24"))
         val found = SsfCalibrator.open().use { runBlocking { it.calibrateSuspending(capture) } }
         File(words[2]).writeText(found.toJson())

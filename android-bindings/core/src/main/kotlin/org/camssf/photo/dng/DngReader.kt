@@ -49,11 +49,11 @@ public object DngReader {
 
     private fun mosaic(tiff: Tiff, region: Region?): Mosaic {
         val raw = rawDirectory(tiff)
-        val frame = frame(tiff, raw)
-        val area = frame.area
+        val picture = storedPicture(tiff, raw)
+        val area = picture.area
         val cfa = cfa(tiff, raw)
         val black = black(tiff, raw, area)
-        val white = white(tiff, raw, frame.bits)
+        val white = white(tiff, raw, picture.bits)
         val first = tiff.main[0]
         val exif = tiff.exif()
         val orientation = tiff.one(first, Tag.ORIENTATION, 1)
@@ -61,32 +61,32 @@ public object DngReader {
         val part = part(tiff, region, area)
         val wanted =
             Region(area.left + part.left, area.top + part.top, area.left + part.right, area.top + part.bottom)
-        val samples = decode(tiff, frame, wanted, linearization(tiff, raw), before11(tiff))
-        return Mosaic(
+        val samples = decode(tiff, picture, wanted, linearization(tiff, raw), before11(tiff))
+        val origin = Mosaic.Origin(
             name = tiff.name,
-            width = area.width,
-            height = area.height,
-            region = part,
-            samples = samples,
-            cfa = cfa,
-            black = black,
-            white = white,
             make = tiff.text(first, Tag.MAKE),
             model = tiff.text(first, Tag.MODEL).ifEmpty { tiff.text(first, Tag.UNIQUE_MODEL) },
             exposure = positive(tiff, listOf(first, raw, exif), Tag.EXPOSURE),
             iso = positive(tiff, listOf(first, raw, exif), Tag.ISO),
             orientation = if (orientation in 1..8) orientation.toInt() else 1,
-            gainMaps = opcodes.gainMaps,
-            badPixels = opcodes.badPixels,
-            unknownOpcodes = opcodes.unknown,
+            sha256 = sha256(tiff),
+        )
+        val colours = Mosaic.Colours(
             colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),
             colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
             asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
             asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
-            noiseProfile = noiseProfile(tiff, raw),
             neutrals = neutrals(tiff, first),
-            maskedAreas = maskedAreas(tiff, raw, frame),
-            sha256 = sha256(tiff),
+        )
+        return Mosaic(
+            origin,
+            area.width,
+            area.height,
+            part,
+            samples,
+            Mosaic.Sensor(cfa, black, white, noiseProfile(tiff, raw), maskedAreas(tiff, raw, picture)),
+            Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels, opcodes.unknown),
+            colours,
         )
     }
 

@@ -81,13 +81,14 @@ internal fun linearization(tiff: Tiff, raw: Directory): ShortArray? {
 }
 
 /** Shielded parts of the sensor, in samples of the stored picture; what is no such part is left out. */
-internal fun maskedAreas(tiff: Tiff, raw: Directory, frame: Frame): List<Region> {
+internal fun maskedAreas(tiff: Tiff, raw: Directory, picture: StoredPicture): List<Region> {
     val count = tiff.count(raw, Tag.MASKED_AREAS)
     if (count == 0L || count % 4 != 0L || count > 4 * MAX_MASKED) return emptyList()
     val values = tiff.whole(raw, Tag.MASKED_AREAS)
     return (0 until values.size / 4).mapNotNull {
         val (top, left, bottom, right) = values.copyOfRange(4 * it, 4 * it + 4)
-        val inside = top in 0 until bottom && bottom <= frame.height && left in 0 until right && right <= frame.width
+        val inside =
+            top in 0 until bottom && bottom <= picture.height && left in 0 until right && right <= picture.width
         if (inside) Region(left.toInt(), top.toInt(), right.toInt(), bottom.toInt()) else null
     }
 }

@@ -69,19 +69,21 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         val few = pointsV in 1..most && pointsH in 1..most && mapPlanes in 1..most
         if (!few || pointsV.toLong() * pointsH * mapPlanes * 4 != content.remaining().toLong()) throw damaged()
         val gains = FloatArray(pointsV * pointsH * mapPlanes) { content.getFloat() }
-        val map = GainMap(
-            list, area, plane, planes, rowPitch, columnPitch, pointsV, pointsH,
+        val net = GainMap.Net(
+            pointsV,
+            pointsH,
             // as Adobe's reader: a single point has no spacing
             if (pointsV == 1) 1.0 else spacingV,
             if (pointsH == 1) 1.0 else spacingH,
             if (pointsV == 1) 0.0 else originV,
             if (pointsH == 1) 0.0 else originH,
-            mapPlanes, gains,
+            mapPlanes,
+            gains,
         )
-        val places = doubleArrayOf(map.spacingV, map.spacingH, map.originV, map.originH)
-        val sound = rowPitch > 0 && columnPitch > 0 && map.spacingV > 0 && map.spacingH > 0
+        val places = doubleArrayOf(net.spacingV, net.spacingH, net.originV, net.originH)
+        val sound = rowPitch > 0 && columnPitch > 0 && net.spacingV > 0 && net.spacingH > 0
         if (!sound || !places.all { it.isFinite() } || !gains.all { it.isFinite() && it > 0 }) throw damaged()
-        return map
+        return GainMap(list, area, plane, planes, rowPitch, columnPitch, net)
     }
 
     private fun badPixels(content: ByteBuffer, number: Int, list: Int, tag: Int): BadPixels {

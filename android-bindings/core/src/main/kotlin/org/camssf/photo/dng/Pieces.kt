@@ -15,17 +15,23 @@ private const val CHUNK = 1 shl 18
  * @param extraBits category 16 of lossless JPEG is followed by 16 bits, as DNG before 1.1 wrote it.
  * @return (wanted.height, wanted.width) row-major unsigned 16 bit.
  */
-internal fun decode(tiff: Tiff, frame: Frame, wanted: Region, table: ShortArray?, extraBits: Boolean): ShortArray {
+internal fun decode(
+    tiff: Tiff,
+    picture: StoredPicture,
+    wanted: Region,
+    table: ShortArray?,
+    extraBits: Boolean,
+): ShortArray {
     val window = Window(wanted, table)
     val jpeg = LosslessJpeg(tiff, extraBits)
     val bytes = Scratch()
-    for (number in frame.offsets.indices) {
-        val left = number % frame.across * frame.pieceWidth
-        val top = number / frame.across * frame.pieceHeight
-        val rows = window.rows(left, top, frame.pieceWidth, frame.rows(number))
+    for (number in picture.offsets.indices) {
+        val left = number % picture.across * picture.pieceWidth
+        val top = number / picture.across * picture.pieceHeight
+        val rows = window.rows(left, top, picture.pieceWidth, picture.rows(number))
         if (rows.isEmpty()) continue
-        val piece = Piece(tiff, frame, number, left, top, rows, window)
-        when (frame.compression) {
+        val piece = Piece(tiff, picture, number, left, top, rows, window)
+        when (picture.compression) {
             UNCOMPRESSED -> piece.plain(bytes)
             LOSSLESS_JPEG -> piece.jpeg(jpeg, bytes)
             else -> piece.inflate(bytes)
@@ -47,27 +53,27 @@ internal class Scratch {
 /** One strip or tile at (left, top) of the stored picture, of which `rows` are wanted. */
 private class Piece(
     private val tiff: Tiff,
-    private val frame: Frame,
+    private val picture: StoredPicture,
     private val number: Int,
     private val left: Int,
     private val top: Int,
     private val rows: IntRange,
     private val window: Window,
 ) {
-    private val at = frame.offsets[number]
-    private val length = frame.counts[number].toInt()
-    private val width = minOf(frame.pieceWidth, frame.width - left)
-    private val order = if (frame.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
+    private val at = picture.offsets[number]
+    private val length = picture.counts[number].toInt()
+    private val width = minOf(picture.pieceWidth, picture.width - left)
+    private val order = if (picture.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
 
     fun plain(scratch: Scratch) {
-        val some = maxOf(1, CHUNK / frame.rowBytes)
-        val bytes = scratch.of(some * frame.rowBytes + Packed.SLACK)
-        val packed = Packed(bytes, frame.bits, order)
+        val some = maxOf(1, CHUNK / picture.rowBytes)
+        val bytes = scratch.of(some * picture.rowBytes + Packed.SLACK)
+        val packed = Packed(bytes, picture.bits, order)
         for (first in rows step some) {
             val count = minOf(some, rows.last + 1 - first)
-            tiff.read(at + first.toLong() * frame.rowBytes, bytes, 0, count * frame.rowBytes)
+            tiff.read(at + first.toLong() * picture.rowBytes, bytes, 0, count * picture.rowBytes)
             for (row in 0 until count) {
-                packed.start = row * frame.rowBytes
+                packed.start = row * picture.rowBytes
                 window.put(left, top + first + row, width, packed)
             }
         }
@@ -76,17 +82,17 @@ private class Piece(
     fun jpeg(jpeg: LosslessJpeg, scratch: Scratch) {
         val bytes = scratch.of(length + LosslessJpeg.SLACK)
         tiff.read(at, bytes, 0, length)
-        val samples = frame.pieceWidth.toLong() * frame.rows(number)
-        jpeg.decode(bytes, length, samples, frame.pieceWidth.toLong() * (rows.last + 1), ::put)
+        val samples = picture.pieceWidth.toLong() * picture.rows(number)
+        jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * (rows.last + 1), ::put)
     }
 
     /** Lays `line`, which begins at sample `from` of the piece, over the piece's rows. */
     private fun put(line: LosslessJpeg.Line, from: Long) {
-        var row = (from / frame.pieceWidth).toInt()
-        var column = (from % frame.pieceWidth).toInt()
+        var row = (from / picture.pieceWidth).toInt()
+        var column = (from % picture.pieceWidth).toInt()
         line.start = 0
         while (line.start < line.size) {
-            val count = minOf(line.size - line.start, frame.pieceWidth - column)
+            val count = minOf(line.size - line.start, picture.pieceWidth - column)
             window.put(left + column, top + row, minOf(count, width - column), line)
             line.start += count
             column = 0
@@ -95,21 +101,21 @@ private class Piece(
     }
 
     fun inflate(scratch: Scratch) {
-        val row = ShortArray(frame.pieceWidth)
-        val bytes = scratch.of(frame.rowBytes + Packed.SLACK)
-        val packed = Packed(bytes, frame.bits, order)
+        val row = ShortArray(picture.pieceWidth)
+        val bytes = scratch.of(picture.rowBytes + Packed.SLACK)
+        val packed = Packed(bytes, picture.bits, order)
         val stream = Inflated(tiff, at, length)
         try {
             for (y in 0..rows.last) {
-                stream.read(bytes, frame.rowBytes)
+                stream.read(bytes, picture.rowBytes)
                 if (y < rows.first) continue
                 packed.copy(0, row.size, row, 0)
-                if (frame.differences) accumulate(row)
+                if (picture.differences) accumulate(row)
                 window.put(left, top + y, width) { from, count, into, at ->
                     System.arraycopy(row, from, into, at, count)
                 }
             }
-            if (rows.last == frame.rows(number) - 1) stream.finish()
+            if (rows.last == picture.rows(number) - 1) stream.finish()
         } finally {
             stream.close()
         }
@@ -117,7 +123,7 @@ private class Piece(
 
     /** Undoes the horizontal difference, modulo the sample's size. TIFF 6.0, section 14. */
     private fun accumulate(row: ShortArray) {
-        val mask = (1 shl frame.bits) - 1
+        val mask = (1 shl picture.bits) - 1
         for (i in 1 until row.size) row[i] = (row[i] + row[i - 1] and mask).toShort()
     }
 }

@@ -31,7 +31,7 @@ internal object DecodeServer {
     private fun decode(source: DngSource): ShortArray {
         val tiff = Tiff(source)
         val raw = rawDirectory(tiff)
-        val frame = frame(tiff, raw)
-        return decode(tiff, frame, frame.area, linearization(tiff, raw), false)
+        val picture = storedPicture(tiff, raw)
+        return decode(tiff, picture, picture.area, linearization(tiff, raw), false)
     }
 }

@@ -292,10 +292,10 @@ class RefusalsTest {
                 }
             },
         )
-        val frame = frame(tiff, rawDirectory(tiff))
+        val picture = storedPicture(tiff, rawDirectory(tiff))
         pieces.clear()
-        decode(tiff, frame, Region(13, 11, 20, 15), null, false)
-        assertEquals(listOf(frame.offsets[3] + 24), pieces) // the last tile, from its second row on
+        decode(tiff, picture, Region(13, 11, 20, 15), null, false)
+        assertEquals(listOf(picture.offsets[3] + 24), pieces) // the last tile, from its second row on
     }
 
     @Test

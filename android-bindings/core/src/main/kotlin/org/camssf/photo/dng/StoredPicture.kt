@@ -36,7 +36,7 @@ private val CODECS = mapOf(
  * @property pieceHeight rows of a piece; the last strip may have fewer.
  * @property across pieces side by side.
  */
-internal class Frame(
+internal class StoredPicture(
     val width: Int,
     val height: Int,
     val bits: Int,
@@ -90,7 +90,7 @@ internal fun rawDirectory(tiff: Tiff): Directory {
  * @throws UnsupportedRaw for a form that camssf does not read; the message names it.
  * @throws UnreadableRaw where the numbers contradict each other or the file.
  */
-internal fun frame(tiff: Tiff, raw: Directory): Frame {
+internal fun storedPicture(tiff: Tiff, raw: Directory): StoredPicture {
     val width = tiff.one(raw, Tag.WIDTH, 0)
     val height = tiff.one(raw, Tag.HEIGHT, 0)
     if (width !in 2..MAX_SIDE || height !in 2..MAX_SIDE || width * height > MAX_SAMPLES) {
@@ -133,7 +133,7 @@ private fun area(tiff: Tiff, raw: Directory, width: Long, height: Long): Region 
 
 private fun pieces(
     tiff: Tiff, raw: Directory, width: Long, height: Long, bits: Int, compression: Int, area: Region,
-): Frame {
+): StoredPicture {
     val tiled = Tag.TILE_WIDTH in raw || Tag.TILE_HEIGHT in raw
     val pieceWidth = if (tiled) tiff.one(raw, Tag.TILE_WIDTH, 0) else width
     val pieceHeight =
@@ -149,13 +149,13 @@ private fun pieces(
     if (tiff.count(raw, offsetTag) != pieces || tiff.count(raw, countTag) != pieces) {
         throw tiff.damaged("${tiff.count(raw, offsetTag)} pieces of data instead of $pieces")
     }
-    val frame = Frame(
+    val picture = StoredPicture(
         width.toInt(), height.toInt(), bits, compression, differences(tiff, raw, bits, compression), area, tiled,
         pieceWidth.toInt(), pieceHeight.toInt(), across.toInt(),
         tiff.whole(raw, offsetTag, pieces), tiff.whole(raw, countTag, pieces),
     )
-    checkExtent(tiff, frame)
-    return frame
+    checkExtent(tiff, picture)
+    return picture
 }
 
 /** Deflate's predictor 2: each sample is stored as the difference from its left neighbour. */
@@ -170,19 +170,19 @@ private fun differences(tiff: Tiff, raw: Directory, bits: Int, compression: Int)
 }
 
 /** Every piece lies in the file and is large enough to hold its samples; together they are no longer than the file. */
-private fun checkExtent(tiff: Tiff, frame: Frame) {
+private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
     var sum = 0L
-    for (number in frame.offsets.indices) {
-        val at = frame.offsets[number]
-        val count = frame.counts[number]
+    for (number in picture.offsets.indices) {
+        val at = picture.offsets[number]
+        val count = picture.counts[number]
         if (at < 8 || count < 1 || at + count > tiff.size) {
             throw tiff.damaged("its samples end at byte ${at + count} of ${tiff.size}")
         }
-        val plain = frame.rows(number).toLong() * frame.rowBytes
-        val least = when (frame.compression) {
+        val plain = picture.rows(number).toLong() * picture.rowBytes
+        val least = when (picture.compression) {
             UNCOMPRESSED -> plain
 
-            LOSSLESS_JPEG -> frame.rows(number).toLong() * frame.pieceWidth / 8
+            LOSSLESS_JPEG -> picture.rows(number).toLong() * picture.pieceWidth / 8
 
             // a bit a sample at least
             else -> plain / MAX_DEFLATE
