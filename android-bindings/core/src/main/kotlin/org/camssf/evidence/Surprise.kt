@@ -1,9 +1,9 @@
 package org.camssf.evidence
 
 import org.camssf.Grid
+import org.camssf.LeastSquares
 import org.camssf.curves.Ssf
 import org.camssf.photo.ChartPose
-import org.camssf.photo.LeastSquares
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -94,7 +94,9 @@ internal class Told(
         val rho = whiteReflectance
         val light = lamps.indices.map { j ->
             // v_j
-            val seen = DoubleArray(Grid.SIZE) { ssf.lamp[j * Grid.SIZE + it] * ssf.values[3 * it + c] * Grid.STEP }
+            val seen = DoubleArray(Grid.SIZE) {
+                ssf.sharedLamp[j * Grid.SIZE + it] * ssf.sharedValues[3 * it + c] * Grid.STEP
+            }
             val white = (0 until Grid.SIZE).sumOf { seen[it] * rho[it] }
             DoubleArray(Grid.SIZE) { seen[it] / white }
         }
@@ -140,7 +142,7 @@ internal class Told(
         return sigma
     }
 
-    private fun reflectance(i: Int, m: Int): Double = table.values[i * Grid.SIZE + m]
+    private fun reflectance(i: Int, m: Int): Double = table.sharedValues[i * Grid.SIZE + m]
 
     /** Central difference of R per nm, one-sided at the ends. */
     private fun slope(i: Int, m: Int): Double {

@@ -8,12 +8,10 @@ import org.camssf.Grid
 import org.camssf.LampUnfit
 import org.camssf.NotSensorRaw
 import org.camssf.UnevenLight
-import org.camssf.curves.Ssf
 import org.camssf.fixed
 import org.camssf.median
 import org.camssf.percent
 import org.camssf.photo.FrameMeans
-import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
@@ -22,66 +20,6 @@ import kotlin.math.expm1
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
-
-/**
- * Why a result is not simply accepted.
- *
- * @property code word of the error vocabulary, the same in Python and JSON.
- * @property message what is wrong.
- * @property advice what to do next.
- * @property value the number that decided, or null.
- * @property threshold the bound it broke, or null.
- */
-public class Reason internal constructor(
-    public val code: String,
-    public val message: String,
-    public val advice: String,
-    public val value: Double?,
-    public val threshold: Double?,
-    internal val fatal: Boolean = false,
-)
-
-/**
- * What the evidence says.
- *
- * @property status "accepted", "doubtful" (usable, with reasons) or "refused" (no curves).
- * @property reasons empty only when accepted.
- */
-public class Verdict internal constructor(public val status: String, public val reasons: List<Reason>)
-
-/** T₄ with another lamp in place of a shot's own. */
-internal class Rival(val shot: Int, val lamp: String, val weighted: Double)
-
-/** The camera's white (3) under a light of power (681), as a file's colour matrix tells it. */
-internal class Foretold(val light: DoubleArray, val white: DoubleArray)
-
-/**
- * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), the rivals, and for each shot
- * what its file foretells of its white.
- */
-internal class Case(
-    val told: Told,
-    val shots: List<MeasuredShot>,
-    val alone: List<Ssf>,
-    val rivals: List<Rival>,
-    val foretold: List<List<Foretold>>,
-) {
-    /** What is told of each shot alone, and the answer to it. */
-    val single: List<Told> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
-
-    /** Rules 2 and 3 of each shot alone; below three patches nothing is suspected. */
-    fun each(): List<Surprise> = shots.mapIndexed { j, shot ->
-        if (single[j].signals.used.count { it } < FEWEST) {
-            Surprise(0.0, 0.0, FEWEST, emptyList())
-        } else {
-            single[j].surprise(shot.pose, shot.means.white == null)
-        }
-    }
-
-    private companion object {
-        const val FEWEST = 3
-    }
-}
 
 /**
  * Evidence → verdict, by the numbered rules of Python's `camssf.evidence.verdict`. RMSRE has no say: the same lamp stands on both
@@ -333,7 +271,9 @@ internal object Judge {
         val raw = DoubleArray(3) { c ->
             patches.sumOf { signals.white[3 * it + c] - signals.dark[3 * it + c] } / patches.size
         }
-        fun seen(light: DoubleArray, c: Int) = (0 until Grid.SIZE).sumOf { light[it] * curves.values[3 * it + c] }
+        fun seen(light: DoubleArray, c: Int) = (0 until Grid.SIZE).sumOf {
+            light[it] * curves.sharedValues[3 * it + c]
+        }
         val off = foretold.minOfOrNull { neutral ->
             val ratio = DoubleArray(3) { c ->
                 ln(raw[c] / (neutral.white[c] * seen(curves.lamp, c) / seen(neutral.light, c)))
