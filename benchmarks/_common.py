@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from camssf.curves.basis import Basis, interpolate
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
@@ -35,7 +36,7 @@ class Problem:
     """One call of a model, three channels.
 
     Attributes:
-        inputs: of the model, as DESIGN.md's contract names them; l2, gamma and nonnegative included.
+        inputs: of the model, as docs/architecture.md names them; l2, gamma and nonnegative included.
         basis: name of the shipped basis.
         label: what it is, in words.
     """
@@ -67,16 +68,18 @@ class Problem:
         """The reference's rows and covariance."""
         given = self.inputs
         return sense(
-            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
-            given["standard_error"],
-            given["reflectance"],
-            given["lamp"],
+            Evidence(
+                (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
+                given["reflectance"],
+                given["lamp"],
+                standard_error=given["standard_error"],
+                chart_tolerance=given["chart_tolerance"],
+                white_reflectance=given["white_reflectance"],
+                white_tolerance=float(given["white_tolerance"]),
+                lamp_tolerance=given["lamp_tolerance"],
+                lamp_modes=given["lamp_modes"],
+            ),
             basis,
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=float(given["white_tolerance"]),
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
         )
 
 
@@ -184,7 +187,7 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
 
 
 def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
-    """Relative duality gap of x by the formula in `camssf.curves.unrolled`, from whitened rows (N, r), (N,); γ > 0.
+    """Relative duality gap of x by the formula in `camssf.curves.proof`, from whitened rows (N, r), (N,); γ > 0.
 
     Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
     where x ≥ 0 is asked is judged after that entry is set to zero.

@@ -17,9 +17,10 @@ from camssf.direct.spectrograph import divide
 from camssf.errors import CalibrationError
 from camssf.evidence.scores import rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
 from camssf.photo.capture import measure
 from camssf.photo.signals import normalise
-from camssf.simulation.frames import simulate
+from camssf.simulation.frames import Scene, Sensor, simulate
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
 
 PHONES = {
@@ -33,10 +34,8 @@ WORLDS: dict[str, dict[str, str]] = {
     "lifelike": {"chart": "classic24:ohta", "lamp": "D:5250", "tolerance": "300K,2%"},
 }
 """What lies before the phone; the solver is told classic24 (BabelColor's table) under D55 in both."""
-CAMERA: dict[str, Any] = {
-    "size": (1800, 1350), "black": 64.0, "white_level": 1023, "full_well": 6000.0, "read_noise": 3.0,
-    "vignetting": 0.3, "tilt": 6.0, "rotation": 3.0, "blur": 0.8,
-}  # fmt: skip
+SENSOR = Sensor(black=64.0, white_level=1023, full_well=6000.0, read_noise=3.0)
+VIEW = Scene(size=(1800, 1350), vignetting=0.3, tilt=6.0, rotation=3.0, blur=0.8)
 """A phone's raw frame: 10 bits, small wells, a lens that loses a third in the corners, a hand that does not stand."""
 INNER = tuple(14 * row + column for row in range(1, 9) for column in range(1, 13))
 """Positions of the 96 colours within an SG's 14 × 10; the rest is its neutral border."""
@@ -74,14 +73,31 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
             table = replace(table, tolerance=np.zeros(24))
         with tempfile.TemporaryDirectory() as aside:
             small = simulate(
-                camera, light, Path(aside, "chart"), chart=read_chart(scene["chart"]), seed=seed + number, **CAMERA
+                camera,
+                light,
+                Path(aside, "chart"),
+                chart=read_chart(scene["chart"]),
+                scene=VIEW,
+                sensor=SENSOR,
+                seed=seed + number,
             )
             wide = simulate(
-                camera, light, Path(aside, "large"), chart=large, seed=seed + 10 + number, fill=0.8, **CAMERA
+                camera,
+                light,
+                Path(aside, "large"),
+                chart=large,
+                scene=replace(VIEW, fill=0.8),
+                sensor=SENSOR,
+                seed=seed + 10 + number,
             )
             (shot,), (other,) = small.shots, wide.shots
             capture = measure(
-                other.chart, "D55", white=other.white, dark=other.dark, chart=large, corners=[wide.pose.corners]
+                other.chart,
+                "D55",
+                white=other.white,
+                dark=other.dark,
+                chart=large,
+                options=Options(corners=[wide.pose.corners]),
             )
             signals = normalise([each.means for each in capture.shots], large)
             told = capture.shots[0].lamp
@@ -92,8 +108,10 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                 try:
                     answer = calibrate(
                         shot.chart, "D55", white=shot.white, dark=shot.dark, chart=table,
-                        lamp_tolerance=scene["tolerance"], basis=basis if method == "cameras" else "gaussian",
-                        engine="reference", fit=range(7, 19) if method == "gaussian" else None, truth=camera,
+                        options=Options(
+                            lamp_tolerance=scene["tolerance"], basis=basis if method == "cameras" else "gaussian",
+                            engine="reference", fit=range(7, 19) if method == "gaussian" else None,
+                        ), truth=camera,
                     )  # fmt: skip
                 except CalibrationError as error:
                     world_found[method] = {"refused": error.code}

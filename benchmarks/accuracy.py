@@ -32,7 +32,7 @@ from rich.progress import Progress
 
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
 from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.sensing import (
+from camssf.curves.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
@@ -41,6 +41,7 @@ from camssf.curves.sensing import (
     TABLE_CORRELATION,
     smooth_errors,
 )
+from camssf.curves.evidence import Evidence
 from camssf.curves.ssf import Ssf, recover
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
@@ -163,12 +164,15 @@ def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis)
     told = setting.tolerances()
     if method == PAPER:
         told = {key: told[key] for key in ("chart_tolerance", "white_tolerance")}
-        return recover(y[:1], given, lamps[:1], standard_error=error[:1], basis="gaussian", **told)
+        return recover(Evidence(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian")
     penalties = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
     return recover(
-        y, given, lamps, standard_error=error, basis=basis, l2=penalties[0], gamma=penalties[1], engine="reference",
-        **told,
-    )  # fmt: skip
+        Evidence(y, given, lamps, standard_error=error, **told),
+        basis=basis,
+        l2=penalties[0],
+        gamma=penalties[1],
+        engine="reference",
+    )
 
 
 def left_out() -> tuple[dict[str, Floats], dict[str, Basis]]:
@@ -242,7 +246,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
         y = ((light[:, None, :] * seen) @ camera) / ((light * white) @ camera)[:, None, :]
         error = np.hypot(setting.noise[0] * y, setting.noise[1])
         y = y + error * rng.normal(size=y.shape)
-        answer = recover(y, given, lamps, standard_error=error, **told)
+        answer = recover(Evidence(y, given, lamps, standard_error=error, **told))
         got, std = answer.peak()
         assert std is not None
         errors.append((got - camera / camera.max(axis=0))[SEEN])

@@ -32,10 +32,10 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import SEEN, left_out
-from camssf.calibration import _recover, solve
 from camssf.calibration import calibrate as from_files
+from camssf.calibration import solve
 from camssf.curves.basis import Basis, interpolate
-from camssf.curves.sensing import (
+from camssf.curves.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
@@ -45,15 +45,16 @@ from camssf.curves.sensing import (
     smooth_errors,
 )
 from camssf.errors import CalibrationError
+from camssf.evidence.problem import pose_problem
 from camssf.evidence.verdict import Verdict
 from camssf.grid import STEP, Floats
+from camssf.options import Options
 from camssf.photo.capture import Capture, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import measure_patches
 from camssf.photo.pose import Pose, agreement, find_chart, plain_signals
-from camssf.photo.signals import normalise
 from camssf.simulation.faults import FAULTS, SEVERITIES, strike
-from camssf.simulation.frames import Plan, Scene, Sensor, simulate, take, true_pose
+from camssf.simulation.frames import Scene, Sensor, Setup, simulate, take, true_pose
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
 from camssf.tools.learn import maker_of
 
@@ -75,7 +76,7 @@ BEGIN, END = "<!-- python -m benchmarks.faults --docs -->", "<!-- end -->"
 class Staged:
     """A capture before the fault, and who takes it."""
 
-    plan: Plan
+    setup: Setup
     number: int
     maker: str
 
@@ -157,11 +158,11 @@ def stage(number: int, name: str, camera: Floats, lamp: str) -> Staged:
     sensor = Sensor(exposure=float(rng.uniform(0.6, 0.85)), full_well=float(rng.choice([5000.0, 20000.0])))
     curves = camera * np.array([rng.uniform(0.4, 0.9), 1.0, rng.uniform(0.5, 0.9)])
     body = CameraCurves(name, curves, "measured")
-    plan = Plan(
+    setup = Setup(
         body, replace(light, values=light.values * ripple), real_chart(number, rng), scene, sensor, lamp, "classic24",
         white_level=float(np.exp(0.01 * rng.normal())),
     )  # fmt: skip
-    return Staged(plan, number, maker_of(name))
+    return Staged(setup, number, maker_of(name))
 
 
 def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
@@ -178,33 +179,33 @@ def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
     return replace(table, values=np.clip(table.values + off, 0.004, 1.1))
 
 
-def mosaic(plan: Plan, frames: dict[str, Any], role: str, frame: str, number: int) -> Mosaic:
+def mosaic(setup: Setup, frames: dict[str, Any], role: str, frame: str, number: int) -> Mosaic:
     """A frame as `read_dng` would give it."""
-    told = plan.says(frame)
-    camera = plan.camera.values * np.array(plan.sensor.gains)
+    tags = setup.file_tags(frame)
+    camera = setup.camera.values * np.array(setup.sensor.gains)
     white = (read_lamp("D65").values @ camera) * np.exp(MATRIX * np.random.default_rng([9, number]).normal(size=3))
     return Mosaic(
-        path=role, samples=frames[frame], cfa=told.cfa, black=np.full((2, 2), told.black),
-        white=float(told.white_level), make="", model=plan.camera.name, exposure=told.exposure, iso=told.iso,
+        path=role, samples=frames[frame], cfa=tags.cfa, black=np.full((2, 2), tags.black),
+        white=float(tags.white_level), make="", model=setup.camera.name, exposure=tags.exposure, iso=tags.iso,
         orientation=1, gain_maps=(), color_matrix1=None, color_matrix2=None, as_shot_neutral=None, sha256=EMPTY,
         neutrals=((21, white / white[1]),),
     )  # fmt: skip
 
 
-def shoot(staged: Staged, plan: Plan, *, search: bool) -> Shot:
+def shoot(staged: Staged, setup: Setup, *, search: bool) -> Shot:
     """Take it and measure it; refusals of the stages leave as errors."""
-    taken = take(plan, (staged.number,))
+    taken = take(setup, (staged.number,))
     frames = {"chart": taken.chart, "white": taken.white, "dark": taken.dark}
     photos = {
-        role: None if frame is None else mosaic(plan, frames, role, frame, staged.number)
-        for role, frame in plan.handed.items()
+        role: None if frame is None else mosaic(setup, frames, role, frame, staged.number)
+        for role, frame in setup.handed_in.items()
     }
-    chart, told = photos["chart"], read_chart(plan.told_chart)
+    chart, told = photos["chart"], read_chart(setup.stated_chart)
     assert chart is not None
     if search:
         pose = find_chart(chart, told)
     else:
-        true = true_pose(plan.scene)
+        true = true_pose(setup.scene)
         pitch = np.ptp(true.corners[:, 0]) / 6
         off = np.random.default_rng([5, staged.number]).normal(0, 0.01 * pitch, 2)
         pose = Pose(true.layout, true.corners + off, true.patches + off, 0, "detected", 1.0, ())
@@ -214,22 +215,22 @@ def shoot(staged: Staged, plan: Plan, *, search: bool) -> Shot:
         pose = replace(pose, score=max(score, 0.0))
     facts = {role: None if each is None else photo_of(each) for role, each in photos.items()}
     assert facts["chart"] is not None
-    lamp = read_lamp(plan.told_lamp)
+    lamp = read_lamp(setup.stated_lamp)
     return Shot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
 
 
 def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
     """Status, codes, RMSE and coverage; the curves of a refused verdict are judged all the same."""
-    capture = Capture(tuple(shots), read_chart("classic24"), None)
+    capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(basis=basis, engine="reference")
     try:
-        done = solve(capture, basis=basis, engine="reference")
+        done = solve(capture, options=options)
         verdict, ssf = done.verdict, done.ssf
     except CalibrationError as error:
         if not error.reasons:
             return Outcome("refused", (error.code,), None, None, (error.message,))
         verdict = Verdict("refused", error.reasons)
-        signals = normalise([shot.means for shot in shots], capture.chart)
-        ssf = _recover(capture, signals, signals.used, basis, None, None, None, "reference")
+        problem = pose_problem(capture, options)
+        ssf = problem.solve(problem.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None
@@ -268,8 +269,8 @@ def clean_and_faulty(
     for number in range(clean):
         name = names[number % len(names)]
         staged = stage(number, name, cameras[name], LAMPS[(number // len(names) * 3 + number) % len(LAMPS)])
-        shot = partial_shot(staged, staged.plan, search=False)
-        good.append((staged, tried(shot, bases[staged.maker], staged.plan.camera.values)))
+        shot = partial_shot(staged, staged.setup, search=False)
+        good.append((staged, tried(shot, bases[staged.maker], staged.setup.camera.values)))
         advance()
     tallies: dict[str, list[Tally]] = {}
     for f, name in enumerate(FAULTS):
@@ -278,9 +279,9 @@ def clean_and_faulty(
             tally = Tally()
             for j in range(captures):
                 staged, known = good[(37 * f + 13 * severity + 29 * j) % clean]
-                plan = strike(name, severity)(staged.plan)
-                shot = partial_shot(staged, plan, search=name in SEARCHED)
-                tally.outcomes.append(tried(shot, bases[staged.maker], staged.plan.camera.values))
+                setup = strike(name, severity)(staged.setup)
+                shot = partial_shot(staged, setup, search=name in SEARCHED)
+                tally.outcomes.append(tried(shot, bases[staged.maker], staged.setup.camera.values))
                 assert known.rmse is not None
                 tally.unspoilt.append(known.rmse)
                 advance()
@@ -288,8 +289,8 @@ def clean_and_faulty(
     return good, tallies
 
 
-def partial_shot(staged: Staged, plan: Plan, *, search: bool) -> Callable[[], Sequence[Shot]]:
-    return lambda: [shoot(staged, plan, search=search)]
+def partial_shot(staged: Staged, setup: Setup, *, search: bool) -> Callable[[], Sequence[Shot]]:
+    return lambda: [shoot(staged, setup, search=search)]
 
 
 OF_LAMPS = ("wrong-lamp", "two-lamps", "wall")
@@ -306,13 +307,13 @@ def without_matrix(
             tally = Tally()
             for j in range(captures):
                 staged, known = good[(41 * f + 17 * severity + 23 * j) % len(good)]
-                plan = strike(name, severity)(staged.plan)
+                setup = strike(name, severity)(staged.setup)
 
-                def shots(staged: Staged = staged, plan: Plan = plan) -> list[Shot]:
-                    shot = shoot(staged, plan, search=False)
+                def shots(staged: Staged = staged, setup: Setup = setup) -> list[Shot]:
+                    shot = shoot(staged, setup, search=False)
                     return [replace(shot, photo=replace(shot.photo, neutrals=()))]
 
-                tally.outcomes.append(tried(shots, bases[staged.maker], staged.plan.camera.values))
+                tally.outcomes.append(tried(shots, bases[staged.maker], staged.setup.camera.values))
                 assert known.rmse is not None
                 tally.unspoilt.append(known.rmse)
                 advance()
@@ -335,20 +336,20 @@ def two_shots(
     good, drifting, spoilt = [], [], {name: [] for name in OF_TWO}  # type: Any
     for number, name in enumerate(names):
         first, second = (stage(1000 + 2 * number + s, name, cameras[name], lamp) for s, lamp in enumerate(PAIR))
-        second = replace(second, plan=replace(second.plan, table=first.plan.table))  # one chart
+        second = replace(second, setup=replace(second.setup, table=first.setup.table))  # one chart
         camera, basis = cameras[name], bases[first.maker]
-        second = replace(second, plan=replace(second.plan, camera=first.plan.camera))
+        second = replace(second, setup=replace(second.setup, camera=first.setup.camera))
         pair = [first, second]
-        drifting.append(solved([shoot(each, each.plan, search=False) for each in pair], basis, camera))
-        pair = [replace(each, plan=replace(each.plan, white_level=1.0)) for each in pair]
-        shots = [shoot(each, each.plan, search=False) for each in pair]
+        drifting.append(solved([shoot(each, each.setup, search=False) for each in pair], basis, camera))
+        pair = [replace(each, setup=replace(each.setup, white_level=1.0)) for each in pair]
+        shots = [shoot(each, each.setup, search=False) for each in pair]
         known = solved(shots, basis, camera)
         good.append(known)
         advance()
         for fault in OF_TWO:
             which = (number + OF_TWO.index(fault)) % 2
-            plan = strike(fault, 3)(pair[which].plan)
-            bad = tried_pair(pair, which, plan, shots, basis, camera)
+            setup = strike(fault, 3)(pair[which].setup)
+            bad = tried_pair(pair, which, setup, shots, basis, camera)
             words = " ".join(bad.words)
             assert known.rmse is not None
             harm = None if bad.rmse is None else bad.rmse - known.rmse
@@ -375,12 +376,12 @@ def two_shots(
 
 
 def tried_pair(
-    pair: Sequence[Staged], which: int, plan: Plan, shots: Sequence[Shot], basis: Basis, camera: Floats
+    pair: Sequence[Staged], which: int, setup: Setup, shots: Sequence[Shot], basis: Basis, camera: Floats
 ) -> Outcome:
     """The pair with one shot taken again, spoilt."""
 
     def again() -> list[Shot]:
-        return [shoot(pair[j], plan, search=False) if j == which else shots[j] for j in range(2)]
+        return [shoot(pair[j], setup, search=False) if j == which else shots[j] for j in range(2)]
 
     return tried(again, basis, camera)
 
@@ -395,12 +396,12 @@ def field_mode(
         kelvin = np.random.default_rng([11, number]).normal(2700 if bulb else 5800, 250 if bulb else 900)
         lamp = f"{max(kelvin, 1500):.0f}K" if bulb else f"D:{min(max(kelvin, 4100), 9000):.0f}"
         staged = stage(2000 + number, name, cameras[name], lamp)
-        plan = staged.plan
-        plan = replace(plan, scene=replace(plan.scene, vignetting=0.4 * plan.scene.vignetting))
+        setup = staged.setup
+        setup = replace(setup, scene=replace(setup.scene, vignetting=0.4 * setup.scene.vignetting))
         for words, each in (
-            ("known lamp, all frames", plan),
-            ("in the field", replace(plan, told_lamp="bulb" if bulb else "daylight",
-                                     handed={"chart": "chart", "white": None, "dark": None})),
+            ("known lamp, all frames", setup),
+            ("in the field", replace(setup, stated_lamp="bulb" if bulb else "daylight",
+                                     handed_in={"chart": "chart", "white": None, "dark": None})),
         ):  # fmt: skip
             shot = partial_shot(staged, each, search=False)
             found[words].append(tried(shot, bases[staged.maker], cameras[name]))
@@ -424,20 +425,20 @@ def through_files(
     same, statuses = 0, {}
     for f, name in enumerate(("clean", *FAULTS)):
         staged = good[(17 * f) % len(good)][0]
-        basis, plan = bases[staged.maker], staged.plan
+        basis, setup = bases[staged.maker], staged.setup
         change = None if name == "clean" else strike(name, 2)
-        spoilt = plan if change is None else change(plan)
-        memory = tried(partial_shot(staged, spoilt, search=True), basis, plan.camera.values)
+        spoilt = setup if change is None else change(setup)
+        memory = tried(partial_shot(staged, spoilt, search=True), basis, setup.camera.values)
         with tempfile.TemporaryDirectory() as folder:
-            scene, sensor = plan.scene, plan.sensor
             done = simulate(
-                plan.camera, replace(plan.lamp, name=plan.told_lamp), folder, chart=plan.table, size=scene.size,
-                fill=scene.fill, rotation=scene.rotation, tilt=scene.tilt, vignetting=scene.vignetting,
-                exposure=sensor.exposure, full_well=sensor.full_well, seed=staged.number, change=change,
+                setup.camera, replace(setup.lamp, name=setup.stated_lamp), folder, chart=setup.table,
+                scene=setup.scene, sensor=setup.sensor, seed=staged.number, change=change,
             )  # fmt: skip
             shot = done.shots[0]
             try:
-                result = from_files(shot.chart, shot.lamp, white=shot.white, dark=shot.dark, basis=basis)
+                result = from_files(
+                    shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(basis=basis)
+                )
                 status = result.verdict.status
             except CalibrationError:
                 status = "refused"

@@ -136,10 +136,10 @@ def _camera(path: Path) -> None:
 
 
 def _patches(path: Path) -> None:
-    from camssf.cli.commands import PATCHES, _read
-    from camssf.photo.capture import Capture
+    from camssf.cli.reading import PATCHES, read_json
+    from camssf.documents.patches import read_patches
 
-    Capture.from_document(_read(str(path), PATCHES))
+    read_patches(read_json(str(path), PATCHES))
 
 
 def _result(path: Path) -> None:
@@ -158,14 +158,15 @@ def _manifest(path: Path) -> None:
 def _demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
     from camssf.calibration import solve
+    from camssf.documents.patches import patches_document
     from camssf.photo.capture import measure
-    from camssf.simulation.frames import simulate
+    from camssf.simulation.frames import Scene, simulate
 
     with tempfile.TemporaryDirectory() as folder:
-        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=3).shots[0]
+        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
         capture = measure(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
         result = solve(capture)
-    documents = {"patches": capture.document(), "result": result.document()}
+    documents = {"patches": patches_document(capture), "result": result.document()}
     return {name: json.dumps(_short(document)).encode() for name, document in documents.items()}
 
 

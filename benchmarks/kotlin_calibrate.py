@@ -23,6 +23,7 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from camssf.calibration import calibrate
+from camssf.options import Options
 from camssf.simulation.frames import Simulation, simulate
 
 BAR = 1.5
@@ -97,7 +98,7 @@ def python(made: Simulation, k: int) -> tuple[float, dict[str, Any]]:
         [shot.lamp for shot in shots],
         white=[shot.white for shot in shots],
         dark=[shot.dark for shot in shots],
-        corners=[made.pose.corners] * k,
+        options=Options(corners=[made.pose.corners] * k),
     ).document()
     text = json.dumps(document)
     return time.perf_counter() - start, json.loads(text)

@@ -22,7 +22,8 @@ import numpy as np
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, left_out, score
 from camssf.curves.basis import interpolate
-from camssf.curves.sensing import LAMP_CORRELATION, smooth_errors
+from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.curves.evidence import Evidence
 from camssf.curves.ssf import recover
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
@@ -153,12 +154,14 @@ def main(arguments: list[str] | None = None) -> int:
                     }
                     for how, (light, modes_) in told.items():
                         answer = recover(
-                            y,
-                            given,
-                            light,
-                            standard_error=error,
-                            lamp_tolerance=[_tolerance(kind, how) for kind in kinds],
-                            lamp_modes=modes_,
+                            Evidence(
+                                y,
+                                given,
+                                light,
+                                standard_error=error,
+                                lamp_tolerance=[_tolerance(kind, how) for kind in kinds],
+                                lamp_modes=modes_,
+                            ),
                             basis=bases[maker_of(name)],
                             engine="reference",
                         )

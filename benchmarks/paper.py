@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from camssf.curves.code import solve
 
 from benchmarks import _paper_captures as captures
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
@@ -37,9 +38,9 @@ from benchmarks.accuracy import left_out
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.rivals.qr import READINGS
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import recover
-from camssf.curves.unrolled import solve
 from camssf.errors import NotConverged
 from camssf.evidence.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats
@@ -216,9 +217,13 @@ def atoms(camera: Camera, index: int) -> Scores:
             for weight in method("tuned").WEIGHTS:
                 try:
                     answer = recover(
-                        shown.signals, shown.reflectance, shown.lamp, standard_error=shown.standard_error,
-                        basis=gaussian_basis(count), gamma=weight, engine="reference", **PLAIN,
-                    )  # fmt: skip
+                        Evidence(
+                            shown.signals, shown.reflectance, shown.lamp, standard_error=shown.standard_error, **PLAIN
+                        ),
+                        basis=gaussian_basis(count),
+                        gamma=weight,
+                        engine="reference",
+                    )
                     value = score(answer.values, camera)
                 except NotConverged:
                     value = float("nan")
@@ -238,7 +243,9 @@ def charts(camera: Camera, index: int) -> Scores:
             y, error = np.stack([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
             key = f"{table_name}|{' + '.join(names)}"
             told = PLAIN if table_name == "same" else TOLD
-            answer = recover(y, chart(), lights, standard_error=error, basis=camera.basis, engine="reference", **told)
+            answer = recover(
+                Evidence(y, chart(), lights, standard_error=error, **told), basis=camera.basis, engine="reference"
+            )
             found[f"product|{key}"] = [score(answer.values, camera)]
             found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, told), camera)]
             if len(names) == 1:
@@ -251,10 +258,19 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
     """The product's problem with all correlations of Σ struck out: curves (681, 3)."""
     k, n, _ = y.shape
     full = sense(
-        y, error, chart(), lights, basis, chart_tolerance=np.full(n, told["chart_tolerance"]),
-        white_reflectance=np.ones_like(WAVELENGTHS), white_tolerance=told["white_tolerance"],
-        lamp_tolerance=np.zeros(k), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
-    )  # fmt: skip
+        Evidence(
+            y,
+            chart(),
+            lights,
+            standard_error=error,
+            chart_tolerance=np.full(n, told["chart_tolerance"]),
+            white_reflectance=np.ones_like(WAVELENGTHS),
+            white_tolerance=told["white_tolerance"],
+            lamp_tolerance=np.zeros(k),
+            lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
+        ),
+        basis,
+    )
     loose = Sensing(full.matrix, full.target, full.covariance * np.eye(k * n))
     code = solve(loose, 1.0, np.full(3, 0.05)).values
     book = anchor(basis, lights[0])

@@ -19,6 +19,7 @@ import numpy as np
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import CHART, SEED, WHITE, Setting, left_out, photograph, score
 from camssf.curves.basis import Basis
+from camssf.curves.evidence import Evidence
 from camssf.curves.ssf import recover
 from camssf.grid import Floats
 from camssf.spectra import read_chart
@@ -72,15 +73,11 @@ def main(arguments: list[str] | None = None) -> int:
                 y, error = photograph(setting, cameras[name], ohta if setting.ohta else chart(), rng)
                 for i, (_, l2, gamma, count) in enumerate(candidates):
                     answer = recover(
-                        y,
-                        chart(),
-                        light,
-                        standard_error=error,
+                        Evidence(y, chart(), light, standard_error=error, **told),
                         basis=truncated(bases[maker_of(name)], count),
                         l2=l2,
                         gamma=gamma,
                         engine="reference",
-                        **told,
                     )
                     errors.setdefault((i, column), []).append(score(answer, cameras[name])[0])
                 bar.advance(task)

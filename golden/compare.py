@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from camssf.grid import WAVELENGTHS, Floats
 
+ROUNDINGS = 4
+"""Half units in the last place between two machines' residuals: of the rows, their whitening, x and the sums."""
 VISIBLE = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
 
 
@@ -79,7 +81,7 @@ METRICS: dict[str, Callable[[Any, Any], float]] = {
 def optimality(
     A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool
 ) -> tuple[float, float]:
-    """Objective and relative duality gap of a code x, for one channel: the formula of `camssf.curves.unrolled`.
+    """Objective and relative duality gap of a code x, for one channel: the formula of `camssf.curves.proof`.
 
     By the Cholesky factor of Σ, not by its inverse, and without any solver, so that it may judge them all. The dual
     point is the residual, scaled until it is feasible; γ = 0 has no such ball, there ½ ‖w‖² / λ₂ bounds the gap.
@@ -100,6 +102,24 @@ def optimality(
         alpha = min(1.0, gamma / worst) if worst > 0 else 1.0
         gap = 0.5 * (1 - alpha) ** 2 * quadratic + l1 - alpha * float(x @ w)
     return objective, max(gap, 0.0) / objective if objective > 0 else 0.0
+
+
+def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float) -> float:
+    """How far rounding alone moves the relative gap of x, to first order: of each case its own, by its conditioning.
+
+    Another machine's rows and whitening differ in the last bits, x is itself rounded, and so w = Fᵀ (y - F x) - λ₂ x
+    moves by δ ≤ ROUNDINGS 2⁻⁵³ (|F|ᵀ (|F| |x| + |y|) + λ₂ |x|). Then α falls by max δ / γ and xᵀ w moves by |x|ᵀ δ:
+    the gap grows by at most 2 ‖x‖₁ max δ; where γ = 0, by ½ ‖δ‖² / λ₂.
+    """
+    root = np.linalg.cholesky(covariance)
+    F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)
+    delta = np.abs(F).T @ (np.abs(F) @ np.abs(x) + np.abs(y)) + l2 * np.abs(x)
+    delta *= ROUNDINGS * 2.0**-53
+    r = y - F @ x
+    l1 = float(np.abs(x).sum())
+    objective = 0.5 * float(r @ r + l2 * x @ x) + gamma * l1
+    moved = 0.5 * float(delta @ delta) / l2 if gamma == 0 else 2.0 * l1 * float(delta.max())
+    return moved / objective if objective > 0 else 0.0
 
 
 def _pair(found: ArrayLike, expected: ArrayLike) -> tuple[Floats, Floats]:

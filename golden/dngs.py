@@ -268,5 +268,5 @@ class Dng:
                 value = struct.pack(self.order + "I", values_at + len(values))
                 values += data + b"\0" * (-len(data) % 4)
             entries += struct.pack(self.order + "HHI", tag, kind, count) + value
-        count = struct.pack(self.order + "H", len(present))
-        return count + entries + struct.pack(self.order + "I", following) + values
+        number = struct.pack(self.order + "H", len(present))
+        return number + entries + struct.pack(self.order + "I", following) + values

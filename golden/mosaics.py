@@ -55,20 +55,24 @@ def mosaics() -> Iterator[Json]:
 def chaos(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
     """(7x² + 13y² + 5xy + 31x + 17y) mod 2^bits: every value, without order."""
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    return ((7 * x * x + 13 * y * y + 5 * x * y + 31 * x + 17 * y) % (1 << bits)).astype(np.uint16)
+    values: Samples = ((7 * x * x + 13 * y * y + 5 * x * y + 31 * x + 17 * y) % (1 << bits)).astype(np.uint16)
+    return values
 
 
 def slope(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
     """A slope with a little unrest, as photos have: small differences beside large ones."""
     top = (1 << bits) - 1
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    return (top // 8 + x * top // (2 * width) + y * top // (4 * height) + (29 * x + 37 * y) % 7).astype(np.uint16)
+    values = top // 8 + x * top // (2 * width) + y * top // (4 * height) + (29 * x + 37 * y) % 7
+    samples: Samples = values.astype(np.uint16)
+    return samples
 
 
 def extremes() -> Samples:
     """0 and 32768 in turn: differences of category 16."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.int64)
-    return (32768 * ((x // 3 + y // 2) % 2)).astype(np.uint16)
+    samples: Samples = (32768 * ((x // 3 + y // 2) % 2)).astype(np.uint16)
+    return samples
 
 
 def case(
@@ -329,6 +333,8 @@ def _errors() -> Iterator[Json]:
     yield error("float", unsupported, "Floating-point samples.", tagged(339, SHORT, [3]))
     yield error("three-samples", unsupported, "Three samples a pixel.", tagged(277, SHORT, [3]))
     yield error("bits-24", unsupported, "24 bits a sample.", tagged(258, SHORT, [24]))
+    yield error("fill-order", unsupported, "FillOrder 2: bytes with the lowest bit first.",
+                Dng(chaos(12), bits=12, tags={266: (SHORT, [2])}))  # fmt: skip
     yield error("bigtiff", unsupported, "BigTIFF.", b"II+\0\x08\0\0\0" + bytes(60))
     yield error("no-dng", unsupported, "A raw TIFF without DNGVersion.", Dng(chaos(16), first={50706: None}))
     yield error("version-2", unsupported, "DNG version 2.", Dng(chaos(16), first={50706: (BYTE, [2, 0, 0, 0])}))
@@ -353,6 +359,10 @@ def _errors() -> Iterator[Json]:
                 Dng(chaos(16), tags={256: (LONG, [60000]), 257: (LONG, [60000])}))  # fmt: skip
     yield error("jpeg-size", unreadable, "A JPEG of another size than its tile.",
                 Dng(slope(12), bits=12, compression=JPEG, tags={257: (LONG, [36]), 278: (LONG, [36])}))  # fmt: skip
+    wide = Dng(slope(12), bits=12, compression=JPEG, tags={256: (LONG, [23000]), 257: (LONG, [23000]),
+                                                            278: (LONG, [23000])})  # fmt: skip
+    claim = wide.encode().replace(struct.pack(">HH", HEIGHT, WIDTH // 2), struct.pack(">HH", 23000, 11500), 1)
+    yield error("jpeg-claim", unreadable, "A JPEG of 23,000 × 23,000 samples in a small file.", claim)
     kind, data = opcode_list(gain_map([[1.0, 2.0]], (0, 0, HEIGHT, WIDTH)))
     yield error("opcodes-cut", unreadable, "An opcode list that ends early.",
                 Dng(chaos(16), tags={51009: (UNDEFINED, data[:-2])}))  # fmt: skip

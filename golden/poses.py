@@ -87,7 +87,8 @@ def levels() -> NDArray[np.int64]:
     """(24, 3) DN of the patches: BabelColor's table seen by three Gaussians, in whole fours."""
     curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
     signals = chart("babelcolor") @ (curves / curves.sum(axis=0)) * np.array([0.6, 1.0, 0.75])
-    return BLACK + 4 * np.rint(3000 * signals).astype(np.int64)
+    whole: NDArray[np.int64] = BLACK + 4 * np.rint(3000 * signals).astype(np.int64)
+    return whole
 
 
 def draw(view: View, cfa: bytes = bytes((0, 1, 1, 2)), *, unrest: int = 7, mirrored: bool = False) -> Samples:
@@ -113,10 +114,17 @@ def draw(view: View, cfa: bytes = bytes((0, 1, 1, 2)), *, unrest: int = 7, mirro
     return (total // 16 + noise).astype(np.uint16)
 
 
-def file(samples: Samples, *, cfa: bytes = bytes((0, 1, 1, 2)), tags: Tags | None = None, iso: int = 100) -> bytes:
+def file(
+    samples: Samples,
+    *,
+    cfa: bytes = bytes((0, 1, 1, 2)),
+    tags: Tags | None = None,
+    iso: int = 100,
+    exposure: Sequence[int] = (1, 60),
+) -> bytes:
     """A DNG of 14 bits, lossless JPEG, black 256, white 15000."""
     more: Tags = {50714: (SHORT, [BLACK]), 50717: (LONG, [WHITE])}
-    exif: Tags = {33434: (RATIONAL, [1, 60]), 34855: (SHORT, [iso])}
+    exif: Tags = {33434: (RATIONAL, list(exposure)), 34855: (SHORT, [iso])}
     width = samples.shape[1]
     jpeg = {"components": 2 if width % 2 == 0 else 1}
     return Dng(samples, cfa=cfa, bits=14, compression=JPEG, jpeg=jpeg, tags=more | (tags or {}), exif=exif).encode()
@@ -258,7 +266,7 @@ def _patches() -> Iterator[Json]:
         shading: str = "as-stored",
         expect: str = "success",
     ) -> Json:
-        inputs = {role: frames[role][0] if role in frames else None for role in ("photo", "white", "dark")}
+        inputs: Json = {role: frames[role][0] if role in frames else None for role in ("photo", "white", "dark")}
         inputs |= {"quads": quads if places is None else places, "lens_shading": shading}
         return _case(f"patches/{name}", comment, inputs, dict(frames.values()), expect)
 
@@ -306,6 +314,14 @@ def _patches() -> Iterator[Json]:
         "shading-triple", "The chart photo's maps applied to the white and dark frame too.", mapped | white | black,
         shading="apply",
     )  # fmt: skip
+    yield patches(
+        "iso-rounded", "The white frame at ISO 101: files round what was 100.",
+        one | {"white": ("patches-white-rounded.dng", file(_shaded(flat, 700), iso=101))}, places=quads[:1],
+    )  # fmt: skip
+    sixteen = [[[23.0, 23.0], [38.0, 23.0], [38.0, 38.0], [23.0, 38.0]]]
+    yield patches("sixteen", "16 samples of each position are just enough.", one, places=sixteen)
+    fifteen = [[[21.0, 25.0], [40.0, 25.0], [40.0, 36.0], [21.0, 36.0]]]
+    longer = {"white": ("patches-white-longer.dng", file(_shaded(flat, 700), exposure=(253, 15000)))}
     outside = [*quads[:23], [[v[0] + 40, v[1]] for v in quads[23]]]
     small = _rounded(np.array(quads) * 0.5 + view.quads().mean(axis=1, keepdims=True) * 0.5, 4)
     louder = {"white": ("patches-white-iso.dng", file(_shaded(flat, 700), iso=200))}
@@ -313,6 +329,8 @@ def _patches() -> Iterator[Json]:
         ("outside", "A patch leaves the photo.", "chart_not_found", one, outside, "as-stored"),
         ("small", "Patches of half the edge hold too few samples.", "chart_not_found", one, small, "as-stored"),
         ("iso", "The white frame at another ISO.", "frames_differ", one | louder, None, "as-stored"),
+        ("longer", "The white frame exposed 1.2 % longer.", "frames_differ", one | longer, quads[:1], "as-stored"),
+        ("fifteen", "15 samples of each position are too few.", "chart_not_found", one, fifteen, "as-stored"),
         ("no-map", "Shading to be applied, and no map.", "invalid_argument", one, None, "apply"),
         ("word", "Another word for the shading.", "invalid_argument", one, None, "maybe"),
     ):

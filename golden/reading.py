@@ -81,7 +81,7 @@ OUTPUTS: dict[str, set[str]] = {
     "weights": {"rho", "W", "z"},
     "solve": {"code", "objective", "gap", "pivots"},
     "ssf": {"ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"},
-    "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain"},
+    "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes"},
     "verdict": {
         "status",
         "codes",
@@ -94,6 +94,7 @@ OUTPUTS: dict[str, set[str]] = {
         "count",
         "z",
         "gains",
+        "messages",
     },
 }
 ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}

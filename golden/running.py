@@ -11,14 +11,16 @@ import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.code import solve
 from camssf.curves.engine import load_model
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf, recover
-from camssf.curves.unrolled import solve
 from camssf.errors import CalibrationError
-from camssf.evidence.verdict import Fatal, Neutral, Rival, accused, only, shot_answer, surprise
+from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import Floats
+from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
@@ -144,16 +146,18 @@ def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
 
 def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
     return sense(
-        signals,
-        given["standard_error"],
-        given["reflectance"],
-        given["lamp"],
+        Evidence(
+            signals,
+            given["reflectance"],
+            given["lamp"],
+            standard_error=given["standard_error"],
+            chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"],
+            white_tolerance=given["white_tolerance"],
+            lamp_tolerance=given["lamp_tolerance"],
+            lamp_modes=given["lamp_modes"],
+        ),
         basis_of(given["basis"]),
-        chart_tolerance=given["chart_tolerance"],
-        white_reflectance=given["white_reflectance"],
-        white_tolerance=given["white_tolerance"],
-        lamp_tolerance=given["lamp_tolerance"],
-        lamp_modes=given["lamp_modes"],
     )
 
 
@@ -196,20 +200,22 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         )
     else:
         ssf = recover(
-            signals,
-            given["reflectance"],
-            given["lamp"],
-            standard_error=given["standard_error"],
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=given["white_tolerance"],
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
+            Evidence(
+                signals,  # type: ignore[arg-type]  # ragged where the case is an error
+                given["reflectance"],
+                given["lamp"],
+                standard_error=given["standard_error"],
+                chart_tolerance=given["chart_tolerance"],
+                white_reflectance=given["white_reflectance"],
+                white_tolerance=given["white_tolerance"],
+                lamp_tolerance=given["lamp_tolerance"],
+                lamp_modes=given["lamp_modes"],
+                frames=None if not sound else tuple(frames),
+            ),
             basis=given["basis"],
             l2=given["l2"],
             gamma=given["gamma"],
             nonnegative=given["nonnegative"],
-            frames=None if not sound else tuple(frames),
             engine=engine,
         )
         found = {
@@ -328,23 +334,19 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
         )
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
-    alone = [answer(*(resolve(a[key]) for key in ("ssf", "code", "predicted")), ssf.std) for a in given["alone"]]
+    alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
     rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
-    verdict = weigh(
-        signals, table, shots, poses, lamps, ssf, white_reflectance=rho, white_tolerance=given["white_tolerance"],
-        rivals=rivals, neutrals=neutrals, alone=alone,
-    )  # fmt: skip
-    joint = surprise(signals, table, lamps, ssf, rho, given["white_tolerance"])
-    each = [
-        surprise(only(signals, j), table, [lamps[j]], shot_answer(a, j), rho, given["white_tolerance"], pose=poses[j])
-        for j, a in enumerate(alone or [ssf] * len(shots))
-    ]  # fmt: skip
+    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"])
+    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone)
+    joint = weighed.surprise(ssf)
+    each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]
     return {
         "status": verdict.status,
         "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
         "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
         "values": [float(reason.value or 0.0) for reason in verdict.reasons] or None,
         "thresholds": [float(reason.threshold or 0.0) for reason in verdict.reasons] or None,
@@ -381,11 +383,13 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
     )
     done = calibrate_capture(
         Capture(shots, table, given["white_reflectance"]),
-        basis=given["basis"],
-        nonnegative=given["nonnegative"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        engine=engine,
+        options=Options(
+            basis=given["basis"],
+            nonnegative=given["nonnegative"],
+            l2=given["l2"],
+            gamma=given["gamma"],
+            engine=engine,
+        ),
     )
     curves, std = done.ssf.peak()
     return {
@@ -396,6 +400,8 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "predicted": done.ssf.predicted,
         "gap": done.ssf.gap,
         "channel_gain": done.ssf.channel_gain,
+        "rmsre_percent": done.scores.rmsre_percent,
+        "codes": [reason.code for reason in done.verdict.reasons],
     }
 
 

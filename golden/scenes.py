@@ -23,6 +23,11 @@ ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
 """Modes of a daylight and of a white LED that may be far off, as polynomials."""
+FAR = [
+    [[0.0, 1.5], [0.0, 0.0, 1.0], [0.0, 0.5, 0.0, -1.0]],
+    [[0.0, 5.0], [0.0, 0.0, 6.0], [0.0, -3.0, 0.0, 5.0]],
+]
+"""Modes so large that they tell nothing of a lamp."""
 EIGHTEEN = list(range(1, 19))
 NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
@@ -223,6 +228,12 @@ def _ssf_cameras() -> Iterator[Case]:
         change={"lamp": {"lamps": ["equal-energy"] * 2}},
     )  # fmt: skip
     yield scene(
+        "cameras-lamp-far", "Modes ten times as large, no noise, no tolerance of the chart: the first look's "
+        "matrices have a condition of 1e12 and more, and an explicit inverse in it was 1e-8 of the answer off.",
+        lamps=["D55", "LED-B3"], modes=FAR, lamp_tolerance=0.3, noise="none", chart_tolerance=0.0,
+        change={"lamp": {"lamps": ["equal-energy"] * 2}},
+    )  # fmt: skip
+    yield scene(
         "cameras-lamp-one-of-two", "A lamp known and one that is not: only the second takes ŷ for y in its rows.",
         lamps=["D55", "LED-B3"], modes=[[[0.0]] * 3, FAMILY[1]], lamp_tolerance=0.05, rmse=0.07,
         change={"lamp": {"lamps": ["D55", "equal-energy"]}},
@@ -290,6 +301,11 @@ def _ssf_gaussian() -> Iterator[Case]:
     yield scene(
         "gaussian-two-patches", "Six times one patch, six times another, and no prior: rank two.",
         patches=[19] * 6 + [15] * 6, gamma=0.1, **plain,
+    )  # fmt: skip
+    yield scene(
+        "gaussian-three-patches", "Three patches, 18 atoms: the layers' support has more atoms than there are rows, "
+        "the walk from it keeps few digits, and only a second one, from where it ended, is proven.",
+        patches=[8, 11, 16], gamma=85.0, noise="none", **plain,
     )  # fmt: skip
     yield scene(
         "gaussian-equal-energy", "The paper's assumption of a flat lamp, true here.", lamps=["equal-energy"],
@@ -415,10 +431,32 @@ def _signal_cases() -> Iterator[Case]:
                   [_clip(_clip(shot, "chart", slice(0, 2), 0.011), "chart", slice(0, 3), 0.01)
                    | {"chart": shot["chart"] | {"clipped": [[0, v, 0] for v in (0.011, 0.01, 0.5) + (0.0,) * 21]}}]
                   )  # fmt: skip
+    level = np.array(shot["white"]["mean"])[:, 2]
+    dim = _put(shot, "white", "mean", (slice(None), 2), 64.0 + 0.006 * (16_383.0 - 64.0))
+    dim = _put(dim, "white", "standard_error", (slice(None), 2), 1.0)
+    yield signals("white-just-bright", "The white frame's blue lies at 0.6 % of the range: enough.", [dim])
+    just = _put(shot, "white", "standard_error", (5, 2), round(0.04 * (level[5] - 64.0), 4))
+    yield signals("white-just-quiet", "The white frame is known to 4 % at one patch: enough.", [just])
+    signal = np.array(shot["chart"]["mean"])[:, 2] - np.array(shot["dark"]["mean"])[:, 2]
+    near = shot
+    for i, errors in ((22, 4.0), (23, 2.0)):
+        near = _put(near, "chart", "standard_error", (i, 2), round(signal[i] / errors, 4))
+    yield signals("nearly-lost", "Four standard errors are a signal, two are none.", [near])
+    yield signals("six-left", "Six patches that are not clipped: just enough.",
+                  [_clip(shot, "chart", slice(6, 24))])  # fmt: skip
     yield signals("lost-patch", "The black patch lies below three standard errors in blue.",
                   [_put(shot, "chart", "standard_error", (23, 2), 2000.0)])  # fmt: skip
     for name, comment, code, shots, _ in _faulty():
         yield signals(f"error-{name}", comment, shots, expect=code)
+    low = _put(shot, "white", "mean", (slice(None), 2), 64.0 + 0.004 * (16_383.0 - 64.0))
+    low = _put(low, "white", "standard_error", (slice(None), 2), 1.0)
+    for name, comment, code, wrong in (
+        ("white-just-faint", "The white frame's blue lies at 0.4 % of the range.", "underexposed", low),
+        ("white-just-noisy", "The white frame is known to 6 % at one patch.", "underexposed",
+         _put(shot, "white", "standard_error", (5, 2), round(0.06 * (level[5] - 64.0), 4))),
+        ("five-left", "Five patches that are not clipped.", "overexposed", _clip(shot, "chart", slice(5, 24))),
+    ):  # fmt: skip
+        yield signals(f"error-{name}", comment, [wrong], expect=code)
     yield signals("error-no-shot", "No shot at all.", [], expect="invalid_argument")
     yield signals("error-other-chart", "24 patches, a table of 140.", [shot], patches=140, expect="invalid_argument")
 
@@ -476,6 +514,11 @@ def _calibrate_cases() -> Iterator[Case]:
                     lamp={"constant": 0.0, "shape": [1, 681]}, expect="lamp_unfit")  # fmt: skip
     yield calibrate("error-two-shots-paper", "The paper's rows take one shot.", _frames(NIKON, ["D55", "A"]),
                     ["D55", "A"], basis="gaussian", gamma=1.0, expect="invalid_argument")  # fmt: skip
+    true, told = ["D55", "A", "LED-B3", "FL2", "D55"], ["D55", "A", "LED-B3", "LED-B3", "D55"]
+    yield calibrate("error-rival-of-four", "Of four shots one lamp is named wrongly: a rival condemns it.",
+                    _frames(NIKON, true[:4]), told[:4], expect="lamp_unfit")  # fmt: skip
+    yield calibrate("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",
+                    _frames(NIKON, true), told)  # fmt: skip
     yield calibrate("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.", [shot], basis="gaussian",
                     gamma=1e9, expect="not_converged")  # fmt: skip
 

@@ -18,6 +18,8 @@ CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
 """Black level and range of the white, DN; electrons at full range; samples a patch."""
 COLUMNS = 6
+MINOR = 0.026
+"""Share of white of a veil that is not the whole story."""
 
 
 def verdicts() -> Iterator[Json]:
@@ -71,8 +73,17 @@ def verdicts() -> Iterator[Json]:
         k=2,
         forgiven=True,
     )
+    minor = y * (1 + 0.10 * np.sin(5.0 * np.arange(24.0)))[:, None]
+    yield case("minor-cause", "A veil that explains half of the surprise is named.", (1 - MINOR) * minor + MINOR)
+    hole = y.copy()
+    hole[23] = [0.0004, 0.0012, 0.0007]
+    yield case("black-hole", "Signals below a thousandth: a tone curve is flat there.", hole)
+    yield case("three-patches", "Three patches are enough to be questioned.", y, used=3)
+    yield case("two-patches", "Two patches are not: nothing is suspected.", y, used=2)
+    yield case("noiseless", "No row is believed better than 1e-4.", y * spike(3, 1.02), error=0.1)
     # rule 2
     yield case("strange", "Curves unlike a camera's.", y, code=20.0)
+    yield case("strange-two-shots", "Two shots leave the code freer: 13 + 7.", predicted(k=2), k=2, code=25.0)
     yield case("alien", "Curves that no camera has: refused.", y, code=80.0)
     # rules 4 and 5
     yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", 5.0], [0, "A", -20.0]])
@@ -95,6 +106,7 @@ def verdicts() -> Iterator[Json]:
     yield case("greens", "Two greens that differ.", y, greens=1.1)
     yield case("dirt", "A patch of outliers.", y, dead=(4, 0.2))
     yield case("dim", "A white at 5 % of the range.", y, level=0.05)
+    yield case("haze", "An eighth of white in the darkest patch: doubtful.", 0.9 * y + 0.1)
     yield case("fog", "A quarter of white in the darkest patch: refused.", 0.7 * y + 0.3)
     yield case("few", "Nine patches, the others clipped.", y, used=9, clipped=0.5)
     yield case("few-dark", "Nine patches, the others lost in noise.", y, used=9)
@@ -142,6 +154,7 @@ def case(
     clipped: float = 0.0,
     score: float = 0.97,
     forgiven: bool = False,
+    error: float = 1.0,
 ) -> Json:
     """The inputs of `judge`; what is not named is as in a clean capture.
 
@@ -191,7 +204,7 @@ def case(
         "lamp_tolerance": [0.02] * k,
         "lamp_modes": {"polynomials": [[[0.0, 0.05]] if modes else []] * k},
         "signals": y.tolist(),
-        "standard_error": np.round(0.002 * y + 1e-4, 9).tolist(),
+        "standard_error": np.round(error * (0.002 * y + 1e-4), 9).tolist(),
         "used": taken.tolist(),
         "white_is_patch": [white is not None] * k,
         "white": np.broadcast_to(raw_white(level) if tint else [BLACK + span] * 3, y.shape).tolist(),
@@ -213,13 +226,15 @@ def case(
 def raw_white(level: float) -> list[float]:
     """The white's level in DN under the first lamp, as the camera sees it."""
     seen = lamp(LAMPS[0]) @ camera(CAMERA)
-    return np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
+    levels: list[float] = np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
+    return levels
 
 
 def white_under(light: str, tint: float) -> list[float]:
     """What a colour matrix tells of the camera's white, its red off by a factor."""
     seen = lamp(light) @ camera(CAMERA) * np.array([tint, 1.0, 1.0])
-    return np.round(seen / seen[1], 9).tolist()
+    white: list[float] = np.round(seen / seen[1], 9).tolist()
+    return white
 
 
 def statistics(y: Floats, span: float, noise: float = 1.0, texture: float = 0.0) -> dict[str, Floats]:

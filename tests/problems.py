@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from camssf.curves import Evidence, Prediction, Ssf, explain, predict, recover
 from camssf.curves.sensing import Sensing
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
@@ -62,3 +64,28 @@ def gamma_max(sensing: Sensing) -> Floats:
         for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
     ]
     return np.abs(pulls).max(axis=1)
+
+
+def told(*positional: Any, **named: Any) -> tuple[Evidence, dict[str, Any]]:
+    """Evidence from the arguments that are its own, and the rest."""
+    fields = Evidence.__dataclass_fields__
+    evidence = Evidence(*positional, **{name: value for name, value in named.items() if name in fields})
+    return evidence, {name: value for name, value in named.items() if name not in fields}
+
+
+def recovered(*positional: Any, **named: Any) -> Ssf:
+    """`recover` of signals, reflectance, lamp and the rest by name."""
+    evidence, rest = told(*positional, **named)
+    return recover(evidence, **rest)
+
+
+def explained(*positional: Any, **named: Any) -> dict[str, Floats]:
+    """`explain`, likewise."""
+    evidence, rest = told(*positional, **named)
+    return explain(evidence, **rest)
+
+
+def predicted(ssf: Ssf, *positional: Any, **named: Any) -> Prediction:
+    """`predict`, likewise."""
+    evidence, rest = told(*positional, **named)
+    return predict(ssf, evidence, **rest)

@@ -12,11 +12,12 @@ from benchmarks import accuracy
 from benchmarks._common import CURVES, chart, lamp
 from benchmarks.accuracy import BINS, MEAN, METHODS, PAPER, PRODUCT, SEEN, SETTINGS, SPARSE, Scores, Setting
 from camssf.curves.basis import interpolate
-from camssf.curves.sensing import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
-from camssf.curves.ssf import Ssf, predict, recover
+from camssf.curves.covariance import ABSOLUTE, CHART_CORRELATION, EDGE, RELATIVE, TABLE_CORRELATION, smooth_errors
+from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.spectra import read_camera
 from camssf.tools.learn import learn, maker_of, read_curves
+from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}
 
@@ -28,6 +29,7 @@ def measured(*names: str, methods: tuple[str, ...] = (PRODUCT,)) -> dict[str, di
     return accuracy.measure([NAMED[name] for name in names], methods, 1, cameras, bases)
 
 
+@pytest.mark.slow
 def test_the_product_is_better_than_what_stands_beside_it() -> None:
     found = measured("exact, D55, 24", methods=METHODS)["exact, D55, 24"]
     rmse = {method: float(scores.rmse.mean()) for method, scores in found.items()}
@@ -38,6 +40,7 @@ def test_the_product_is_better_than_what_stands_beside_it() -> None:
     assert found[PAPER].covered is None
 
 
+@pytest.mark.slow
 def test_more_lamps_cancel_more_of_a_foreign_table() -> None:
     names = [name for name in NAMED if name.startswith("Ohta")]
     one, two, three = (scores[PRODUCT].rmse.mean() for scores in measured(*names).values())
@@ -46,6 +49,7 @@ def test_more_lamps_cancel_more_of_a_foreign_table() -> None:
     assert three < 0.028
 
 
+@pytest.mark.slow
 def test_lamps_that_are_off_and_declared_cost_little() -> None:
     off = measured("lamps off, D55", "lamps off, D55 + A")
     known = measured("Ohta, D55", "Ohta, D55 + A", "Ohta, D55 + A + LED-B3")
@@ -54,6 +58,7 @@ def test_lamps_that_are_off_and_declared_cost_little() -> None:
     assert one < 1.1 * known["Ohta, D55"][PRODUCT].rmse.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_bands_cover(name: str) -> None:
     """Of left-out cameras; one draw of 52 cameras, so the bars of the benchmark with 1 % more to each side."""
@@ -62,6 +67,7 @@ def test_bands_cover(name: str) -> None:
     assert min(row["coverage_bins"]) >= 0.87
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_monte_carlo_agrees_with_the_bands(name: str) -> None:
     """GUM Supplement 1 with the shipped model; 300 draws know the ratio to about 3 %."""
@@ -84,7 +90,7 @@ def test_scores_are_counted_by_hand() -> None:
     camera = read_camera("Nikon 5100 (NPL)").values
     lights, table = lamp("D55")[None], chart()
     y = ((lights[:, None, :] * table) @ camera) / (lights @ camera)[:, None, :]
-    answer = recover(y, table, lights, standard_error=1e-3 * y)
+    answer = recovered(y, table, lights, standard_error=1e-3 * y)
     assert answer.std is not None
     perfect = replace(answer, values=7.0 * camera, std=np.zeros_like(camera))
     rmse, covered = accuracy.score(perfect, camera)
@@ -115,6 +121,7 @@ def test_a_missed_bar_shows() -> None:
     assert sum(name.startswith("Ohta, D55: ") for name in missed) == 3
 
 
+@pytest.mark.slow
 def test_a_left_out_maker_is_not_in_its_basis() -> None:
     _, bases = accuracy.left_out()
     curves = read_curves(CURVES)
@@ -137,6 +144,7 @@ def test_true_lamps_scatter_as_declared() -> None:
     assert (accuracy.true_lamp("A", False, rng) == lamp("A")).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [False, True])
 @pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
 def test_predicted_colours_lie_within_their_bands(lamps: tuple[str, ...], off: bool) -> None:
@@ -165,7 +173,7 @@ def test_predicted_colours_lie_within_their_bands(lamps: tuple[str, ...], off: b
             "basis": bases[maker_of(name)],
             **told,
         }
-        found = predict(recover(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
+        found = predicted(recovered(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
         off_by = np.abs(found.values - signals[:, [*fit, *rest]])
         held.append((off_by <= 1.96 * found.std).reshape(len(lamps), 2, 12, 3).mean(axis=(0, 2, 3)))
     fitted, unseen = np.mean(held, axis=0)

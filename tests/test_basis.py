@@ -7,12 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.tools.learn import Crowd, Enlargement, crowd_of, enlarge, learn, main, maker_of, read_curves, save
-from tests.problems import CURVES, chart_and_lamp, theory, toy_camera
+from camssf.tools.learn import (
+    Enlargement,
+    TrainingSet,
+    _smooth_root,
+    enlarge,
+    learn,
+    main,
+    maker_of,
+    read_curves,
+    save,
+    training_set_of,
+)
+from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 
 def test_gaussians_are_the_paper_s() -> None:
@@ -56,11 +66,11 @@ def toys(count: int = 12) -> np.ndarray:
 def test_the_dictionary_is_the_spread_of_the_training_set() -> None:
     """Ψ Ψᵀ = 2 x the cameras' covariance + the enlargement's own, by loops; makers weigh the root of their number."""
     makers, copies = ["a"] * 9 + ["b"] * 2 + ["c"], 10
-    crowd = enlarge(toys(), Enlargement(), copies, np.random.default_rng(0)).reshape(copies, 12, 69, 3)
+    enlarged = enlarge(toys(), Enlargement(), copies, np.random.default_rng(0)).reshape(copies, 12, 69, 3)
     mean, dictionary = learn(toys(), makers=makers, components=69, copies=copies, seed=0)
     weight = np.array([1 / 3] * 9 + [2**-0.5] * 2 + [1.0]) / (3 + 2**0.5 + 1)
     for c in range(3):
-        shapes = crowd[..., c] / crowd[..., c].sum(axis=2, keepdims=True)
+        shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)
         centre = sum(w * shapes[:, i].mean(axis=0) for i, w in enumerate(weight))
         assert mean[c] == pytest.approx(centre / centre.max(), abs=1e-12)
         expected = np.zeros((69, 69))
@@ -96,6 +106,23 @@ def test_enlargement_keeps_the_cameras_and_is_seeded() -> None:
     assert still[3:] == pytest.approx(toys(3), abs=1e-12)
 
 
+def test_the_smooth_root_is_the_same_on_every_processor() -> None:
+    """By rank-one elimination in 80 bits or more; float64's Cholesky is 4e-8 off, each processor's its own way."""
+    root = _smooth_root()
+    size = NODES.size
+    rest = np.exp(-(((NODES[:, None] - NODES).astype(np.longdouble) / 120) ** 2) / 2)
+    rest += np.longdouble("1e-9") * np.eye(size, dtype=np.longdouble)
+    assert np.abs(root @ root.T - rest).max() < 4e-15
+    assert not np.triu(root, 1).any()
+    if np.finfo(np.longdouble).eps < 1e-18:
+        for j in range(size):
+            column = rest[:, j] / np.sqrt(rest[j, j])
+            assert np.abs(root[j:, j] - column[j:]).max() < 1e-10
+            rest = rest - np.outer(column, column)
+    # the last pivot is what 5e10 of condition leaves of 1; its digits are those of 60-digit arithmetic
+    assert root[-1, -1] == pytest.approx(6.96407209544306e-05, rel=1e-14)
+
+
 def write_curves(path: Path, cameras: dict[str, np.ndarray]) -> Path:
     lines = ["camera,wavelength_nm,R,G,B"]
     for name, curves in cameras.items():
@@ -113,7 +140,7 @@ def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: p
     assert [p.name for p in tmp_path.iterdir() if p.suffix == ".npz"] == ["mine.npz"]
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    answer = recover(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
+    answer = recovered(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
     assert answer.engine == "reference"
     assert answer.basis == "mine"
     assert answer.code.shape == (6, 3)
@@ -152,7 +179,7 @@ def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
     assert main([str(CURVES), "-o", str(tmp_path / "again.npz"), "--licence", "Apache-2.0"]) == 0
     again, shipped = read_basis(str(tmp_path / "again.npz")), read_basis("cameras")
     assert again.source == shipped.source
-    carried, measured = crowd_of("cameras").curves, read_curves(CURVES)
+    carried, measured = training_set_of("cameras").curves, read_curves(CURVES)
     assert list(carried) == list(measured)
     assert all((carried[name] == measured[name]).all() for name in measured)
     assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
@@ -180,11 +207,11 @@ def test_a_maker_s_cameras_can_be_added_later(tmp_path: Path, capsys: pytest.Cap
     In another order the random copies are others: the mean stays within 0.01 of its peak and the spread within a
     tenth, where leaving the maker out moved it by more than an eighth.
     """
-    everything = crowd_of("cameras")
+    everything = training_set_of("cameras")
     own = {name: curve for name, curve in everything.curves.items() if maker_of(name) == "nikon"}
     rest = {name: curve for name, curve in everything.curves.items() if name not in own}
     assert len(own) == 11
-    save(Crowd(rest, ("rest.csv",), ("0" * 64,), ("Apache-2.0",)), 24, tmp_path / "rest.npz")
+    save(TrainingSet(rest, ("rest.csv",), ("0" * 64,), ("Apache-2.0",)), 24, tmp_path / "rest.npz")
     mine = write_curves(tmp_path / "mine.csv", own)
     joined = write_curves(tmp_path / "joined.csv", rest | own)
     for curves, more in ((mine, ["--extend", str(tmp_path / "rest.npz"), "--licence", "mine"]), (joined, [])):

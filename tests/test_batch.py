@@ -1,6 +1,7 @@
 """Batch: a bad row stops no other, nothing is done twice, no name escapes its folder."""
 
 import csv
+import io
 import json
 import os
 import signal
@@ -13,7 +14,7 @@ import pytest
 
 from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
-from camssf.fleet.run import MARK, Job, Outcome, read_manifest, run_batch
+from camssf.fleet.run import MARK, Job, Outcome, _summary, read_manifest, run_batch
 
 HEADER = "name,photo,lamp,white,dark,chart"
 
@@ -59,6 +60,7 @@ def visits(out: Path, name: str) -> int:
     return len((out / name / "visits").read_text().splitlines())
 
 
+@pytest.mark.slow
 def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
     manifest = write(
         tmp_path,
@@ -81,6 +83,7 @@ def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
     assert rows[4]["code"] == "overexposed"
 
 
+@pytest.mark.slow
 def test_it_resumes(tmp_path: Path) -> None:
     manifest = write(
         tmp_path, ["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], {"a": "1", "b": "2", "w": "w", "c": "refused"}
@@ -105,6 +108,7 @@ def test_it_resumes(tmp_path: Path) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
 def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
@@ -123,6 +127,7 @@ def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> N
     assert [o.resumed for o in run_batch(good, out, jobs=1, work=stub)] == [True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("change", ["gone", "changed"])
 def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path, name: str, change: str) -> None:
@@ -147,6 +152,7 @@ def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -
     assert [o.resumed for o in run_batch(manifest, out, jobs=1, work=stub)] == [False]
 
 
+@pytest.mark.slow
 def test_it_uses_the_processes(tmp_path: Path) -> None:
     """Two sleepers at once are in two processes, each with one thread for its algebra; jobs=1 takes one process."""
     manifest = write(tmp_path, ["one,a,D55,,,", "two,b,D55,,,"], {"a": "1", "b": "2"})
@@ -271,6 +277,92 @@ def test_an_output_folder_that_is_a_file(tmp_path: Path) -> None:
         run_batch(manifest, tmp_path / "a", work=stub)
 
 
+@pytest.mark.parametrize("lead", ["=", "+", "-", "@", "＝"])
+def test_no_cell_of_the_summary_is_a_formula(tmp_path: Path, lead: str) -> None:
+    """Names, folders and reasons come from whoever wrote the manifest; a spreadsheet runs a formula."""
+    names = [f"{lead}cmd|' /C calc'!A0", f"cam;{lead}1+1", f"{lead}1"]
+    rows = [f"{name},a,D55,,," for name in names]
+    manifest = write(tmp_path, [*rows, f"refused,{lead}x,D55,,,"], {"a": "fine"})
+    outcomes = run_batch(manifest, tmp_path / "out", jobs=1, work=stub)
+    assert [o.name for o in outcomes] == [*names, "refused"]
+    with (tmp_path / "out" / "summary.csv").open(encoding="utf-8", newline="") as file:
+        found = list(csv.DictReader(file))
+    for row in found:
+        for cell in row.values():
+            assert not any(part.startswith(("=", "+", "-", "@", "＝", "\t", "\r")) for part in cell.split(";")), cell
+    assert [row["name"] for row in found] == [f"'{names[0]}", f"cam;'{lead}1+1", f"'{lead}1", "refused"]
+    assert [o.resumed for o in run_batch(manifest, tmp_path / "out", jobs=1, work=stub)] == [True] * 3 + [False]
+
+
+def test_summary_cells_of_any_text() -> None:
+    def cells(text: str) -> dict[str, str]:
+        (row,) = csv.DictReader(io.StringIO(_summary([Outcome(text, text, "refused", "", text)]), newline=""))
+        return row
+
+    for text in ("=1", "\t=1", "\r=1", "\n=1", "-1", "@SUM(A1)"):
+        assert cells(text)["name"][0] == cells(text)["reason"][0] == "'"
+    for text in ("Nikon 5100 (NPL)", "a-b", "2 % - 3", "'quoted", ""):
+        assert cells(text)["name"] == cells(text)["reason"] == text
+
+
+@pytest.mark.skipif(os.sep == "\\", reason="there backslashes are folders")
+@pytest.mark.parametrize(
+    "row",
+    [
+        "shots\\a.dng,D55,,,",
+        "a,lamps\\l.csv,,,",
+        "a,D55,w\\x,,",
+        "a,D55,,d\\x,",
+        "a,D55,,,nano24:c\\x.csv",
+        "C:\\a.dng,D55,,,",
+    ],
+)
+def test_backslashes_are_explained(tmp_path: Path, row: str) -> None:
+    manifest = write(tmp_path, [f"cam,{row}", "ok,a\\b,D55,,,"], {"a": "fine", "a\\b": "fine"})
+    bad, good = run_batch(manifest, tmp_path / "out", jobs=1, work=stub)
+    assert (bad.status, bad.code) == ("refused", "invalid_argument")
+    assert "write / instead" in bad.reason
+    assert good.status == "accepted"  # a name that holds one
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
+def test_a_batch_that_is_killed_leaves_no_process(tmp_path: Path) -> None:
+    """SIGKILL cannot be answered: the processes themselves must see that their parent is gone."""
+    manifest = write(tmp_path, [f"c{i},a,D55,,," for i in range(40)], {"a": "fine"})
+    out = tmp_path / "out"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from camssf.fleet.run import run_batch\nfrom test_batch import slow\n"
+        f"if __name__ == '__main__': run_batch({str(manifest)!r}, {str(out)!r}, jobs=2, work=slow)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE) as running:
+        deadline = time.monotonic() + 60
+        while len(list(out.glob("*/visits"))) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        workers = {int(path.read_text().split()[0]) for path in out.glob("*/visits")}
+        running.kill()
+        assert running.wait(timeout=60) == -signal.SIGKILL
+    try:
+        assert len(workers) == 2
+        deadline = time.monotonic() + 20
+        while any(map(alive, workers)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not list(filter(alive, workers))
+    finally:
+        for worker in filter(alive, workers):
+            os.kill(worker, signal.SIGKILL)
+
+
+def alive(process: int) -> bool:
+    """Whether it runs; one that ended and waits for its parent to notice does not."""
+    try:
+        os.kill(process, 0)
+        stat = Path(f"/proc/{process}/stat")
+        return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
 def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
     manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
     run_batch(manifest, tmp_path / "out", jobs=1, work=stub)
@@ -280,6 +372,7 @@ def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").rglob(".camssf-*"))
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path) -> None:
     manifest = write(tmp_path, [f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
     out = tmp_path / "out"

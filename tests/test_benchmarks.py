@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import json
 import os
 import subprocess
 import sys
@@ -9,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camssf.curves.code import soft, solve
 
-from benchmarks import _common, arm, arm_jvm, certify, depth, solver
+from benchmarks import _common, arm, arm_jvm, capture, certify, depth, solver
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import read_basis
 from camssf.curves.engine import load_model
 from camssf.curves.sensing import Sensing
-from camssf.curves.unrolled import soft, solve
 from tests.problems import random_sensing
 
 
@@ -123,7 +125,7 @@ def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureF
 def test_a_missed_bar_is_listed_and_nan_is_missed() -> None:
     problem, _ = certify.draw(0, 1)
     good = dict.fromkeys(("reference", "onnx", "reference_recomputed", "onnx_recomputed"), np.full(3, 1e-12))
-    good["pivots"] = np.ones(3)
+    good |= {"pivots": np.ones(3), "rows_apart": np.full(3, 1e-13)}
     assert not certify.misses(1, problem, good)
     for bad in (1.1e-9, np.nan):
         (miss,) = certify.misses(1, problem, good | {"onnx": np.array([0.0, bad, 0.0])})
@@ -131,6 +133,27 @@ def test_a_missed_bar_is_listed_and_nan_is_missed() -> None:
     off = {"determined": np.array([1.0, 0.0, 1.0]), "reference_off": np.zeros(3)}
     assert not certify.misses(1, problem, good | off | {"onnx_off": np.array([0.0, 1.0, 0.0])})
     assert certify.misses(1, problem, good | off | {"onnx_off": np.array([2e-6, 0.0, 0.0])})
+    (miss,) = certify.misses(1, problem, good | {"rows_apart": np.array([0.0, 0.0, 2e-10])})
+    assert miss["bar"] == "rows apart"
+
+
+def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
+    results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cvxpy = pytest.importorskip("cvxpy")
+
+    def fail(*_: object, **__: object) -> None:
+        raise cvxpy.error.SolverError("Solver 'CLARABEL' failed. Try another solver.")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", fail)
+    A, b = identity(24, 24)
+    found = certify.oracle(A, b, read_basis("cameras"), 1.0, 0.1, False)
+    assert found.refused.all()
+    assert (found.gap < 1e-12).all()  # the exchanges arrive from zero, too
+    certify.main(["--count", "2", "--oracle-every", "1"])
+    assert "oracle refused: Clarabel gave no answer to 6 of 6" in capsys.readouterr().out
+    groups = json.loads((results / "certify.json").read_text())["groups"]
+    assert groups[-1]["oracle refused"] == groups[-1]["oracle asked"] == 6
 
 
 def test_the_model_s_own_rows_are_read() -> None:
@@ -182,6 +205,7 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
     assert (results / "solver.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = depth.main(["--cameras", "1", "--depths", "1", "32"])
     said = capsys.readouterr().out
@@ -304,3 +328,39 @@ def test_sensing_of_a_problem_is_the_reference_s() -> None:
     assert isinstance(sensing, Sensing)
     y = (problem.inputs["chart"] - 64.0)[0] / (problem.inputs["white"] - 64.0)[0]
     assert sensing.target == pytest.approx(y.T)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "peak", "status"),
+    [(1.9, 3.9, 0), (2.0, 4.0, 0), (2.01, 3.9, 1), (1.9, 4.01, 1), (float("nan"), 1.0, 1)],
+)
+def test_capture_ends_with_1_where_a_bar_is_missed(
+    ratio: float, peak: float, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured = {"file_megabytes": 1.0, "decode_seconds": 1.0, "calibrate_seconds": 1.0, "ratio_range": [1.0, 3.0]}
+    measured |= {"ratio": ratio, "peak_over_mosaic": peak}
+    monkeypatch.setattr(capture, "measure", lambda runs, basis: measured)
+    assert capture.main([]) == status
+    assert ("MISSED" in capsys.readouterr().out) == bool(status)
+
+
+BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
+WITHOUT_BARS = {"kotlin_variants", "penalties", "rules_table", "spectrograph"}
+"""Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
+
+
+@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
+def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> None:
+    """By reading the source: the last word of `main` is no constant."""
+    tree = ast.parse(path.read_text("utf-8"))
+    mains = [each for each in tree.body if isinstance(each, ast.FunctionDef) and each.name == "main"]
+    text = ast.unparse(tree)
+    if path.stem in WITHOUT_BARS:
+        assert "BAR" not in text
+        assert "exit status 1" not in text.casefold()
+        return
+    (main,) = mains
+    last = main.body[-1]
+    assert isinstance(last, ast.Return)
+    assert last.value is not None
+    assert not isinstance(last.value, ast.Constant)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from camssf.calibration import calibrate, solve
+from camssf.calibration import attempt, calibrate, solve
+from camssf.documents.patches import patches_document, read_patches
 from camssf.documents.report import report
+from camssf.documents.result import Refusal
 from camssf.errors import (
     CalibrationError,
     ChartNotFound,
@@ -18,12 +22,14 @@ from camssf.errors import (
     LampUnfit,
     UnreadableRaw,
 )
+from camssf.options import Options, with_former
 from camssf.photo.capture import Capture, measure
-from camssf.simulation.frames import Simulation, simulate
+from camssf.simulation.frames import Scene, Simulation, simulate
 from camssf.spectra import CameraCurves, read_chart
 from tests.problems import theory, toy_camera
 
-PHOTO = Path(__file__).parents[1] / "data" / "dng" / "colorchart.dng"
+ROOT = Path(__file__).parents[1]
+PHOTO = ROOT / "data" / "dng" / "colorchart.dng"
 SIZE = (1200, 900)
 
 
@@ -35,7 +41,10 @@ def camera() -> CameraCurves:
 @pytest.fixture(scope="module")
 def two_lamps(tmp_path_factory: pytest.TempPathFactory, camera: CameraCurves) -> Simulation:
     return simulate(
-        camera, ["D55", "A"], tmp_path_factory.mktemp("two"), size=SIZE, vignetting=0.5, rotation=8, tilt=10
+        camera,
+        ["D55", "A"],
+        tmp_path_factory.mktemp("two"),
+        scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10),
     )
 
 
@@ -47,7 +56,7 @@ def capture(two_lamps: Simulation) -> Capture:
 
 def test_signals_match_theory_under_vignetting(capture: Capture, camera: CameraCurves) -> None:
     """50 % vignetting with a white frame: 0.5 % of theory, noise aside (four standard errors)."""
-    found = solve(capture, basis="gaussian", gamma=1.0).signals
+    found = solve(capture, options=Options(basis="gaussian", gamma=1.0)).signals
     truth = theory(read_chart("classic24").values, capture.shots[0].lamp.values, camera.values)
     assert (np.abs(found.values[0] - truth) <= 0.005 * truth + 4 * found.standard_error[0]).all()
 
@@ -56,7 +65,7 @@ def test_signals_match_theory_under_vignetting(capture: Capture, camera: CameraC
 # benchmarks/.
 @pytest.mark.parametrize(("basis", "bound"), [("gaussian", 0.08), ("cameras", 0.07)])
 def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, basis: str, bound: float) -> None:
-    result = solve(capture, basis=basis, truth=camera)
+    result = solve(capture, options=Options(basis=basis), truth=camera)
     assert result.scores.rmse is not None
     assert result.scores.rmse.mean() < bound
     assert (result.scores.rmsre_percent < 3.0).all()
@@ -72,10 +81,10 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
         [s.lamp for s in shots],
         white=[s.white for s in shots],
         dark=[s.dark for s in shots],
-        basis="cameras",
+        options=Options(basis="cameras"),
         truth=camera,
     )
-    single = solve(capture, basis="cameras", truth=camera)
+    single = solve(capture, options=Options(basis="cameras"), truth=camera)
     assert pair.ssf.predicted.shape == (2, 24, 3)
     assert pair.ssf.std is not None
     assert single.ssf.std is not None
@@ -85,7 +94,7 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     assert pair.uncertainty["half_width"] < min(pair.uncertainty["alone"])
     assert len(pair.document()["shots"]) == 2
     with pytest.raises(InvalidArgument, match="one shot"):
-        calibrate([s.chart for s in shots], [s.lamp for s in shots], basis="gaussian")
+        calibrate([s.chart for s in shots], [s.lamp for s in shots], options=Options(basis="gaussian"))
 
 
 def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
@@ -111,17 +120,19 @@ def test_predicted_colours_carry_bands(capture: Capture) -> None:
     patches = found.document()["shots"][0]["patches"]
     assert patches[3]["predicted_std"] == seen[0, 3].tolist()
     assert patches[3]["unseen_std"] == unseen[0, 3].tolist()
-    left_out = solve(capture, fit=range(7, 19))
+    left_out = solve(capture, options=Options(fit=range(7, 19)))
     assert left_out.unseen_std is not None
     assert np.isfinite(left_out.unseen_std[0]).all(axis=1).tolist() == [not 6 <= i < 18 for i in range(24)]
-    paper = solve(capture, basis="gaussian")
+    paper = solve(capture, options=Options(basis="gaussian"))
     assert paper.predicted_std is None
     assert paper.document()["shots"][0]["patches"][3]["predicted_std"] is None
 
 
 def test_engines_agree(capture: Capture) -> None:
     for basis in ("gaussian", "cameras"):
-        one, other = (solve(capture, basis=basis, engine=engine).document() for engine in ("onnx", "reference"))
+        one, other = (
+            solve(capture, options=Options(basis=basis, engine=engine)).document() for engine in ("onnx", "reference")
+        )
         assert one["hashes"]["model"] is not None
         assert other["hashes"]["model"] is None
         for colour in ("red", "green", "blue"):
@@ -133,22 +144,22 @@ def test_engines_agree(capture: Capture) -> None:
 
 
 def test_fit_on_twelve_patches_validates_on_the_rest(capture: Capture) -> None:
-    result = solve(capture, basis="cameras", fit=range(7, 19))
+    result = solve(capture, options=Options(basis="cameras", fit=range(7, 19)))
     assert result.signals.used[0].nonzero()[0].tolist() == list(range(6, 18))
     assert np.isfinite(result.unseen[0]).all(axis=1).nonzero()[0].tolist() == [*range(6), *range(18, 24)]
     assert "12 patches" in result.scores.unseen
     for bad in ([], [0], [25], ["7"]):
         with pytest.raises(InvalidArgument, match="1 to 24"):
-            solve(capture, fit=bad)
+            solve(capture, options=Options(fit=bad))
 
 
 def test_numpy_s_numbers_name_patches_too(capture: Capture) -> None:
-    assert solve(capture, fit=np.arange(7, 19)).signals.used.sum() == 12
+    assert solve(capture, options=Options(fit=np.arange(7, 19))).signals.used.sum() == 12
 
 
 def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -> None:
     """Change one measured patch: its own unseen prediction stays, others move."""
-    before = solve(capture, basis="cameras")
+    before = solve(capture)
     shot = capture.shots[0]
     mean = shot.means.chart.mean.copy()
     mean[9] *= 1.05
@@ -157,7 +168,7 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -
         capture.chart,
         None,
     )
-    after = solve(bent, basis="cameras")
+    after = solve(bent)
     assert after.unseen[0, 9] == pytest.approx(before.unseen[0, 9], rel=1e-12)
     assert np.abs(after.unseen[0, 10] - before.unseen[0, 10]).max() > 1e-6
 
@@ -169,11 +180,11 @@ def _replace(value: object, **changes: object) -> object:
 
 
 def test_documents_pipe(capture: Capture) -> None:
-    text = json.dumps(capture.document(), allow_nan=False)
-    again = Capture.from_document(json.loads(text))
-    assert again.document() == capture.document()
-    assert solve(again, basis="cameras").document() == solve(capture, basis="cameras").document()
-    report(solve(capture, basis="cameras").document())  # checks the schema
+    text = json.dumps(patches_document(capture), allow_nan=False)
+    again = read_patches(json.loads(text))
+    assert patches_document(again) == patches_document(capture)
+    assert solve(again).document() == solve(capture).document()
+    report(solve(capture).document())  # checks the schema
 
 
 @pytest.mark.parametrize(
@@ -206,14 +217,14 @@ def test_documents_pipe(capture: Capture) -> None:
     ],
 )
 def test_damaged_documents_are_named(capture: Capture, damage: object) -> None:
-    document = json.loads(json.dumps(capture.document()))
+    document = json.loads(json.dumps(patches_document(capture)))
     damage(document)  # type: ignore[operator]
     with pytest.raises(CalibrationError):
-        solve(Capture.from_document(document))
+        solve(read_patches(document))
 
 
 def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> None:
-    result = calibrate(two_lamps.shots[0].chart, "D55", basis="cameras", truth=camera)
+    result = calibrate(two_lamps.shots[0].chart, "D55", options=Options(basis="cameras"), truth=camera)
     codes = {assumption.code for assumption in result.assumptions}
     assert {"white_from_patch", "dark_from_black_level", "chart_table", "lamp"} <= codes
     assert not result.signals.used[0, 18]
@@ -236,9 +247,9 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
     with pytest.raises(UnreadableRaw):
         calibrate(tmp_path / "nothing.dng", "D55")
     other = CameraCurves("other", toy_camera(20), "a formula")
-    elsewhere = simulate(other, "A", tmp_path, size=SIZE)
+    elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=SIZE))
     with pytest.raises(FramesDiffer, match="different cameras"):
-        calibrate([shot.chart, elsewhere.shots[0].chart], ["D55", "A"], basis="cameras")
+        calibrate([shot.chart, elsewhere.shots[0].chart], ["D55", "A"], options=Options(basis="cameras"))
 
 
 def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: Simulation) -> None:
@@ -274,7 +285,7 @@ def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
 
 
 def test_files_of_one_name_keep_their_hashes(tmp_path: Path, camera: CameraCurves) -> None:
-    shots = [simulate(camera, lamp, tmp_path / lamp, size=SIZE).shots[0] for lamp in ("D55", "A")]
+    shots = [simulate(camera, lamp, tmp_path / lamp, scene=Scene(size=SIZE)).shots[0] for lamp in ("D55", "A")]
     result = calibrate([s.chart for s in shots], ["D55", "A"], white=[s.white for s in shots])
     assert len(result.document()["hashes"]["inputs"]) == 4
 
@@ -282,9 +293,9 @@ def test_files_of_one_name_keep_their_hashes(tmp_path: Path, camera: CameraCurve
 def test_a_patches_document_needs_no_other_file(tmp_path: Path, two_lamps: Simulation) -> None:
     lamp = tmp_path / "mine.csv"
     lamp.write_text("".join(f"{w},{1 + w / 1000}\n" for w in range(380, 731, 10)))
-    document = json.loads(json.dumps(measure(two_lamps.shots[0].chart, str(lamp)).document()))
+    document = json.loads(json.dumps(patches_document(measure(two_lamps.shots[0].chart, str(lamp)))))
     lamp.unlink()
-    result = solve(Capture.from_document(document)).document()
+    result = solve(read_patches(document)).document()
     assert "shot 1, lamp: mine.csv" in result["hashes"]["inputs"]
 
 
@@ -294,18 +305,10 @@ def test_a_patches_document_needs_no_other_file(tmp_path: Path, two_lamps: Simul
         ({"photos": 5}, "no list"),
         ({"lamps": 5}, "no list"),
         ({"white": 3}, "no list"),
-        ({"fit": 5}, "no list"),
-        ({"basis": None}, "None"),
-        ({"gamma": "x"}, "gamma"),
-        ({"l2": "x"}, "l2"),
-        ({"white_reflectance": "a"}, "0.95"),
-        ({"white_reflectance": 0.9}, "no white frame"),
         ({"lamps": []}, "lamp"),
         ({"lamps": ["D55", "A"]}, "2 lamp"),
         ({"photos": []}, "photo"),
         ({"white": ["a", "b"]}, "2 white"),
-        ({"corners": [None, None]}, "2 set"),
-        ({"white_reflectance": 95}, "0.95"),
         ({"lamps": ["nonsense"]}, "nonsense"),
         ({"chart": "nonsense"}, "nonsense"),
     ],
@@ -316,18 +319,77 @@ def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object
         calibrate(**(arguments | change))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"fit": 5}, "no list"),
+        ({"basis": None}, "None"),
+        ({"gamma": "x"}, "gamma"),
+        ({"l2": "x"}, "l2"),
+        ({"white_reflectance": "a"}, "0.95"),
+        ({"white_reflectance": 0.9}, "no white frame"),
+        ({"white_reflectance": 95}, "0.95"),
+        ({"corners": [None, None]}, "2 set"),
+    ],
+)
+def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        calibrate(two_lamps.shots[0].chart, "D55", options=Options(**change))
+
+
+def test_an_option_as_an_argument_of_its_own_still_serves() -> None:
+    with pytest.warns(DeprecationWarning, match=r"calibrate\(options=Options\(basis=\.\.\., fit=\.\.\.\)\)"):
+        found = with_former("calibrate", Options(l2=2.0), {"basis": "gaussian", "fit": [7]})
+    assert found == Options(l2=2.0, basis="gaussian", fit=[7])
+    with pytest.warns(DeprecationWarning, match="engine") as said, pytest.raises(UnreadableRaw):
+        calibrate("nothing.dng", "D55", engine="reference")
+    assert said[0].filename == __file__
+    with pytest.raises(TypeError, match=r"calibrate\(\) got an unexpected keyword argument 'bases'"):
+        calibrate("nothing.dng", "D55", bases="cameras")
+
+
+def test_every_option_is_one_that_the_product_uses() -> None:
+    """A misspelt or forgotten one would be taken and do nothing."""
+    source = "".join(
+        (ROOT / path).read_text("utf-8")
+        for path in ("reference/camssf/photo/capture.py", "reference/camssf/evidence/problem.py")
+    ) + (ROOT / "reference/camssf/calibration.py").read_text("utf-8")
+    assert all(f"options.{each.name}" in source for each in fields(Options))
+
+
+def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
+    """What `calibrate` raises, `attempt` gives; the record holds the shots that were measured."""
+    shots = two_lamps.shots
+    found = attempt([shots[0].chart, shots[1].white], ["D55", "A"])
+    assert isinstance(found, Refusal)
+    assert isinstance(found.error, ChartNotFound)
+    assert [shot.lamp.name for shot in found.record.shots] == ["D55"]
+    assert found.record.unfinished is not None
+    assert [len(shot["patches"]) for shot in found.document()["shots"]] == [24, 0]
+    assert [preview is not None for preview in found.previews] == [True, True]
+    assert found.error.evidence is None  # a document hangs on the error of `calibrate` alone
+    with pytest.raises(ChartNotFound) as raised:
+        calibrate([shots[0].chart, shots[1].white], ["D55", "A"])
+    assert raised.value.evidence == found.document()
+    assert raised.value.previews == found.previews
+    with pytest.raises(InvalidArgument):
+        attempt(shots[0].chart, "nonsense")
+
+
 def test_white_frames_for_all_shots_or_none(two_lamps: Simulation) -> None:
     shots = two_lamps.shots
     with pytest.raises(InvalidArgument, match="for all shots"):
-        calibrate([s.chart for s in shots], ["D55", "A"], white=[shots[0].white, None], basis="cameras")
+        calibrate(
+            [s.chart for s in shots], ["D55", "A"], white=[shots[0].white, None], options=Options(basis="cameras")
+        )
 
 
 def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCurves) -> None:
     """The same frame declared as an 80 % card scales what the chart must have reflected: it no longer fits."""
     shot = two_lamps.shots[0]
-    arguments = {"white": shot.white, "dark": shot.dark, "basis": "cameras", "truth": camera}
+    arguments = {"white": shot.white, "dark": shot.dark, "truth": camera}
     assert calibrate(shot.chart, shot.lamp, **arguments).verdict.status == "accepted"
-    wrong = calibrate(shot.chart, shot.lamp, white_reflectance=0.8, **arguments).verdict
+    wrong = calibrate(shot.chart, shot.lamp, options=Options(white_reflectance=0.8), **arguments).verdict
     assert wrong.status == "doubtful"
     assert wrong.reasons[0].code == FramesDiffer.code
     assert "white frame" in wrong.reasons[0].message
@@ -335,13 +397,15 @@ def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCu
 
 def test_the_real_photo_tells_warm_light_from_daylight() -> None:
     """Taken under an unknown warm light: 3000 K stands, D65 does not."""
-    warm, cold = (calibrate(PHOTO, lamp, basis="cameras").verdict.reasons for lamp in ("3000K", "D65"))
+    warm, cold = (
+        calibrate(PHOTO, lamp, options=Options(basis="cameras")).verdict.reasons for lamp in ("3000K", "D65")
+    )
     assert "lamp_unfit" not in {reason.code for reason in warm}
     assert any("fits" in reason.message and "better than D65" in reason.message for reason in cold)
 
 
 def test_the_real_photo_is_doubtful() -> None:
-    result = calibrate(PHOTO, "3000K", basis="cameras")
+    result = calibrate(PHOTO, "3000K", options=Options(basis="cameras"))
     assert result.verdict.status == "doubtful"
     assert "underexposed" in {reason.code for reason in result.verdict.reasons}
     assert result.capture.shots[0].pose.corners[:, 1].min() > 400  # the lower page

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -20,6 +21,7 @@ from camssf import cli, errors
 from camssf.curves.basis import read_basis
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
+from camssf.options import Options
 
 ROOT = Path(__file__).parents[1]
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
@@ -59,7 +61,7 @@ def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes], None]:
 
 
 def swap(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> None:
-    """Replace something in camssf.calibrate; the module, not the verb of that name."""
+    """Replace something in camssf.calibration."""
     monkeypatch.setattr(import_module("camssf.calibration"), name, value)
 
 
@@ -136,6 +138,7 @@ def test_the_pipe_is_calibrate_in_steps(
     assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_a_real_pipe_of_processes(triple: list[str]) -> None:
     camssf_ = [sys.executable, "-m", "camssf.cli"]
     first = subprocess.Popen([*camssf_, "patches", *triple], stdout=subprocess.PIPE)
@@ -204,6 +207,7 @@ def test_the_readme_s_python_runs(
     assert capsys.readouterr().out.startswith(("accepted", "doubtful"))
 
 
+@pytest.mark.slow
 def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     manifest = tmp_path / "manifest.csv"
     chart, _, _, _, white, _, dark = triple
@@ -229,7 +233,7 @@ def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.Capt
 def test_each_family_has_its_exit_status(
     kind: type[CalibrationError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    swap(monkeypatch, "calibrate", raising(kind("What [is] wrong.", "What to do.")))
+    swap(monkeypatch, "attempt", raising(kind("What [is] wrong.", "What to do.")))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55", "-o", str(tmp_path / "out")]) == kind.exit_status
     out, err = capsys.readouterr()
     assert out == ""
@@ -302,6 +306,7 @@ def test_solve_takes_no_other_result(result: Path, capsys: pytest.CaptureFixture
 FULL = Path("/dev/full")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("command", ["calibrate", "patches", "validate", "lamps", "--version", "--help", "refused"])
 def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], result: Path, shots: Path) -> None:
@@ -416,8 +421,8 @@ def test_a_wrong_call_is_2(
     ("command", "data", "words"),
     [
         ("solve", "", "is empty"),
-        ("solve", "{", "is not JSON"),
-        ("solve", b"\xff\xfe", "is not JSON"),
+        ("solve", "{", "is not sound JSON"),
+        ("solve", b"\xff\xfe", "is not sound JSON"),
         ("solve", "[]", "no camssf document"),
         ("solve", '{"format": "camssf-result/1"}', "holds camssf-result/1"),
         ("solve", '{"format": "camssf-patches/1"}', "camssf-patches/1"),
@@ -426,10 +431,18 @@ def test_a_wrong_call_is_2(
         ("validate", '{"format": "camssf-patches/1"}', "holds camssf-patches/1"),
         ("validate", '{"format": "camssf-result/1"}', "lacks"),
         ("report", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
-        ("report", "NaN", "no camssf document"),
-        ("solve", "[" * 100_000, "is not JSON"),
+        ("report", "NaN", "is not sound JSON"),
+        ("solve", "[" * 100_000, "is not sound JSON"),
         ("solve", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
         ("solve", '{"format": "camssf-result/1", "verdict": ["refused"]}', "holds camssf-result/1"),
+        (
+            "validate",
+            '{"format": "camssf-result/1", "verdict": {"status": "refused"}}',
+            "standard input: the document",
+        ),
+        ("solve", '{"format": "camssf-patches/1", "format": "camssf-patches/1"}', "the same key twice"),
+        ("validate", '{"format": "camssf-result/1", "a": 1, "a": 1}', "the same key twice"),
+        ("solve", '{"format": "camssf-patches/1", "shots": -Infinity}', "is not a number"),
     ],
 )
 def test_bad_json_is_2(
@@ -448,14 +461,126 @@ def test_bad_json_is_2(
     assert out == ""
     assert err.startswith("invalid_argument: ")
     assert words in err
-    assert str(tmp_path.parent.parent) not in err  # no temporary name in the words
+    assert str(tmp_path.parent.parent) not in err
+    assert tempfile.gettempdir() not in err  # no temporary name in the words
     assert not list(tmp_path.iterdir())
+
+
+def test_a_key_twice_is_found_in_files_and_on_stdin(
+    result: Path, tmp_path: Path, feed: Callable[[bytes], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which of the two counts would else be the parser's choice."""
+    text = (result / "result.json").read_text("utf-8").replace('"format"', '"basis": "other", "format"', 1)
+    (tmp_path / "twice.json").write_text(text, "utf-8")
+    for source in ("-", str(tmp_path / "twice.json")):
+        feed(text.encode())
+        assert cli.main(["validate", source]) == 2
+        assert "the same key twice" in capsys.readouterr().err
+
+
+def test_standard_input_is_written_nowhere(
+    result: Path, feed: Callable[[bytes], None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("TemporaryDirectory", "NamedTemporaryFile", "mkstemp", "mkdtemp"):
+        monkeypatch.setattr(tempfile, name, raising(AssertionError("a temporary file")))
+    feed((result / "result.json").read_bytes())
+    assert cli.main(["validate", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["format"] == "camssf-result/1"
+
+
+def test_no_standard_input_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "stdin", None)
+    assert cli.main(["solve", "-"]) == 2
+    assert "closed" in capsys.readouterr().err
+
+
+LATIN = os.fsdecode(b"gr\xfcn")
+"""Half of a name in Latin-1, as old cards and archives hold it: no UTF-8."""
+
+
+def spoken(arguments: list[str], coding: str = "utf-8:strict") -> subprocess.CompletedProcess[bytes]:
+    """The command with strict streams: what cannot be encoded is an exception."""
+    environment = os.environ | {"PYTHONIOENCODING": coding, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-m", "camssf", *arguments]
+    return subprocess.run(command, capture_output=True, env=environment, timeout=120)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are Unicode there")
+def test_names_that_are_no_utf8(shots: Path, tmp_path: Path) -> None:
+    """Every command that takes or writes files, in a folder and with files of such names."""
+    home = tmp_path / LATIN
+    home.mkdir()
+    frames = {role: str(home / f"{LATIN}-{role}.dng") for role in ("chart", "white", "dark")}
+    for role, path in frames.items():
+        shutil.copyfile(shots / f"{role}.dng", path)
+    truth, manifest = str(home / f"{LATIN}.csv"), home / f"{LATIN}-m.csv"
+    shutil.copyfile(shots / "truth.csv", truth)
+    shutil.copyfile(frames["chart"], home / "b.dng")
+    manifest.write_text("name,photo,lamp\na,missing.dng,D55\nb,b.dng,D55\n")
+    photo = [frames["chart"], "--lamp", "D55", "--white", frames["white"], "--dark", frames["dark"]]
+    patches, found = home / f"{LATIN}-p.json", home / f"{LATIN}-r.json"
+    missing = str(home / f"{LATIN}-none")
+    commands: list[tuple[list[str], int, Path | None]] = [
+        (["simulate", "--lamp", "D55", "--size", "600x450", "-o", str(home / "s")], 0, None),
+        (["calibrate", *photo, "--truth", truth, "-o", str(home / "out")], 0, None),
+        (["patches", *photo], 0, patches),
+        (["solve", str(patches)], 0, found),
+        (["validate", str(found), "--truth", truth], 0, None),
+        (["report", str(found), "-o", str(home / "report"), "--photo", frames["chart"]], 0, None),
+        (["report", str(found), "-o", str(home / "other"), "--photo", frames["white"]], 2, None),
+        (["parity", str(found), *photo[:1], *photo[3:]], 0, None),
+        (["batch", str(manifest), "-o", str(home / "batch"), "--jobs", "1"], cli.BATCH_FAILED, None),
+        (["calibrate", frames["white"], "--lamp", "D55", "-o", str(home / "refused")], 4, None),
+        (["calibrate", missing, "--lamp", "D55"], 3, None),
+        (["calibrate", *photo, "--basis", missing], 2, None),
+        (["calibrate", *photo, "--chart", missing], 2, None),
+        (["calibrate", frames["chart"], "--lamp", missing], 2, None),
+        (["solve", missing], 2, None),
+        (["direct", missing, missing], 2, None),
+        (["calibrate", frames["chart"], "--lamp", "D55", "--corners", LATIN], 2, None),
+    ]
+    for arguments, status, keep in commands:
+        done = spoken(arguments)
+        words = done.stderr.decode("utf-8")
+        assert done.returncode == status, (arguments[0], words)
+        assert "fault. Run" not in words
+        done.stdout.decode("utf-8")
+        if done.stdout:
+            json.loads(done.stdout)
+        if keep is not None:
+            keep.write_bytes(done.stdout)
+    written = [path for path in home.rglob("*") if path.suffix in (".json", ".csv", ".html")]
+    assert len(written) > 12
+    for path in written:
+        path.read_text("utf-8")
+    assert json.loads((home / "out" / "result.json").read_text("utf-8"))["shots"][0]["photo"]["name"] == (
+        "gr\ufffdn-chart.dng"
+    )
+
+
+@pytest.mark.parametrize("coding", ["ascii", "latin-1", "utf-16"])
+def test_json_is_utf8_on_a_terminal_of_another_coding(coding: str, result: Path, tmp_path: Path) -> None:
+    document = json.loads((result / "result.json").read_text("utf-8"))
+    document["shots"][0]["photo"]["name"] = "Späße \u6f22.dng"
+    (tmp_path / "r.json").write_text(json.dumps(document), "utf-8")
+    done = spoken(["validate", str(tmp_path / "r.json")], coding)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout.decode("ascii" if coding != "utf-16" else coding)) == document
+    assert spoken(["cameras"], coding).returncode == 0
+
+
+def test_words_steer_no_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file's name may hold what a terminal obeys."""
+    assert cli.main(["calibrate", str(tmp_path / "\x1b]0;own\x07\x1b[2J\x9b31m\u202egnp.dng"), "--lamp", "D55"]) == 3
+    err = capsys.readouterr().err
+    assert "There is no file" in err
+    assert not set(err) & set("\x1b\x07\x9b\u202e")
 
 
 def test_an_unknown_exception_is_one_line_and_a_request(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    swap(monkeypatch, "calibrate", raising(RuntimeError("odd [/] thing\nsecond line")))
+    swap(monkeypatch, "attempt", raising(RuntimeError("odd [/] thing\nsecond line")))
     call = ["calibrate", "x.dng", "--lamp", "D55"]
     assert cli.main(call) == cli.BUG
     out, err = capsys.readouterr()
@@ -469,7 +594,7 @@ def test_an_unknown_exception_is_one_line_and_a_request(
 
 
 def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    swap(monkeypatch, "calibrate", raising(KeyboardInterrupt()))
+    swap(monkeypatch, "attempt", raising(KeyboardInterrupt()))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
     assert "Traceback" not in capsys.readouterr().err
 
@@ -489,11 +614,11 @@ def test_an_output_folder_that_is_a_file(
 def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
     heard: dict[str, Any] = {}
 
-    def listen(photos: Any, lamps: Any, **options: Any) -> Any:
-        heard.update(options, photos=photos, lamps=lamps)
+    def listen(photos: Any, lamps: Any, *, options: Options, **more: Any) -> Any:
+        heard.update(vars(options) | more, photos=photos, lamps=lamps)
         raise InvalidArgument("enough.", "")
 
-    swap(monkeypatch, "calibrate", listen)
+    swap(monkeypatch, "attempt", listen)
     line = "calibrate a b --lamp D55 --lamp 2856K --white none --white w --dark d1 --dark NONE --fit 1,7-9,8 --signed"
     corners = ["--corners", "none", "--corners", "1,2 3,4 5,6.5 -7,8"]
     assert (
@@ -580,23 +705,23 @@ def test_progress_shows_itself_on_long_work_only(
         time.sleep(0.4)
         raise InvalidArgument("enough.", "")
 
-    swap(monkeypatch, "calibrate", work)
+    swap(monkeypatch, "attempt", work)
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
     monkeypatch.setenv("TERM", "xterm-256color")
     for after, shown in ((0.1, True), (2.0, False)):
-        monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", after)
+        monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
         assert ("looking for the chart" in err) is shown
         assert out == ""
     monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setattr(cli.commands, "PROGRESS_AFTER", 0.1)
+    monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", 0.1)
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
     assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
 
 
 def test_the_bar_waits_two_seconds() -> None:
-    assert cli.commands.PROGRESS_AFTER == 2.0
+    assert cli.terminal.PROGRESS_AFTER == 2.0
 
 
 def test_main_is_the_console_script() -> None:

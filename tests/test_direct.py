@@ -14,8 +14,8 @@ import tifffile
 from benchmarks import spectrograph
 from benchmarks.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
+from camssf.direct import Direct, divide, extract, sweep
 from camssf.direct.dispersion import FEWEST, LINES, disperse, fine_structure
-from camssf.direct.spectrograph import Direct, divide, extract, sweep
 from camssf.errors import (
     FramesDiffer,
     InvalidArgument,
@@ -60,6 +60,7 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
     return float(np.abs(found.dispersions[role].wavelength(x) - nm)[(nm >= 400) & (nm <= 700)].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", ["AM1.5", "daylight"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
@@ -79,6 +80,7 @@ def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored:
     assert np.median((found.std / found.values.max(axis=0))[VISIBLE]) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [-3.0, 0.0, 3.0])
 def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     curves = np.stack([np.interp(FINE, WAVELENGTHS, c, 0.0, 0.0) for c in nikon().values.T], axis=1)
@@ -94,6 +96,7 @@ def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     assert np.abs(found.wavelength(pixel) - nm)[(nm > 400) & (nm < 700)].max() < 0.4
 
 
+@pytest.mark.slow
 def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Path]) -> None:
     paths = frames
     flat = divide(paths["rgb.dng"], paths["mono.tif"], dark=paths["rgb-dark.dng"], mono_dark=paths["mono-dark.tif"])
@@ -103,6 +106,7 @@ def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Pat
     assert any("taken for flat" in message for _, message in flat.assumptions)
 
 
+@pytest.mark.slow
 def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) -> None:
     paths = frames
     found = divide(paths["rgb.dng"], paths["mono.tif"], response=paths["mono-response.csv"])
@@ -112,6 +116,7 @@ def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) ->
     assert "darkest tenth of the rows" in black
 
 
+@pytest.mark.slow
 def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
     """Noise-free tables: I = L S |dλ/dx| on two bent scales gives S back; without dλ/dx red to blue were 3 % off."""
     paths = {}
@@ -153,6 +158,19 @@ def test_extraction_by_hand() -> None:
     assert [len(x) for x in found.pixel] == [200, 200, 200]
 
 
+@pytest.mark.parametrize("lean", [-1e-16, 0.0, 1e-16, 1e-9])
+@pytest.mark.parametrize("mono", [False, True])
+def test_a_lean_of_one_rounding_moves_no_sample_to_another_bin(
+    monkeypatch: pytest.MonkeyPatch, lean: float, mono: bool
+) -> None:
+    """Samples lie half a column from the edges of bins: the last bit of the lean, a processor's own, is nothing."""
+    monkeypatch.setattr("camssf.direct.extraction._lean", lambda *_: lean)
+    cell = np.zeros((2, 2), int) if mono else np.array([[1, 0], [2, 1]])
+    picture = np.tile(np.linspace(50.0, 100.0, 400), (34, 1)) * np.where(np.arange(34) < 5, 0.0, 1.0)[:, None]
+    found = extract(picture, cell, "frame", "none")
+    assert [len(x) for x in found.pixel] == ([400] if mono else [200] * 3)
+
+
 def test_fine_structure_forgets_what_is_smooth_and_keeps_a_line() -> None:
     x = np.linspace(-1.0, 1.0, 1400)
     smooth = np.exp(x - 2.0 * x**2 + x**3)
@@ -184,6 +202,7 @@ def test_light_without_lines_is_refused() -> None:
         assert caught.value.threshold == FEWEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["FL2", "FL3.7", "FL3.9", "FL11", "HP1", "HP4", "LED-RGB1"])
 def test_lamps_with_lines_of_their_own_are_no_sun(name: str) -> None:
     """FL3.7, FL3.9 and HP4 are, of all CIE lamps, those whose lines come nearest to the sun's by chance."""
@@ -222,6 +241,7 @@ def test_a_clipped_mono_frame_is_refused_whatever_its_bits(frames: dict[str, Pat
         divide(paths["rgb.dng"], clipped)
 
 
+@pytest.mark.slow
 def test_eight_bits_are_few_levels_but_no_heap(frames: dict[str, Path], tmp_path: Path) -> None:
     """Many samples share the largest of few levels without being clipped; at 255 they are."""
     paths = frames
@@ -252,6 +272,7 @@ def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path)
         divide(rgb, mono, dark=small)
 
 
+@pytest.mark.slow
 def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
     """A mono table that ends at 640 nm has lines enough, but no red."""
     paths = frames
@@ -264,6 +285,7 @@ def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_pa
         divide(paths["rgb.dng"], table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zeros", "noise", "small", "row", "spikes", "slope"])
 def test_pictures_of_something_else_are_refused(frames: dict[str, Path], tmp_path: Path, kind: str) -> None:
     rng = np.random.default_rng(0)
@@ -396,6 +418,7 @@ def test_a_folder_that_cannot_be_written_gets_no_half(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["ssf.csv"]
 
 
+@pytest.mark.slow
 def test_the_command(frames: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = {name: str(path) for name, path in frames.items()}
     out = tmp_path / "out"

@@ -14,6 +14,7 @@ from problems import theory, toy_camera
 import camssf
 from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app, main
+from camssf.curves.evidence import Evidence
 from camssf.errors import CalibrationError
 from camssf.spectra import read_chart, read_lamp
 
@@ -22,6 +23,8 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
     ROOT / "CONTRIBUTING.md",
+    ROOT / "RELEASING.md",
+    ROOT / "SECURITY.md",
     *sorted((ROOT / "docs").glob("**/*.md")),
 ]
 README = (ROOT / "README.md").read_text("utf-8")
@@ -147,7 +150,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
     table, light = read_chart("classic24").values, read_lamp("D55").values
     y = theory(table, light, toy_camera())
     found = {
-        (basis, error): recover(y, table, light, standard_error=np.full(y.shape, error), basis=basis)
+        (basis, error): recover(Evidence(y, table, light, standard_error=np.full(y.shape, error)), basis=basis)
         for basis in ("cameras", "gaussian")
         for error in (1e-3, 1e-2)
     }
@@ -164,6 +167,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
         assert f"{weights['cameras']} on `cameras`, {weights['gaussian']} on `gaussian`" in str(text)
 
 
+@pytest.mark.slow
 def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -260,3 +264,19 @@ def test_constraints_pin_what_the_package_asks_for() -> None:
     for requirement in map(Requirement, asked):
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), requirement
     assert not {name for name in pins if name.startswith(("torch", "nvidia", "cuda"))}
+
+
+def test_sizes_are_told_as_they_are() -> None:
+    """Of what travels in an app: the models, tables and rules. (The code's size: ShrunkJarTest, after R8.)"""
+    data = Path(camssf.__file__).parent / "data"
+    size = sum(path.stat().st_size for path in [*data.glob("*.onnx"), data / "spectra.json", data / "rules.json"])
+    android = (ROOT / "docs" / "android.md").read_text("utf-8")
+    (most,) = re.findall(r"At most ([\d.]+) MB of models, tables and rules", android)
+    assert float(most) * 0.9 < size / 1e6 <= float(most)
+    verification = (ROOT / "android-bindings" / "VERIFICATION.md").read_text("utf-8")
+    (said,) = re.findall(r"models, tables and rules (\d+) kB", verification)
+    assert int(said) == round(size / 1000)
+    # the code's size stands in two places, and they agree
+    (here,) = re.findall(r"\((\d+) kB on ", android)
+    (there,) = re.findall(r"(\d+) kB of them compressed", verification)
+    assert here == there

@@ -8,12 +8,11 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.curves import engine
 from camssf.curves.basis import read_basis
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import WAVELENGTHS
-from tests.problems import chart_and_lamp, theory, toy_camera
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
 @pytest.mark.parametrize("name", engine.SHIPPED)
@@ -44,7 +43,7 @@ def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
         "basis": basis,
         "frames": (512 + 9000 * y, 9512 + 0 * y, 512 + 0 * y),
     }
-    one, other = (recover(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
+    one, other = (recovered(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
     assert (one.engine, other.engine) == ("onnx", "reference")
     for name in ("values", "code", "predicted", "channel_gain", "std"):
         a, b = getattr(one, name), getattr(other, name)
@@ -78,7 +77,7 @@ def test_no_curve_without_its_proof(which: str, monkeypatch: pytest.MonkeyPatch)
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
     with pytest.raises(NotConverged, match="duality gap"):
-        recover(y, reflectance, lamp, standard_error=0.01 * y, engine=which)
+        recovered(y, reflectance, lamp, standard_error=0.01 * y, engine=which)
 
 
 def test_a_penalty_that_leaves_nothing_is_refused() -> None:
@@ -86,4 +85,4 @@ def test_a_penalty_that_leaves_nothing_is_refused() -> None:
     y = theory(reflectance, lamp, toy_camera())
     for which in ("onnx", "reference"):
         with pytest.raises(NotConverged, match="smaller gamma"):
-            recover(y, reflectance, lamp, basis="gaussian", gamma=1e9, engine=which)
+            recovered(y, reflectance, lamp, basis="gaussian", gamma=1e9, engine=which)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.spectra import read_lamp, with_tolerance
 from camssf.spectra.families import FAMILIES, Kind, logarithm, principal_modes
-from tests.problems import chart_and_lamp, theory, toy_camera
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
 def floored(power: Floats) -> Floats:
@@ -38,6 +37,7 @@ def test_one_temperature_mode_reaches_its_neighbours(family: str, warm: str, coo
         assert np.sqrt(np.mean(off**2)) < limit + 0.2 * np.sqrt(np.mean(lamp.modes[0] ** 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["white-led", "fluorescent"])
 def test_modes_are_the_members_own_spread(name: str) -> None:
     family = FAMILIES[name]
@@ -83,7 +83,7 @@ def test_an_unknown_lamp_widens_the_bands() -> None:
     widths = []
     for spec in ("D:6300", "daylight", "white-led"):
         lamp = read_lamp(spec)
-        answer = recover(
+        answer = recovered(
             y,
             reflectance,
             lamp.values,

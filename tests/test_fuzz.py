@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
+from camssf.documents.patches import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
 from camssf.fleet.run import read_manifest
-from camssf.photo.capture import Capture
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -27,6 +27,7 @@ def test_sound_files_are_read(reader: str, tmp_path: Path) -> None:
     assert len(refused) <= (0.25 * len(_files(reader)) if reader == "dng" else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "dng"])
 def test_damaged_files(reader: str, tmp_path: Path) -> None:
     outcomes = [read(reader, seed, tmp_path) for seed in range(60)]
@@ -34,6 +35,7 @@ def test_damaged_files(reader: str, tmp_path: Path) -> None:
     assert {"invalid_argument"} <= {kind for kind, _ in outcomes}
 
 
+@pytest.mark.slow
 def test_damaged_photos_in_a_process_of_their_own() -> None:
     seen = []
     found, findings = fuzz("dng", range(400), lambda: seen.append(1))
@@ -72,4 +74,4 @@ def test_what_the_long_run_found(tmp_path: Path) -> None:
             place = place[key]
         place[path[-1]] = value
         with pytest.raises(InvalidArgument):
-            Capture.from_document(document)
+            read_patches(document)

@@ -14,7 +14,7 @@ from camssf.curves.basis import interpolate, read_basis
 from camssf.curves.engine import SHIPPED, load_model
 from camssf.curves.sensing import anchor
 from camssf.grid import WAVELENGTHS
-from golden import compare, generate, poses, reading
+from golden import compare, generate, poses, reading, running
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
 from golden.running import ABILITIES, findings, judge, problem, run
 
@@ -22,6 +22,7 @@ Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 SOUND = [name for name, case in CASES.items() if case["expect"] == "success"]
 RUNNABLE = [name for name in SOUND if set(CASES[name]["requires"]) <= set(ABILITIES)]
+LACKING = {name: set(case["requires"]) - set(ABILITIES) for name, case in CASES.items()}
 SOLVED = [name for name in SOUND if CASES[name]["oracle"]]
 MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 
@@ -167,22 +168,60 @@ def test_what_the_issue_lists_is_there() -> None:
 # -- truth --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name in CASES if not LACKING[name]])
 def test_the_reference_keeps_every_limit(name: str) -> None:
-    if lacking := set(CASES[name]["requires"]) - set(ABILITIES):
-        pytest.skip(f"Python's reader lacks {', '.join(sorted(lacking))}")
     found = findings(CASES[name])
     assert found
     assert not [finding for finding in found if not finding.holds or finding.skipped not in ("", "needs metadata")]
+
+
+def test_cases_that_only_others_read() -> None:
+    """One skip that names them all. Kotlin's tests read most of them."""
+    left = {name: lacking for name, lacking in LACKING.items() if lacking}
+    # "metadata" is asked of single limits, not of whole cases
+    assert {ability for lacking in left.values() for ability in lacking} == running.LACKING - {"metadata"}
+    if left:
+        cases = ", ".join(f"{name} ({' '.join(sorted(lacking))})" for name, lacking in left.items())
+        pytest.skip(f"Python's reader lacks what {len(left)} golden cases require: {cases}")
 
 
 @pytest.mark.parametrize("name", SOLVED)
 def test_the_oracle_proves_itself(name: str) -> None:
     """Its objective and gap, recomputed from its code without cvxpy."""
     oracle = CASES[name]["oracle"]
-    for (objective, gap), stated in zip(generate.proofs(CASES[name]), oracle["objective"], strict=True):
-        assert gap <= generate.ORACLE_GAP
-        assert objective == pytest.approx(stated, rel=1e-10, abs=1e-300)
+    for proof, stated in zip(generate.proofs(CASES[name]), oracle["objective"], strict=True):
+        assert proof.gap <= proof.bound
+        assert proof.objective == pytest.approx(stated, rel=1e-10, abs=1e-300)
+
+
+def test_rounding_blurs_only_the_gaps_of_the_hard_cases() -> None:
+    """What the bound of a proof adds to 5e-10 follows from the case; more than that again only where it is hard."""
+    hard = {name for name in SOLVED if max(p.bound for p in generate.proofs(CASES[name])) > 2 * generate.ORACLE_GAP}
+    assert hard == {
+        "ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/gaussian-ridge", "ssf/cameras-floor",
+        "ssf/cameras-l1-tiny",
+    }  # fmt: skip
+    assert max(p.bound for name in SOLVED for p in generate.proofs(CASES[name])) < 1e-8
+
+
+def test_the_blur_is_what_perturbed_rows_do() -> None:
+    """The hardest case, its rows changed by one unit in the last place at random: the gap moves, but not beyond."""
+    case = CASES["ssf/gaussian-two-patches"]
+    rows, x, gamma = problem(case), np.array(case["oracle"]["x"]), case["inputs"]["gamma"]
+    rng, moved = np.random.default_rng(3), []
+    for c in range(3):
+        A, b, S = rows.matrix[c], rows.target[c], rows.covariance[c]
+        allowed = compare.blur(A, b, S, x[c], 0.0, gamma)
+        gaps = [
+            compare.optimality(
+                A * (1 + 2.0**-52 * rng.integers(-1, 2, A.shape)), b * (1 + 2.0**-52 * rng.integers(-1, 2, b.shape)),
+                S, x[c], 0.0, gamma, True,
+            )[1]
+            for _ in range(50)
+        ]  # fmt: skip
+        assert max(gaps) <= generate.ORACLE_GAP + allowed
+        moved.append((max(gaps) - min(gaps)) / allowed)
+    assert max(moved) > 0.02  # the bound is no mere large number
 
 
 def test_every_problem_has_an_oracle() -> None:
@@ -220,7 +259,7 @@ def test_weights_are_the_inverse(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["chart", "white", "lamp", "two-lamps", "diagonal"])
 def test_rows_and_covariance_by_their_integrals(name: str) -> None:
-    """Against loops over DESIGN.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
+    """Against loops over docs/maths.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
     case = CASES[f"sensing/cameras-{name}"]
     g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
     basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]
@@ -308,6 +347,7 @@ def test_the_zero_code_is_the_basis_mean() -> None:
 # -- able to fail -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RUNNABLE)
 def test_a_falsified_value_breaks_its_limit(name: str) -> None:
     """Every limit by itself, with the answer just outside its bound."""
@@ -370,7 +410,7 @@ def test_a_runner_that_lacks_a_capability_skips_visibly() -> None:
 def test_a_falsified_oracle_is_found() -> None:
     case = copy.deepcopy(CASES["ssf/cameras-nikon"])
     case["oracle"]["x"][0][0] += 1e-3
-    assert max(gap for _, gap in generate.proofs(case)) > generate.ORACLE_GAP
+    assert any(proof.gap > proof.bound for proof in generate.proofs(case))
 
 
 def test_drift_is_found_and_rounding_is_not() -> None:
@@ -385,6 +425,7 @@ def test_drift_is_found_and_rounding_is_not() -> None:
         assert generate.drift(stored, stored | {key: value}) == [f"{key} differs"]
 
 
+@pytest.mark.slow
 def test_nothing_drifted(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev): the oracle cannot be asked anew")
     assert generate.main(["--check"]) == 0, capsys.readouterr().out

@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import camssf
@@ -17,7 +19,7 @@ from camssf import cli
 from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
 from camssf.fleet import run as batch
-from camssf.simulation.frames import simulate
+from camssf.simulation.frames import Scene, simulate
 
 PACKAGE = Path(camssf.__file__).parent
 SOURCES = sorted(PACKAGE.glob("*.py"))
@@ -27,7 +29,7 @@ ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.joi
 @pytest.fixture(scope="module")
 def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shots")
-    simulate("Nikon 5100 (NPL)", ["D55"], folder, size=(600, 450), seed=2)
+    simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=2)
     return folder
 
 
@@ -54,6 +56,7 @@ def test_no_file_becomes_code_and_nothing_calls_home(path: Path) -> None:
                 assert keywords.get("allow_pickle") == "False"
 
 
+@pytest.mark.slow
 def test_it_works_without_a_network(shots: Path, tmp_path: Path) -> None:
     """Every socket that anybody opens raises, in a process of its own."""
     code = (
@@ -71,6 +74,7 @@ def test_it_works_without_a_network(shots: Path, tmp_path: Path) -> None:
         assert word not in page
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no resource limits there")
 @pytest.mark.parametrize("room", [0, 3_000, 60_000])
 @pytest.mark.parametrize("command", ["calibrate", "simulate"])
@@ -96,6 +100,7 @@ def test_a_disk_that_is_full_leaves_nothing(command: str, room: int, shots: Path
     assert sorted(out.rglob("*")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.6, 1.0])
 def test_ctrl_c_leaves_all_or_nothing(delay: float, shots: Path, tmp_path: Path) -> None:
@@ -141,3 +146,37 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="larger than"):
         read_document(large)
     assert cli.main(["solve", str(large)]) == InvalidArgument.exit_status
+    from camssf.direct import sweep
+    from camssf.tools.learn import read_curves
+
+    with large.open("r+b") as file:
+        file.truncate(500_000_000)
+    tracemalloc.start()
+    try:
+        for reader in (sweep, read_curves):
+            with pytest.raises(InvalidArgument, match="larger than"):
+                reader(large)
+        assert tracemalloc.get_traced_memory()[1] < 150_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
+    """A page of 1.8 GB in a file of some bytes; tifffile alone fills in what is not there."""
+    import tifffile
+
+    from camssf.direct.reading import _read_tiff
+    from camssf.errors import UnreadableRaw
+
+    path = tmp_path / "mono.tif"
+    tifffile.imwrite(path, np.zeros((40, 60), np.uint16))
+    with tifffile.TiffFile(path, mode="r+") as file:
+        for tag in ("ImageWidth", "ImageLength", "RowsPerStrip"):
+            file.pages[0].tags[tag].overwrite(30_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(UnreadableRaw, match="cannot hold"):
+            _read_tiff(path)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()

@@ -1,14 +1,18 @@
-"""The commands that set Kotlin's DNG reader beside LibRaw judge rightly; no JVM starts, no speed is judged."""
+"""The commands that set Kotlin's DNG reader beside LibRaw, and its calibrator beside Python's, judge rightly.
+
+No JVM starts, no speed is judged.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import kotlin_decode, kotlin_variants
+from benchmarks import kotlin_calibrate, kotlin_decode, kotlin_variants
 from golden.dngs import LONG, Dng
 
 
@@ -51,3 +55,30 @@ def test_both_judges_give_the_active_area_s_samples(tmp_path: Path, place: str) 
     path, samples = photo(tmp_path, place=place, tags={50829: (LONG, [4, 6, 38, 60])})
     expected = hashlib.sha256(samples[4:38, 6:60].astype("<u2").tobytes()).hexdigest()
     assert kotlin_variants.judge(path) == {"libraw": expected, "tifffile": expected}
+
+
+def test_the_calibrator_s_benchmark_compares_and_says_what_it_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    curves = {colour: [0.5, 1.0] for colour in ("red", "green", "blue")}
+    other = curves | {"green": [0.5, 0.75]}
+    assert kotlin_calibrate.distance({"ssf": curves}, {"ssf": other}) == 0.25
+    monkeypatch.setattr(kotlin_calibrate, "BINDINGS", tmp_path)
+    with pytest.raises(kotlin_calibrate.Unavailable, match="mvn"):
+        kotlin_calibrate.class_path()
+
+
+def test_the_calibrator_s_benchmark_refuses_other_curves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    curves = {"ssf": {colour: [0.5, 1.0] for colour in ("red", "green", "blue")}}
+    (tmp_path / "kotlin.json").write_text(json.dumps(curves | {"ssf": curves["ssf"] | {"red": [0.6, 1.0]}}))
+    monkeypatch.setattr(kotlin_calibrate, "python", lambda made, k: (1.0, curves))
+    monkeypatch.setattr(kotlin_calibrate, "words", lambda made, k, out: [])
+
+    class Fake:
+        def calibrate(self, words: list[str]) -> float:
+            return 0.5
+
+    with pytest.raises(SystemExit, match="differ"):
+        kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)  # type: ignore[arg-type]
+    (tmp_path / "kotlin.json").write_text(json.dumps(curves))
+    assert kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)["ratio"] == 0.5  # type: ignore[arg-type]

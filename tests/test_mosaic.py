@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
+import sys
 import tracemalloc
 from contextlib import suppress
 from pathlib import Path
@@ -26,8 +29,10 @@ from golden.dngs import (
     SHORT,
     SRATIONAL,
     Dng,
+    Tags,
     opcode_list,
 )
+from golden.reading import ROOT
 
 REAL = Path(__file__).parents[1] / "data" / "dng"
 ORDERS = {"RGGB": (0, 1, 1, 2), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1), "BGGR": (2, 1, 1, 0)}
@@ -247,6 +252,9 @@ REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
     ),
     "no colour filters": (of(tags={33422: None}), UnsupportedRaw, "unnamed"),
     "staggered layout": (tagged(tag=50711, kind=SHORT, value=[2]), UnsupportedRaw, "colour filters"),
+    "lowest bit first": (of(bits=12, tags={266: (SHORT, [2])}), UnsupportedRaw, "FillOrder 2"),
+    "lowest bit first, 16 bit": (tagged(tag=266, kind=SHORT, value=[2]), UnsupportedRaw, "FillOrder 2"),
+    "lowest bit first, JPEG": (of(compression=7, tags={266: (SHORT, [2])}), UnsupportedRaw, "FillOrder 2"),
     "strips out of order": (of(rows_per_strip=16, reverse_pieces=True), UnsupportedRaw, "strips"),
     "area outside": (tagged(tag=50829, kind=LONG, value=[0, 0, 65, 96]), UnreadableRaw, "active area"),
     "area inside out": (tagged(tag=50829, kind=LONG, value=[60, 0, 4, 96]), UnreadableRaw, "active area"),
@@ -288,6 +296,37 @@ def test_refused(tmp_path: Path, name: str) -> None:
     assert words in caught.value.message
     assert str(path) in caught.value.message
     assert caught.value.advice
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is read as Linux tells it")
+@pytest.mark.parametrize("name", ["a claim of 23,000 x 23,000", "one tile for all"])
+def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
+    """Refused before LibRaw makes room: the peak of a process of its own grows by less than 50 MB."""
+    if name == "one tile for all":
+        count = 1600
+        tags: Tags = {256: (LONG, [256 * 40]), 257: (LONG, [256 * 40])}
+        tags |= {324: (LONG, [8] * count), 325: (LONG, [2 * 256 * 256] * count)}
+        content, words = Dng(noise(256, 256), tile=(256, 256), tags=tags).encode(), "overlap"
+    else:
+        content, words = (ROOT / "dng" / "error-jpeg-claim.dng").read_bytes(), "too short"
+    path = write(tmp_path, content)
+    code = (
+        "import resource, sys\n"
+        "import rawpy\n"
+        "from camssf.errors import UnreadableRaw\n"
+        "from camssf.photo.mosaic import read_dng\n"
+        "def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "before = peak()\n"
+        "try: read_dng(sys.argv[1])\n"
+        "except UnreadableRaw as error: print(peak() - before, error.message)\n"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, env=environment, timeout=120, text=True
+    )
+    grown, _, message = done.stdout.partition(" ")
+    assert words in message, done.stderr
+    assert int(grown) < 50_000  # kB
 
 
 def test_jpeg_that_is_not_ours_is_refused(tmp_path: Path) -> None:
@@ -356,6 +395,7 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
         np.testing.assert_array_equal(found.black, whole.black)
 
 
+@pytest.mark.slow
 def test_damaged_bytes_give_typed_errors_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(20)
     files = list(odd_ones().values())

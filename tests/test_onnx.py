@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks._common import Problem
+from benchmarks.certify import model_rows, row_reader, rows_apart
 from camssf.curves.basis import read_basis
 from camssf.curves.engine import SHIPPED, Model, load_model
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.evidence import Evidence
+from camssf.curves.ssf import Ssf
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
-from golden.compare import norm, optimality, peak
+from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
-from golden.running import BY_MODEL, findings, problem, run
-from tests.problems import chart_and_lamp, theory, toy_camera
+from golden.running import BY_MODEL, arrays, findings, problem, run
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths() if path.parent.name in BY_MODEL}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
@@ -32,7 +36,10 @@ def test_golden_cases(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case["oracle"]])
 def test_the_code_is_optimal(name: str) -> None:
-    """The model's own code, proved without the model: objective not above the oracle's, gap small."""
+    """The model's own code, proved without the model: objective not above the oracle's, gap small.
+
+    On the reference's rows, which are the model's but for rounding: what that makes of the gap is allowed, too.
+    """
     case = CASES[name]
     given, rows, code = case["inputs"], problem(case), run(case, "onnx")["code"]
     for c, known in enumerate(case["oracle"]["objective"]):
@@ -40,7 +47,9 @@ def test_the_code_is_optimal(name: str) -> None:
             rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"],
             given["nonnegative"],
         )  # fmt: skip
-        assert gap <= 1e-9
+        assert gap <= 1e-9 + blur(
+            rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"]
+        )
         assert objective <= known * (1 + 1e-9)
 
 
@@ -73,7 +82,7 @@ def seeded(seed: int) -> dict[str, Any]:
 
 
 def both(arguments: dict[str, Any]) -> tuple[Ssf, Ssf]:
-    return recover(**arguments, engine="onnx"), recover(**arguments, engine="reference")
+    return recovered(**arguments, engine="onnx"), recovered(**arguments, engine="reference")
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -107,6 +116,55 @@ def test_lamps_of_a_family(seed: int) -> None:
     assert norm(onnx.lamp[-1], a["lamp"][-1]) > 1e-3
 
 
+def far(seed: int) -> dict[str, Any]:
+    """Arguments whose lamps are told as anything: humps up to 300 times the lamp, exact signals, 30 % tolerance."""
+    a = seeded(2 * seed)
+    rng = np.random.default_rng([77, seed])
+    k, q, size = len(a["lamp"]), int(rng.integers(1, 7)), 10 ** rng.uniform(-0.5, 2.5)
+    centre, width = rng.uniform(400, 700, (2, k, q, 1)), rng.uniform(10, 60, (k, q, 1))
+    modes = size * rng.normal(size=(k, q, 1)) * np.exp(-0.5 * ((WAVELENGTHS - centre[0]) / width) ** 2)
+    floor = a["standard_error"] * rng.choice([0.0, 0.1])
+    return a | {"lamp_modes": modes, "lamp_tolerance": 0.3, "standard_error": floor}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -> None:
+    """Lamps so loose that the first look's condition is 1e12 and more: no engine adds to what one unit in the last
+    place of the inputs does. An explicit inverse in the reference did, by up to 1e-2 of the peak."""
+    a = far(seed)
+    onnx, reference = both(a)
+    rng = np.random.default_rng(seed)
+    inherent = 0.0
+    for _ in range(3):
+        given = {name: a[name] for name in ("signals", "reflectance", "lamp")}
+        moved = {name: x * (1 + 2.0**-52 * rng.integers(-1, 2, x.shape)) for name, x in given.items()}
+        inherent = max(inherent, norm(recovered(**a | moved, engine="onnx").values, onnx.values))
+    assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
+    assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
+
+
+ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family", "ssf/cameras-lamp-one-of-two",
+        "ssf/gaussian-paper", "ssf/gaussian-three-patches"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_model_forms_the_reference_s_rows(name: str) -> None:
+    """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
+    given = arrays(CASES[name])
+    basis = given["basis"]
+    modes = given["lamp_modes"] if given["lamp_modes"].shape[1] else np.zeros((len(given["lamp"]), 1, 681))
+    inputs = {i.name: np.asarray(given[i.name], float) for i in load_model(basis).session.get_inputs()
+              if i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
+    inputs |= {"lamp_modes": modes, "nonnegative": np.array(float(given["nonnegative"]))}
+    if row_reader(basis) is None:
+        pytest.skip("onnx is not installed (extra: export): the rows cannot be read out of the model")
+    reference = problem(CASES[name])
+    own = model_rows(Problem(inputs, basis, name), reference)
+    assert (rows_apart(own, reference) <= 1e-11).all()
+    wrong = replace(reference, covariance=reference.covariance * (1 + 1e-9))
+    assert not (rows_apart(own, wrong) <= 1e-11).all()
+
+
 @pytest.mark.parametrize("seed", range(0, 12, 3))
 def test_seeded_problems_against_cvxpy(seed: int) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
@@ -117,14 +175,23 @@ def test_seeded_problems_against_cvxpy(seed: int) -> None:
     k, n, _ = a["signals"].shape
     basis, white = read_basis(a["basis"]), np.ones(WAVELENGTHS.size)
     rows = sense(
-        a["signals"], a["standard_error"], a["reflectance"], a["lamp"], basis,
-        chart_tolerance=np.full(n, a["chart_tolerance"]), white_reflectance=white, white_tolerance=0.01,
-        lamp_tolerance=np.full(k, a["lamp_tolerance"]), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
-    )  # fmt: skip
+        Evidence(
+            a["signals"],
+            a["reflectance"],
+            a["lamp"],
+            standard_error=a["standard_error"],
+            chart_tolerance=np.full(n, a["chart_tolerance"]),
+            white_reflectance=white,
+            white_tolerance=0.01,
+            lamp_tolerance=np.full(k, a["lamp_tolerance"]),
+            lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
+        ),
+        basis,
+    )
     oracle = consult(rows, a["l2"], np.full(3, a["gamma"]), a["nonnegative"], basis, a["lamp"][0])
     assert oracle["gap"].max() <= 1e-9
     assert oracle["ssf"] is not None
-    assert peak(recover(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6
+    assert peak(recovered(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
@@ -133,7 +200,7 @@ def test_the_order_of_patches_changes_nothing(basis: str) -> None:
     order = np.random.default_rng(5).permutation(len(a["reflectance"]))
     turned = a | {name: a[name][:, order] for name in ("signals", "standard_error")}
     turned["reflectance"] = a["reflectance"][order]
-    assert norm(recover(**turned).values, recover(**a).values) < 1e-9
+    assert norm(recovered(**turned).values, recovered(**a).values) < 1e-9
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
@@ -141,21 +208,21 @@ def test_exposure_and_lamp_scale_change_nothing(basis: str) -> None:
     a = seeded(SHIPPED.index(basis))
     y = a["signals"]
     ones = np.ones_like(y)
-    plain = recover(**a, frames=(y, ones, 0 * ones))
-    louder = recover(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
+    plain = recovered(**a, frames=(y, ones, 0 * ones))
+    louder = recovered(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
     assert norm(louder.values, plain.values) < 1e-9
     assert louder.channel_gain == pytest.approx([1, 1, 1])
-    assert norm(recover(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
+    assert norm(recovered(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
 def test_the_same_call_gives_the_same_bits(basis: str) -> None:
     a = seeded(SHIPPED.index(basis))
-    assert recover(**a).values.tobytes() == recover(**a).values.tobytes()
+    assert recovered(**a).values.tobytes() == recovered(**a).values.tobytes()
 
 
 def test_nonnegative_is_optional_and_defaults_by_basis() -> None:
-    """A caller that knows only DESIGN.md's inputs gets x ≥ 0 on the paper's basis and signed codes on the other."""
+    """A caller that knows only the documented inputs gets x ≥ 0 on the paper's basis and signed codes on the other."""
     for basis in SHIPPED:
         model, fed = load_model(basis), inputs_of(basis)
         code = model.run(fed)["code"]
@@ -197,11 +264,20 @@ def command() -> Any:
     return __main__
 
 
+@pytest.mark.slow
 def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out
     assert out.count("the same bytes") == 2
-    assert out.splitlines()[-1] == f"{len(CASES) + 2} passed, 0 failed"
+    assert out.splitlines()[-1] == "2 passed, 0 failed"
+
+
+@pytest.mark.slow
+def test_the_models_keep_every_golden_case(capsys: pytest.CaptureFixture[str]) -> None:
+    from golden import models
+
+    assert models.main() == 0
+    assert capsys.readouterr().out == f"{len(CASES)} passed, 0 failed\n"
 
 
 def test_build_is_deterministic_and_atomic(
@@ -224,27 +300,25 @@ def test_check_fails_on_other_bytes(
     with (tmp_path / "camssf-gaussian.onnx").open("ab") as stream:
         stream.write(b"\xaa\x01\x00")  # an unknown field: still a model, not ours
     monkeypatch.setattr(command, "DATA", tmp_path)
-    monkeypatch.setattr(command, "_golden", lambda: (0, 0))
     assert command.main(["check"]) == 1
     out = capsys.readouterr().out
     assert "other bytes" in out
     assert out.splitlines()[-1] == "1 passed, 1 failed"
 
 
-def test_check_fails_on_a_broken_golden_case(
-    command: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_broken_golden_case_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     import golden.reading
+    from golden import models
 
     false = json.loads(json.dumps(CASES["ssf/cameras-nikon"]))
     false["outputs"]["ssf"][300][1] *= 1 + 1e-6
     path = next(path for path in paths() if path.stem == "cameras-nikon")
     monkeypatch.setattr(golden.reading, "paths", lambda: [path])
     monkeypatch.setattr(golden.reading, "read_case", lambda path: false)
-    assert command.main(["check"]) == 1
+    assert models.main() == 1
     out = capsys.readouterr().out
     assert "FAILED ssf/cameras-nikon: ssf against outputs" in out
-    assert out.splitlines()[-1] == "2 passed, 1 failed"
+    assert out.splitlines()[-1] == "0 passed, 1 failed"
 
 
 def test_a_missing_model_says_what_to_do(

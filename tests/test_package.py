@@ -4,6 +4,8 @@ import ast
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -15,24 +17,39 @@ PACKAGE = Path(camssf.__file__).parent
 ROOMS = {
     "errors": set(),
     "grid": set(),
+    "options": set(),
     "files": {"errors"},
-    "spectra": {"errors", "grid", "files"},
-    "photo": {"errors", "grid", "spectra", "evidence"},  # evidence: until the documents have left capture
-    "curves": {"errors", "grid", "spectra"},
-    "evidence": {"errors", "grid", "spectra", "photo", "curves"},
-    "documents": {"errors", "grid", "files", "spectra", "photo", "curves", "evidence"},
+    "rules": {"errors"},
+    "fonts": set(),
+    "spectra": {"errors", "grid", "files", "fonts"},
+    "photo": {"errors", "grid", "rules", "options", "spectra"},
+    "curves": {"errors", "grid", "rules", "spectra"},
+    "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
+    "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "evidence"},
     "direct": {"errors", "grid", "files", "photo"},
-    "simulation": {"errors", "grid", "files", "spectra", "photo"},
-    "calibration": {"errors", "grid", "files", "spectra", "photo", "curves", "evidence", "documents"},
+    "simulation": {"errors", "grid", "files", "fonts", "spectra", "photo"},
+    "calibration": {"errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents"},
     "tools": {"errors", "grid", "files", "spectra", "photo", "curves"},
-    "parity": {"errors", "grid", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration"},
-    "fleet": {"errors", "grid", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration"},
+    "parity": {
+        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration",
+    },
+    "fleet": {
+        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration",
+    },
     "cli": {
-        "errors", "grid", "files", "spectra", "photo", "curves", "evidence", "documents", "direct", "simulation",
-        "calibration", "parity", "fleet",
+        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "direct",
+        "simulation", "calibration", "parity", "fleet",
     },
 }  # fmt: skip
 """What each room may know; docs/architecture.md draws it. photo and curves do not know each other."""
+MOST_PARAMETERS = 8
+MANY_PARAMETERS: set[str] = set()
+"""Functions not yet mended: the list only shrinks. Commands of cli are exempt: their parameters are the options."""
+MOST_LINES = 450
+LONG: set[str] = set()
+"""Files not yet divided: the list only shrinks. The report's page is exempt: it is one page."""
+SMALL_LETTERS: set[str] = set()
+"""Files whose messages do not all begin like sentences yet: the list only shrinks."""
 HEAVY = ("cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer")
 MODULES = sorted(
     path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
@@ -76,7 +93,9 @@ def test_every_stage_together_loads_nothing_heavy() -> None:
 
 def test_public_names() -> None:
     assert camssf.__all__ == [
+        "Calibration",
         "CalibrationError",
+        "Options",
         "calibrate",
         "find_chart",
         "measure_patches",
@@ -118,25 +137,24 @@ def test_version_is_the_package_s() -> None:
     assert camssf.__version__ == installed
 
 
+@cache
 def imports(stage: str) -> list[tuple[str, bool]]:
     """(module, at the top?) of every import of a stage, TYPE_CHECKING blocks left out."""
-    path = PACKAGE / stage.replace(".", "/")
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    tree = ast.parse(path.read_text("utf-8"))
+    whole = tree(stage)
     typing_only = {
         id(node)
-        for block in ast.walk(tree)
+        for block in ast.walk(whole)
         if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.unparse(block.test)
         for node in ast.walk(block)
     }
     lazy = {
         id(node)
-        for function in ast.walk(tree)
+        for function in ast.walk(whole)
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
         for node in ast.walk(function)
     }
     found = []
-    for node in ast.walk(tree):
+    for node in ast.walk(whole):
         if id(node) in typing_only:
             continue
         if isinstance(node, ast.Import):
@@ -167,8 +185,8 @@ def test_a_room_knows_only_what_lies_below_it(module: str) -> None:
 
 def test_the_rooms_are_a_ladder() -> None:
     """Each may know only rooms above it in that table, so there is no cycle between rooms."""
-    order = [room for room in ROOMS if room != "photo"]
-    assert all(order.index(below) < order.index(room) for room in order for below in ROOMS[room] - {"photo"})
+    order = list(ROOMS)
+    assert all(order.index(below) < order.index(room) for room in order for below in ROOMS[room])
 
 
 def test_no_module_reaches_itself() -> None:
@@ -248,6 +266,58 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
     assert all(kind.__name__ in errors.__doc__ and kind.code in errors.__doc__ for kind in leaves)
 
 
+def tree(module: str) -> ast.Module:
+    path = PACKAGE / module.replace(".", "/")
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return ast.parse(path.read_text("utf-8"))
+
+
+def public_functions(body: list[ast.stmt], inside: str = "") -> Iterator[tuple[str, int]]:
+    """Name and number of parameters, self left out, of functions and of the methods of public classes."""
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public_functions(node.body, f"{node.name}.")
+        elif isinstance(node, ast.FunctionDef) and (not node.name.startswith("_") or node.name == "__init__"):
+            given = [each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            yield inside + node.name, len([name for name in given if not inside or name not in ("self", "cls")])
+
+
+def test_few_parameters() -> None:
+    """What must be said together is a product of its own, as `Options`."""
+    found = {
+        f"{module}.{name}"
+        for module in MODULES
+        if module.partition(".")[0] != "cli"
+        for name, count in public_functions(tree(module).body)
+        if count > MOST_PARAMETERS
+    }
+    assert found == MANY_PARAMETERS
+
+
+def test_one_file_one_product() -> None:
+    lines = {
+        module: len((PACKAGE / f"{module.replace('.', '/')}.py").read_text("utf-8").splitlines())
+        for module in MODULES
+        if not (PACKAGE / module.replace(".", "/")).is_dir()
+    }
+    assert {module for module, count in lines.items() if count > MOST_LINES} - {"documents.page"} == LONG
+
+
+def test_messages_begin_like_sentences() -> None:
+    """With a capital letter, a number, or the name of what they are about."""
+    errors = import_module("camssf.errors")
+    kinds = {name for name, kind in vars(errors).items() if isinstance(kind, type) and hasattr(kind, "exit_status")}
+    found = set()
+    for module in MODULES:
+        for node in ast.walk(tree(module)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in kinds and node.args:
+                first = node.args[0].values[0] if isinstance(node.args[0], ast.JoinedStr) else node.args[0]
+                text = str(first.value) if isinstance(first, ast.Constant) else ""
+                if text[:1].islower() and not text.startswith("camssf "):
+                    found.add(module)
+    assert found == SMALL_LETTERS
+
+
 def test_nothing_but_the_two_packages_is_importable() -> None:
     """What the wheel packs is what lies in these folders."""
     folders = (PACKAGE.parent, PACKAGE.parents[1] / "export")
@@ -258,3 +328,30 @@ def test_nothing_but_the_two_packages_is_importable() -> None:
         if (path / "__init__.py").is_file() or path.suffix == ".py"
     }
     assert found == {"camssf", "camssf_onnx"}
+
+
+SIMULATE_OF_0_1 = (
+    "CFA_ORDERS", "FOCAL", "FRAME", "FRAME_WIDTH", "LARGEST", "SURROUNDS", "Change", "Frames", "Light", "Plan",
+    "Samples", "Scene", "Sensor", "SimulatedShot", "Simulation", "Told", "View", "homography", "photograph",
+    "render_mosaic", "simulate", "sites", "take", "true_pose",
+)  # fmt: skip
+CHART_OF_0_1 = (
+    "ACCEPT", "ACCEPT_BY_HAND", "ATTEMPTS", "LAYOUTS", "LOCKED", "NEAR", "SMALLEST", "WINDOWS", "WINDOWS_BY_HAND",
+    "WORTH", "ChartLayout", "Pose", "agreement", "block_corners", "find_chart", "map_points", "patch_corners",
+    "plain_signals", "refine_corners",
+)  # fmt: skip
+
+
+MOSAIC_OF_0_1 = (
+    "CFA_ORDERS", "CONVERT", "COPY_AGAIN", "MAX_DEPTH", "MAX_DIRECTORIES", "MAX_SAMPLES", "MAX_SIDE", "RAW_MODE",
+    "Mosaic", "read_dng", "shading",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "names"), [("simulate", SIMULATE_OF_0_1), ("chart", CHART_OF_0_1), ("mosaic", MOSAIC_OF_0_1)]
+)
+def test_the_names_in_a_former_module_are_there(name: str, names: tuple[str, ...]) -> None:
+    now = import_module(f"camssf.{former_names()[name]}")
+    assert not [each for each in names if not hasattr(now, each)]
+    assert set(names) <= set(now.__all__)

@@ -108,6 +108,7 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stage", "words", "falsify"), FALSE, ids=[f"{s}-{w[:12]}" for s, w, _ in FALSE])
 def test_the_first_difference_is_named(
     result: Json, shots: Path, stage: str, words: str, falsify: Callable[[Json], object]
@@ -150,6 +151,8 @@ def test_frames_are_asked_for(result: Json, shots: Path) -> None:
             compared(result, shots, **more)
     with pytest.raises(InvalidArgument, match="2 photo"):
         parity(result, [shots / "chart.dng"] * 2)
+    with pytest.warns(DeprecationWarning, match="fit"), pytest.raises(InvalidArgument, match="2 photo"):
+        parity(result, [shots / "chart.dng"] * 2, fit=[1])
     with pytest.raises(InvalidArgument, match="2 lamps"):
         compared(result, shots, lamps=["D55", "A"])
     with pytest.raises(InvalidArgument, match="cannot be read"):

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.curves.basis import NODES, interpolate, read_basis
-from camssf.curves.sensing import CHART_CORRELATION, Sensing, anchor, sense, smooth_errors
+from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
+from camssf.curves.evidence import Evidence
+from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
 from camssf.spectra.families import FAMILIES, Kind, principal_modes
-from tests.problems import chart_and_lamp, theory, toy_camera
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
 def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Sensing:
@@ -25,7 +26,8 @@ def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Sen
     } | changes
     basis = arguments.pop("basis", "cameras")
     error = arguments.pop("standard_error", np.full(y.shape, 1e-3))
-    return sense(y, error, reflectance, lamp, read_basis(str(basis)), **arguments)  # type: ignore[arg-type]
+    evidence = Evidence(y, reflectance, lamp, standard_error=error, **arguments)  # type: ignore[arg-type]
+    return sense(evidence, read_basis(str(basis)))
 
 
 def test_rows_vanish_at_the_truth_whatever_its_scale() -> None:
@@ -224,6 +226,7 @@ def test_a_lamp_left_out_of_its_family_is_found_out() -> None:
     assert np.median(list(shares.values())) < 0.5, shares
 
 
+@pytest.mark.slow
 def test_lamps_far_off_leave_the_bands_honest() -> None:
     """Cameras of the prior, LEDs drawn from their family's own modes: 95 % bands hold, and the LED helps a little."""
     basis, led = read_basis("cameras"), read_lamp("white-led")
@@ -242,7 +245,7 @@ def test_lamps_far_off_leave_the_bands_honest() -> None:
         truth = camera / camera.max(axis=0)
         errors = []
         for k in (1, 2):
-            answer = recover(
+            answer = recovered(
                 y[:k], reflectance, np.stack([day, led.values])[:k], standard_error=error[:k], chart_tolerance=0.0,
                 white_tolerance=0.0, lamp_modes=modes[:k], basis=basis, engine="reference",
             )  # fmt: skip

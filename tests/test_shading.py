@@ -12,7 +12,9 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
+from camssf.documents.patches import read_patches
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
+from camssf.options import Options
 from camssf.photo.capture import Capture, measure
 from camssf.photo.mosaic import Mosaic, read_dng, shading
 from camssf.photo.patches import measure_patches
@@ -201,10 +203,11 @@ def colours(capture: Capture) -> np.ndarray:
     return np.asarray(above / above.mean(axis=0))
 
 
+@pytest.mark.slow
 def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
     truth = colours(measure(shots["even chart"], "D55"))
     stored = colours(measure(shots["shaded chart"], "D55")) / truth - 1
-    applied = colours(measure(shots["shaded chart"], "D55", lens_shading="apply")) / truth - 1
+    applied = colours(measure(shots["shaded chart"], "D55", options=Options(lens_shading="apply"))) / truth - 1
     assert np.abs(stored).max() > 0.15
     assert np.abs(applied).max() < 0.01
     assert np.sqrt(np.mean(applied**2)) < 0.003  # photon noise of the dark patches
@@ -213,7 +216,8 @@ def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
 def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
     plain, applied = (
-        calibrate(shots["shaded chart"], "D55", **frames, lens_shading=word) for word in ("as-stored", "apply")
+        calibrate(shots["shaded chart"], "D55", **frames, options=Options(lens_shading=word))
+        for word in ("as-stored", "apply")
     )
     assert not np.array_equal(plain.signals.chart, applied.signals.chart)
     np.testing.assert_allclose(applied.signals.values, plain.signals.values, rtol=2e-14)
@@ -231,17 +235,18 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
     assert main(["patches", photo, "--lamp", "D55", "--lens-shading", "apply"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["shots"][0]["lens_shading"] == "apply"
-    capture = Capture.from_document(document)
+    capture = read_patches(document)
     assert capture.shots[0].lens_shading == "apply"
-    applied = measure(photo, "D55", lens_shading="apply")
+    applied = measure(photo, "D55", options=Options(lens_shading="apply"))
     assert capture.shots[0].means.chart.mean.tolist() == applied.shots[0].means.chart.mean.tolist()
     document["shots"][0]["lens_shading"] = "perhaps"
     with pytest.raises(InvalidArgument, match="lens_shading"):
-        Capture.from_document(document)
+        read_patches(document)
     assert main(["calibrate", photo, "--lamp", "D55", "--lens-shading", "often"]) == 2
     assert "as-stored or apply" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
     import json
 

@@ -17,7 +17,10 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.mosaic import CFA_ORDERS, read_dng
 from camssf.photo.pose import LAYOUTS
 from camssf.simulation import frames as module
-from camssf.simulation.frames import Scene, Sensor, homography, photograph, render_mosaic, simulate, true_pose
+from camssf.simulation.camera import Sensor
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene, homography, render_mosaic, true_pose
+from camssf.simulation.shot import photograph
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
 
 SIZE = (600, 450)
@@ -64,8 +67,8 @@ def test_libraw_reads_back_what_was_taken(tmp_path: Path, cfa: str, compression:
         pytest.importorskip("imagecodecs", reason="imagecodecs writes the lossless JPEG")
     size, black, white = (404, 303), 256.25, 4095
     done = simulate(
-        CAMERA, FLAT, tmp_path, chart=table(), size=size, cfa=cfa, black=black, white_level=white, seed=5,
-        compression=compression,
+        CAMERA, FLAT, tmp_path, chart=table(), scene=Scene(size=size), seed=5,
+        sensor=Sensor(cfa=cfa, black=black, white_level=white, compression=compression),
     )  # fmt: skip
     sensor = Sensor(cfa=cfa, black=black, white_level=white)
     frames = photograph(CAMERA, FLAT, table(), done.scene, sensor, (5, 0))
@@ -121,7 +124,8 @@ def test_eq5_of_the_files_against_colour_science(tmp_path: Path, vignetting: flo
     import colour
 
     done = simulate(
-        "Nikon 5100 (NPL)", "D55", tmp_path, size=(900, 674), noise=False, vignetting=vignetting, white_level=65535
+        "Nikon 5100 (NPL)", "D55", tmp_path, scene=Scene(size=(900, 674), vignetting=vignetting),
+        sensor=Sensor(noise=False, white_level=65535),
     )  # fmt: skip
     shape = colour.SpectralShape(380, 720, 5)
     camera = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"].copy().align(shape).values
@@ -285,6 +289,7 @@ def test_blur_spreads_edges_as_an_error_function_and_keeps_the_light() -> None:
     np.testing.assert_allclose(after[round(patch[:, 1].mean())], wanted, atol=0.004)
 
 
+@pytest.mark.slow
 def test_blur_has_no_seams_between_strips() -> None:
     """The renderer works in strips; the whole picture filtered at once must be the same."""
     from scipy.ndimage import gaussian_filter
@@ -319,7 +324,7 @@ def test_glare_dark_current_gains_and_clipping() -> None:
 def test_same_seed_same_bytes(tmp_path: Path) -> None:
     names = ("chart.dng", "white.dng", "dark.dng", "truth.csv")
     for folder, seed in (("a", 1), ("b", 1), ("c", 2)):
-        simulate(CAMERA, FLAT, tmp_path / folder, chart=table(), size=SIZE, seed=seed, blur=1.0)
+        simulate(CAMERA, FLAT, tmp_path / folder, chart=table(), scene=Scene(size=SIZE, blur=1.0), seed=seed)
     contents = {folder: [Path(tmp_path, folder, name).read_bytes() for name in names] for folder in "abc"}
     assert contents["a"] == contents["b"]
     assert all(one != other for one, other in zip(contents["a"][:3], contents["c"][:3], strict=True))
@@ -328,7 +333,7 @@ def test_same_seed_same_bytes(tmp_path: Path) -> None:
 
 
 def test_several_lamps_and_the_truth(tmp_path: Path) -> None:
-    done = simulate(CAMERA, [FLAT, RED, RED], tmp_path / "new" / "folder", chart=table(), size=SIZE)
+    done = simulate(CAMERA, [FLAT, RED, RED], tmp_path / "new" / "folder", chart=table(), scene=Scene(size=SIZE))
     out = tmp_path / "new" / "folder"
     tags = ["flat", "red-lamp", "red-lamp~2"]
     wanted = [f"{kind}-{tag}.dng" for tag in tags for kind in ("chart", "white", "dark")]
@@ -347,7 +352,7 @@ def test_several_lamps_and_the_truth(tmp_path: Path) -> None:
 
 def test_colour_tags_are_plausible(tmp_path: Path) -> None:
     """Under D65 the matrix must take the lamp's own XYZ to the neutral that the file names."""
-    done = simulate("Nikon 5100 (NPL)", "D65", tmp_path, size=SIZE)
+    done = simulate("Nikon 5100 (NPL)", "D65", tmp_path, scene=Scene(size=SIZE))
     found = read_dng(done.shots[0].white)
     assert found.color_matrix1 is not None
     assert found.as_shot_neutral is not None
@@ -364,7 +369,9 @@ def test_colour_tags_are_plausible(tmp_path: Path) -> None:
 
 
 def test_names_are_read(tmp_path: Path) -> None:
-    done = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path, chart="classic24", size=SIZE, noise=False)
+    done = simulate(
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path, chart="classic24", scene=Scene(size=SIZE), sensor=QUIET
+    )
     for shot, lamp in zip(done.shots, ("D55", "A"), strict=True):
         by_hand = photograph(
             read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), read_chart("classic24"), done.scene, done.sensor
@@ -376,7 +383,7 @@ def test_names_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("failing", [1, 4, 6])
 def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int) -> None:
-    written = module._write_dng
+    written = module.write_dng
     calls = iter(range(1, 100))
 
     def fails(*arguments: Any) -> None:
@@ -384,61 +391,86 @@ def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail
         if next(calls) == failing:
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(module, "_write_dng", fails)
+    monkeypatch.setattr(module, "write_dng", fails)
     with pytest.raises(InvalidArgument, match="No space left"):
-        simulate(CAMERA, [FLAT, RED], tmp_path, chart=table(), size=SIZE)
+        simulate(CAMERA, [FLAT, RED], tmp_path, chart=table(), scene=Scene(size=SIZE))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_in_the_way(tmp_path: Path) -> None:
     (tmp_path / "white.dng").mkdir()
     with pytest.raises(InvalidArgument, match=r"white\.dng is a folder"):
-        simulate(CAMERA, FLAT, tmp_path, chart=table(), size=SIZE)
+        simulate(CAMERA, FLAT, tmp_path, chart=table(), scene=Scene(size=SIZE))
     assert [path.name for path in tmp_path.iterdir()] == ["white.dng"]
     file = tmp_path / "file"
     file.touch()
     with pytest.raises(InvalidArgument, match="Cannot write"):
-        simulate(CAMERA, FLAT, file, chart=table(), size=SIZE)
+        simulate(CAMERA, FLAT, file, chart=table(), scene=Scene(size=SIZE))
 
 
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ({"size": (10, 10)}, "size"),
-        ({"size": (30000, 30000)}, "at most 200 megapixels"),
-        ({"fill": 0.0}, "fill"),
-        ({"fill": float("nan")}, "fill"),
-        ({"fill": 1.0, "rotation": 45}, "beyond the picture"),
-        ({"tilt": 85}, "tilt"),
-        ({"rotation": float("inf")}, "rotation"),
-        ({"vignetting": 1.0}, "vignetting"),
-        ({"blur": -1}, "blur"),
-        ({"glare": 2}, "glare"),
-        ({"cfa": "XTRA"}, "cfa"),
-        ({"black": 20000}, "black is out"),
-        ({"white_level": 70000}, "white_level is out"),
-        ({"white_level": 0}, "white_level is out"),
-        ({"exposure": 0}, "exposure"),
-        ({"full_well": 0}, "full_well"),
-        ({"read_noise": -1}, "read_noise"),
-        ({"dark_current": -1}, "dark_current"),
-        ({"surround": "pink"}, "surround"),
+        ({"scene": Scene(size=(10, 10))}, "size"),
+        ({"scene": Scene(size=(30000, 30000))}, "at most 200 megapixels"),
+        ({"scene": Scene(size=SIZE, fill=0.0)}, "fill"),
+        ({"scene": Scene(size=SIZE, fill=float("nan"))}, "fill"),
+        ({"scene": Scene(size=SIZE, fill=1.0, rotation=45)}, "beyond the picture"),
+        ({"scene": Scene(size=SIZE, tilt=85)}, "tilt"),
+        ({"scene": Scene(size=SIZE, rotation=float("inf"))}, "rotation"),
+        ({"scene": Scene(size=SIZE, vignetting=1.0)}, "vignetting"),
+        ({"scene": Scene(size=SIZE, blur=-1)}, "blur"),
+        ({"scene": Scene(size=SIZE, glare=2)}, "glare"),
+        ({"sensor": Sensor(cfa="XTRA")}, "cfa"),
+        ({"sensor": Sensor(black=20000)}, "black is out"),
+        ({"sensor": Sensor(white_level=70000)}, "white_level is out"),
+        ({"sensor": Sensor(white_level=0)}, "white_level is out"),
+        ({"sensor": Sensor(exposure=0)}, "exposure"),
+        ({"sensor": Sensor(full_well=0)}, "full_well"),
+        ({"sensor": Sensor(read_noise=-1)}, "read_noise"),
+        ({"sensor": Sensor(dark_current=-1)}, "dark_current"),
+        ({"scene": Scene(size=SIZE, surround="pink")}, "surround"),
         ({"seed": -1}, "Seed"),
-        ({"compression": "zip"}, "zip"),
+        ({"sensor": Sensor(compression="zip")}, "zip"),
     ],
 )
 def test_settings_out_of_range(tmp_path: Path, setting: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words):
-        simulate(CAMERA, FLAT, tmp_path / "out", chart=table(), **({"size": SIZE} | setting))
+        simulate(CAMERA, FLAT, tmp_path / "out", chart=table(), **({"scene": Scene(size=SIZE)} | setting))
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_former_arguments_still_work_and_warn(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {
+        "size": SIZE, "fill": 0.5, "rotation": 4.0, "tilt": 3.0, "vignetting": 0.1, "blur": 0.7, "glare": 0.1,
+        "surround": "black", "mirrored": True,
+    }  # fmt: skip
+    counting: dict[str, Any] = {
+        "cfa": "GRBG", "black": 64.0, "white_level": 4095, "exposure": 0.6, "noise": False, "dark_current": 2.0,
+        "full_well": 4000.0, "read_noise": 1.0, "compression": None,
+    }  # fmt: skip
+    now = simulate(CAMERA, FLAT, tmp_path / "now", chart=table(), scene=Scene(**settings), sensor=Sensor(**counting))
+    with pytest.warns(DeprecationWarning, match=r"size=.* has become simulate\(scene=Scene") as said:
+        former = simulate(CAMERA, FLAT, tmp_path / "former", chart=table(), **settings, **counting)
+    assert said[0].filename == __file__
+    assert (former.scene, former.sensor) == (now.scene, now.sensor)
+    for name in ("chart.dng", "white.dng", "dark.dng"):
+        assert Path(tmp_path, "former", name).read_bytes() == Path(tmp_path, "now", name).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["siz", "layout", "gains"])
+def test_an_argument_that_there_is_not(tmp_path: Path, name: str) -> None:
+    with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
+        simulate(CAMERA, FLAT, tmp_path / "out", **{name: 1})
     assert not (tmp_path / "out").exists()
 
 
 def test_no_lamp_no_light_wrong_chart(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="without a lamp"):
-        simulate(CAMERA, [], tmp_path, chart=table(), size=SIZE)
+        simulate(CAMERA, [], tmp_path, chart=table(), scene=Scene(size=SIZE))
     blind = CameraCurves("blind", CAMERA.values * [1, 1, 0], "test")
     with pytest.raises(InvalidArgument, match="sees nothing"):
-        simulate(blind, FLAT, tmp_path, chart=table(), size=SIZE)
+        simulate(blind, FLAT, tmp_path, chart=table(), scene=Scene(size=SIZE))
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InvalidArgument, match="24 patches do not fit"):
         photograph(CAMERA, FLAT, table(), Scene(layout="sg140", size=SIZE), Sensor())

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf import recover
 from camssf.curves.basis import gaussian_basis, read_basis
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import sense
-from camssf.curves.ssf import explain, predict
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from tests.problems import chart_and_lamp, measured_cameras, theory, toy_camera
+from tests.problems import chart_and_lamp, explained, measured_cameras, predicted, recovered, theory, toy_camera
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 
@@ -27,7 +26,7 @@ def test_equation_5_reproduced_on_the_paper_s_basis() -> None:
     reflectance, lamp = chart_and_lamp("equal-energy")
     errors = []
     for camera in measured_cameras().values():
-        answer = recover(
+        answer = recovered(
             theory(reflectance, lamp, camera),
             reflectance,
             lamp,
@@ -44,7 +43,7 @@ def test_a_curve_of_the_basis_comes_back() -> None:
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     atoms = gaussian_basis().dictionary[0]
     camera = atoms[:, [11, 8, 4]]
-    answer = recover(theory(reflectance, lamp, camera), reflectance, lamp, basis="gaussian", chart_tolerance=0)
+    answer = recovered(theory(reflectance, lamp, camera), reflectance, lamp, basis="gaussian", chart_tolerance=0)
     assert rmse(answer.values, camera) < 2e-3
 
 
@@ -53,7 +52,7 @@ def test_scale_is_fixed_by_the_white_of_the_first_lamp() -> None:
     white = 0.9 - 0.1 * (WAVELENGTHS - 380) / 340
     y = theory(reflectance, lamp, toy_camera(), white)
     for basis in ("gaussian", "cameras"):
-        answer = recover(y, reflectance, 7.0 * lamp, basis=basis, white_reflectance=white, standard_error=0.01 * y)
+        answer = recovered(y, reflectance, 7.0 * lamp, basis=basis, white_reflectance=white, standard_error=0.01 * y)
         assert (answer.values.T @ (white * 7.0 * lamp) * STEP) == pytest.approx(np.ones(3))
         assert answer.peak()[0].max(axis=0) == pytest.approx(np.ones(3))
 
@@ -61,8 +60,8 @@ def test_scale_is_fixed_by_the_white_of_the_first_lamp() -> None:
 def test_the_lamp_s_scale_and_the_white_s_do_not_matter() -> None:
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    plain = recover(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
-    scaled = recover(y, reflectance, 1e3 * lamp, basis="cameras", standard_error=0.005 * y)
+    plain = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
+    scaled = recovered(y, reflectance, 1e3 * lamp, basis="cameras", standard_error=0.005 * y)
     assert scaled.peak()[0] == pytest.approx(plain.peak()[0], abs=1e-9)
 
 
@@ -72,7 +71,7 @@ def test_discrepancy_meets_the_noise() -> None:
     y = theory(reflectance, lamp, toy_camera())
     error = np.hypot(0.01 * y, 0.002)
     noisy = y + error * np.random.default_rng(4).normal(size=y.shape)
-    answer = recover(noisy, reflectance, lamp, standard_error=error, basis="gaussian", chart_tolerance=0)
+    answer = recovered(noisy, reflectance, lamp, standard_error=error, basis="gaussian", chart_tolerance=0)
     power = lamp * STEP / (lamp.sum() * STEP)
     curves = gaussian_basis().dictionary[0] @ answer.code
     chi2 = np.sum((((reflectance * power) @ curves - noisy) / error) ** 2, axis=0)
@@ -84,8 +83,10 @@ def test_literal_equation_10_allows_negative_codes() -> None:
     y = theory(reflectance, lamp, toy_camera())
     error = 0.002 * y
     noisy = y + error * np.random.default_rng(1).normal(size=y.shape)
-    positive = recover(noisy, reflectance, lamp, standard_error=error, basis="gaussian", gamma=1e-2)
-    signed = recover(noisy, reflectance, lamp, standard_error=error, basis="gaussian", gamma=1e-2, nonnegative=False)
+    positive = recovered(noisy, reflectance, lamp, standard_error=error, basis="gaussian", gamma=1e-2)
+    signed = recovered(
+        noisy, reflectance, lamp, standard_error=error, basis="gaussian", gamma=1e-2, nonnegative=False
+    )
     assert (positive.code >= 0).all()
     assert (signed.code < 0).any()
 
@@ -93,21 +94,21 @@ def test_literal_equation_10_allows_negative_codes() -> None:
 def test_bands_shrink_with_evidence_and_exist_only_with_a_prior() -> None:
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    few = recover(y[:6], reflectance[:6], lamp, basis="cameras", standard_error=0.005 * y[:6])
-    many = recover(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
-    vague = recover(y, reflectance, lamp, basis="cameras", standard_error=0.05 * y, lamp_tolerance=0.1)
+    few = recovered(y[:6], reflectance[:6], lamp, basis="cameras", standard_error=0.005 * y[:6])
+    many = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
+    vague = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.05 * y, lamp_tolerance=0.1)
     assert few.std is not None
     assert many.std is not None
     assert vague.std is not None
     assert many.std.mean() < few.std.mean()
     assert many.std.mean() < vague.std.mean()
-    assert recover(y, reflectance, lamp, basis="gaussian", standard_error=0.005 * y).std is None
+    assert recovered(y, reflectance, lamp, basis="gaussian", standard_error=0.005 * y).std is None
 
 
 def test_predictions_are_signals() -> None:
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    answer = recover(y, reflectance, lamp, basis="cameras", standard_error=0.002 * y, chart_tolerance=0.0)
+    answer = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.002 * y, chart_tolerance=0.0)
     assert answer.predicted[0] == pytest.approx(theory(reflectance, lamp, answer.values))
     assert answer.predicted[0] == pytest.approx(y, rel=0.03)
 
@@ -145,7 +146,7 @@ def test_bad_arguments_are_named(change: dict[str, object], error: type[Exceptio
         "lamp": lamp,
     }
     with pytest.raises(error) as refusal:
-        recover(**(arguments | change))  # type: ignore[arg-type]
+        recovered(**(arguments | change))  # type: ignore[arg-type]
     assert refusal.value.advice  # type: ignore[attr-defined]
 
 
@@ -155,15 +156,15 @@ def test_the_budget_s_parts_are_the_posterior() -> None:
     y = theory(reflectance, lamp, toy_camera())
     certain = {"standard_error": np.full(y.shape, 1e-9), "chart_tolerance": 0.0, "white_tolerance": 0.0}
     noisy = certain | {"standard_error": np.full(y.shape, 0.01)}
-    quiet, loud = explain(y, reflectance, lamp, **certain), explain(y, reflectance, lamp, **noisy)
+    quiet, loud = explained(y, reflectance, lamp, **certain), explained(y, reflectance, lamp, **noisy)
     assert sum(loud.values()) == pytest.approx(np.ones(3))
     assert (loud["noise"] > quiet["noise"]).all()
     for source in ("chart", "white", "lamp", "lamp modes"):
         assert (loud[source] == 0).all()
-    veiled = explain(y, reflectance, lamp, **(certain | {"chart_tolerance": 0.03}))
+    veiled = explained(y, reflectance, lamp, **(certain | {"chart_tolerance": 0.03}))
     assert (veiled["chart"] > 0.1).all()
     with pytest.raises(InvalidArgument, match="no prior"):
-        explain(y, reflectance, lamp, basis="gaussian")
+        explained(y, reflectance, lamp, basis="gaussian")
 
 
 def declared(shots: int) -> dict[str, Any]:
@@ -187,17 +188,25 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     """GUM Supplement 1: draw code, errors and noise from the rows' own model, fit, compare."""
     told, book = declared(shots), read_basis("cameras")
     others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
-    answer = recover(**told)
-    found = predict(answer, **told, of=others, of_tolerance=0.02)
+    answer = recovered(**told)
+    found = predicted(answer, **told, of=others, of_tolerance=0.02)
     assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
     k, n = shots, 24
     y = np.concatenate([told["signals"], found.values[:, 12:]], axis=1)
     rows = sense(
-        y, np.concatenate([told["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
-        np.concatenate([told["reflectance"], others]), told["lamp"], book,
-        chart_tolerance=np.repeat([0.03, 0.02], 12), white_reflectance=np.ones(681), white_tolerance=0.01,
-        lamp_tolerance=np.full(k, 0.02), lamp_modes=np.zeros((k, 0, 681)),
-    )  # fmt: skip
+        Evidence(
+            y,
+            np.concatenate([told["reflectance"], others]),
+            told["lamp"],
+            standard_error=np.concatenate([told["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
+            chart_tolerance=np.repeat([0.03, 0.02], 12),
+            white_reflectance=np.ones(681),
+            white_tolerance=0.01,
+            lamp_tolerance=np.full(k, 0.02),
+            lamp_modes=np.zeros((k, 0, 681)),
+        ),
+        book,
+    )
     fitted = np.tile(np.arange(n) < 12, k)
     rng = np.random.default_rng(4)
     for c in range(3):
@@ -218,12 +227,12 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
 def test_a_surface_of_known_reflectance_is_better_known_than_a_patch() -> None:
     told = declared(2)
     others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
-    answer = recover(**told)
-    exact, table = (predict(answer, **told, of=others, of_tolerance=tau).std for tau in (0.0, 0.03))
+    answer = recovered(**told)
+    exact, table = (predicted(answer, **told, of=others, of_tolerance=tau).std for tau in (0.0, 0.03))
     assert (exact[:, 12:] < table[:, 12:]).all()
     assert exact[:, :12] == pytest.approx(table[:, :12], rel=1e-6)  # what is asked changes no answer
-    assert predict(answer, **told).std == pytest.approx(exact[:, :12], rel=1e-6)
+    assert predicted(answer, **told).std == pytest.approx(exact[:, :12], rel=1e-6)
     with pytest.raises(InvalidArgument, match="no prior"):
-        predict(answer, **told | {"basis": "gaussian"})
-    with pytest.raises(InvalidArgument, match="of has shape"):
-        predict(answer, **told, of=np.ones((2, 3)))
+        predicted(answer, **told | {"basis": "gaussian"})
+    with pytest.raises(InvalidArgument, match="`of` has shape"):
+        predicted(answer, **told, of=np.ones((2, 3)))

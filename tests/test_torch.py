@@ -7,7 +7,9 @@ import io
 import numpy as np
 import pytest
 
-from camssf.curves.unrolled import DEPTH, _Problem, whiten
+from camssf.curves.engine import onnx_runtime
+from camssf.curves.layers import DEPTH, splitting
+from camssf.curves.problem import Problem, whiten
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")
@@ -20,11 +22,11 @@ def arguments(nonnegative: bool) -> tuple[list[object], np.ndarray]:
     sensing = random_sensing(7, 20, 12)
     gamma = float(0.05 * gamma_max(sensing).min())
     problems = [
-        _Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
+        Problem(*whiten(A, b, S), 0.5, gamma, nonnegative)
         for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
     ]
-    expected = np.stack([p.unroll(DEPTH) for p in problems])
-    rho = torch.tensor(problems[0].rho(), dtype=torch.float64)
+    expected = np.stack([splitting(p).unroll(DEPTH) for p in problems])
+    rho = torch.tensor(problems[0].gamma + 2.0 * problems[0].l2, dtype=torch.float64)
     both, push = UnrolledNet.weights(
         torch.tensor(np.stack([p.M for p in problems])), torch.tensor(np.stack([p.g for p in problems])), rho
     )
@@ -42,8 +44,7 @@ def test_layers_equal_the_reference(nonnegative: bool) -> None:
 
 @pytest.mark.filterwarnings("ignore")  # torch's exporter warns about its own insides
 def test_torch_s_export_of_the_layers_is_small_and_equal() -> None:
-    import onnxruntime
-
+    onnxruntime = onnx_runtime()
     from camssf_onnx.net import UnrolledNet
 
     inputs, expected = arguments(False)

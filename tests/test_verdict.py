@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from camssf.curves.basis import Basis, interpolate
-from camssf.curves.sensing import NODES, sense, smooth_errors
+from camssf.curves.basis import NODES, Basis, interpolate
+from camssf.curves.covariance import smooth_errors
+from camssf.curves.evidence import Evidence
+from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError, NotSensorRaw
+from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     RIVAL,
     Fatal,
@@ -21,7 +24,7 @@ from camssf.evidence.verdict import (
     Rival,
     Surprise,
     Verdict,
-    _covariance,
+    Weighed,
     directions,
     judge,
     refusal,
@@ -91,13 +94,15 @@ class Scene:
         used = self.signals.used[0]
         power = np.stack([lamp.values for lamp in lamps])
         ssf = recover(
-            self.signals.values[:, used],
-            TABLE.values[used],
-            power,
-            standard_error=self.signals.standard_error[:, used],
-            chart_tolerance=TABLE.tolerance[used],
-            white_reflectance=self.rho,
-            lamp_tolerance=[lamp.tolerance for lamp in lamps],
+            Evidence(
+                self.signals.values[:, used],
+                TABLE.values[used],
+                power,
+                standard_error=self.signals.standard_error[:, used],
+                chart_tolerance=TABLE.tolerance[used],
+                white_reflectance=self.rho,
+                lamp_tolerance=[lamp.tolerance for lamp in lamps],
+            )
         )
         return replace(
             ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in power])
@@ -111,10 +116,12 @@ class Scene:
             name: changes.get(name, getattr(self, name)) for name in ("signals", "shots", "poses", "lamps", "ssf")
         }
         return judge(
-            given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], given["ssf"],
-            white_reflectance=self.rho, white_tolerance=0.01, rivals=self.rivals, neutrals=self.neutrals,
+            Weighed(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            given["ssf"],
+            rivals=self.rivals,
+            neutrals=self.neutrals,
             alone=self.each(),
-        )  # fmt: skip
+        )
 
 
 def clean(lamp: str = "D55") -> Floats:
@@ -172,16 +179,18 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
     used = scene.signals.used[0]
     answer = Basis("answer", scene.ssf.values.T, np.zeros((3, WAVELENGTHS.size, 1)), True, "")
     known = sense(
-        scene.signals.values[:, used],
-        scene.signals.standard_error[:, used],
-        TABLE.values[used],
-        np.stack([lamp.values for lamp in scene.lamps]),
+        Evidence(
+            scene.signals.values[:, used],
+            TABLE.values[used],
+            np.stack([lamp.values for lamp in scene.lamps]),
+            standard_error=scene.signals.standard_error[:, used],
+            chart_tolerance=TABLE.tolerance[used],
+            white_reflectance=scene.rho,
+            white_tolerance=0.01,
+            lamp_tolerance=np.array([lamp.tolerance for lamp in scene.lamps]),
+            lamp_modes=np.zeros((2, 0, WAVELENGTHS.size)),
+        ),
         answer,
-        chart_tolerance=TABLE.tolerance[used],
-        white_reflectance=scene.rho,
-        white_tolerance=0.01,
-        lamp_tolerance=np.array([lamp.tolerance for lamp in scene.lamps]),
-        lamp_modes=np.zeros((2, 0, WAVELENGTHS.size)),
     )
     same_shot = np.kron(np.eye(2), np.ones((used.sum(), used.sum())))
     for c in range(3):
@@ -221,10 +230,19 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     scene = Scene(theory(TABLE.values, light, book.mean.T) * np.exp(0.02 * np.sin(np.arange(24.0)))[:, None])
     used = scene.signals.used[0]
     known = sense(
-        scene.signals.values[:, used], scene.signals.standard_error[:, used], TABLE.values[used], light[None], book,
-        chart_tolerance=TABLE.tolerance[used], white_reflectance=scene.rho, white_tolerance=0.01,
-        lamp_tolerance=np.array([0.02]), lamp_modes=np.zeros((1, 0, WAVELENGTHS.size)),
-    )  # fmt: skip
+        Evidence(
+            scene.signals.values[:, used],
+            TABLE.values[used],
+            light[None],
+            standard_error=scene.signals.standard_error[:, used],
+            chart_tolerance=TABLE.tolerance[used],
+            white_reflectance=scene.rho,
+            white_tolerance=0.01,
+            lamp_tolerance=np.array([0.02]),
+            lamp_modes=np.zeros((1, 0, WAVELENGTHS.size)),
+        ),
+        book,
+    )
     total = sum(
         b @ np.linalg.solve(S + A @ A.T, b)
         for A, b, S in zip(known.matrix, known.target, known.covariance, strict=True)
@@ -233,6 +251,7 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     assert scene.surprise().count == 3 * used.sum()
 
 
+@pytest.mark.slow
 def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     """Charts drawn from the very tolerance that the model is told: mean and spread of T."""
     rng = np.random.default_rng(4)

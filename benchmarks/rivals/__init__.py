@@ -15,7 +15,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from camssf.curves.basis import NODES, Basis, interpolate
-from camssf.curves.sensing import FLOOR
+from camssf.curves.covariance import FLOOR
 from camssf.grid import STEP, Floats
 
 

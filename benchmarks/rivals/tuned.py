@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
+from camssf.curves.evidence import Evidence
 from camssf.curves.ssf import recover
 from camssf.grid import Floats
 
@@ -14,6 +15,14 @@ WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 def estimate(given: Given, weight: float) -> Floats:
     """Curves (681, 3)."""
     return recover(
-        given.signals, given.reflectance, given.lamp, standard_error=given.standard_error, basis="gaussian",
-        chart_tolerance=0.0, white_tolerance=0.0, gamma=weight,
-    ).values  # fmt: skip
+        Evidence(
+            given.signals,
+            given.reflectance,
+            given.lamp,
+            standard_error=given.standard_error,
+            chart_tolerance=0.0,
+            white_tolerance=0.0,
+        ),
+        basis="gaussian",
+        gamma=weight,
+    ).values

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import onnx
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from onnx import TensorProto, helper, numpy_helper
+
+Product = TypeVar("Product")
 
 
 class Graph:
@@ -28,7 +31,7 @@ class Graph:
 
     def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
         """A constant; equal ones are stored once."""
-        array = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
+        array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self.constants:
             self.constants[key] = name or self.fresh("c")
@@ -182,3 +185,14 @@ class Value:
 
     def real(self) -> Value:
         return self.graph.op("Cast", self, to=TensorProto.DOUBLE)
+
+
+def within(product: Product, graph: Graph) -> Product:
+    """A dataclass of values, seen from a Loop's body; its field `graph`, if it has one, becomes that body."""
+    names = [each.name for each in fields(product)]  # type: ignore[arg-type]
+    seen: dict[str, object] = {
+        name: value.here(graph) for name in names if isinstance(value := getattr(product, name), Value)
+    }
+    if "graph" in names:
+        seen["graph"] = graph
+    return replace(product, **seen)  # type: ignore[type-var]

@@ -10,11 +10,11 @@ from __future__ import annotations
 import torch
 from torch import while_loop
 
-from camssf.curves.unrolled import DEPTH, RELAXATION
+from camssf.curves.layers import DEPTH, RELAXATION
 
 
 class UnrolledNet(torch.nn.Module):
-    """v ← W₁ b + W_v v + W_q clip(v), `depth` times; z = v - clip(v) (unrolled.py: z = soft(v, γ / ρ))."""
+    """v ← W₁ b + W_v v + W_q clip(v), `depth` times; z = v - clip(v) (z = soft(v, γ / ρ))."""
 
     def __init__(self, depth: int = DEPTH) -> None:
         super().__init__()

@@ -13,8 +13,10 @@ from camssf._former import install
 if TYPE_CHECKING:
     from camssf.calibration import calibrate as calibrate
     from camssf.curves.ssf import recover as recover
+    from camssf.documents.result import Calibration as Calibration
     from camssf.errors import CalibrationError as CalibrationError
     from camssf.evidence.scores import validate as validate
+    from camssf.options import Options as Options
     from camssf.photo.mosaic import read_dng as read_dng
     from camssf.photo.patches import measure_patches as measure_patches
     from camssf.photo.pose import find_chart as find_chart
@@ -30,11 +32,15 @@ _HOME = {
     "normalise": "camssf.photo.signals",
     "recover": "camssf.curves.ssf",
     "validate": "camssf.evidence.scores",
+    "Calibration": "camssf.documents.result",
     "CalibrationError": "camssf.errors",
+    "Options": "camssf.options",
 }
 
 __all__ = [
+    "Calibration",
     "CalibrationError",
+    "Options",
     "calibrate",
     "find_chart",
     "measure_patches",

@@ -37,9 +37,9 @@ FORMER = {
     "sensing": "curves.sensing",
     "signals": "photo.signals",
     "simulate": "simulation.frames",
-    "ssf": "curves.ssf",
+    "ssf": "curves",
     "tabulate": "tools.tabulate",
-    "unrolled": "curves.unrolled",
+    "unrolled": "curves.code",
     "validate": "evidence.scores",
     "verdict": "evidence.verdict",
 }

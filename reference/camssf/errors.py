@@ -36,8 +36,8 @@ class CalibrationError(Exception):
         message: what is wrong, with the file or patch it is about.
         advice: what to do next.
         value, threshold: the number that decided and the bound it broke, where there is one.
-        evidence: a refused result document with what was learned until then, or None.
-        previews: a JPEG of each of its shots, or None.
+        evidence, previews: of `camssf.calibrate`, for one more release: the document and the previews of its
+            `Refusal`, which `camssf.calibration.attempt` gives without an error.
         reasons: of a verdict that refused; empty where a stage did.
     """
 

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from camssf.errors import InvalidArgument
+
+
+def readable(text: str) -> str:
+    """The text as UTF-8 can hold it: U+FFFD for a byte of a file's name that is no UTF-8, and for half a character.
+
+    Python keeps such bytes as lone surrogates, which no encoding takes.
+    """
+    return re.sub("[\ud800-\udfff]", "\ufffd", text)
 
 
 def write_file(path: Path | str, content: bytes | str) -> None:
@@ -99,7 +108,7 @@ def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
 
 def _fill(handle: int, content: bytes | str) -> None:
     """All of it, on the disk before anything is replaced by it."""
-    rest = memoryview(content.encode() if isinstance(content, str) else content)
+    rest = memoryview(readable(content).encode() if isinstance(content, str) else content)
     while rest:
         rest = rest[os.write(handle, rest) :]
     os.fsync(handle)

@@ -15,9 +15,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.calibration import calibrate, solve
+from camssf.calibration import attempt, recorded, solve
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
+from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import LENS_SHADING, measure_patches
@@ -51,7 +52,7 @@ _CAUSES = {
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
-    "If the result was made with --fit, --signed or a white card, say so here too.",
+    "If the result was made with --fit, --signed or --white-reflectance, say so here too.",
     "band": "The curve agrees, its standard deviation does not.",
     "gap": "One of the two has not converged.",
     "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
@@ -86,23 +87,23 @@ def parity(
     dark: Sequence[PathLike | None] = (),
     lamps: Sequence[str] = (),
     chart: str | None = None,
-    white_reflectance: float | None = None,
-    fit: Sequence[int] | None = None,
-    nonnegative: bool | None = None,
+    options: Options = DEFAULTS,
     progress: Progress | None = None,
+    **former: Any,
 ) -> tuple[Finding, ...]:
     """Compare a "camssf-result/1" document with what Python makes of the same photos.
 
     Pose, lamp, chart, tolerances, basis and penalties are those that the document states. What it does not state has
-    to be given again: files of lamps and charts, the white card, the patches to fit, signed coefficients.
+    to be given again: files of lamps and charts, the white target, the patches to fit, signed coefficients.
 
     Args:
         document: the result, checked against its schema.
         photos: DNG of each shot, in the shots' order.
         white, dark: the frames that the document says were used.
         lamps, chart: instead of the document's, where those are files that lie elsewhere here.
-        white_reflectance, fit, nonnegative: as in `calibrate`.
+        options: white_reflectance, fit and nonnegative; the others are as the document has them.
         progress: called with a stage in words and the part done, 0 to 1.
+        former: an option as an argument of its own, as in `calibrate`.
 
     Returns:
         A finding for each stage that could be compared, in order.
@@ -111,6 +112,7 @@ def parity(
         InvalidArgument: not the photos and frames that the document asks for, or an unknown lamp or chart.
         RawError: a file cannot be read.
     """
+    options = with_former("parity", options, former)
     tell = progress or (lambda stage, part: None)
     files = [photos] if isinstance(photos, str | Path) else list(photos)
     shots = document["shots"]
@@ -129,28 +131,24 @@ def parity(
     refused = document["verdict"]["status"] == "refused"
     if any(shot["pose"] is None or not shot["patches"] for shot in shots):
         tell("calibrating", 0.5)
-        made = _refusal(files, lights, whites, darks, table, white_reflectance)
+        alike = Options(white_reflectance=options.white_reflectance)
+        made = attempt(files, lights, white=whites, dark=darks, chart=table, options=alike).document()
         return (*found, *_verdicts(document, made))
     tell("looking at the pose", 0.3)
     found += _poses(shots, frames[0], table)
     tell("measuring", 0.5)
     try:
-        capture = _measure(shots, frames, lights, table, white_reflectance)
+        capture = _measure(shots, frames, lights, table, options.white_reflectance)
     except CalibrationError as error:
         words = f"here the measurement is refused: {error.code}, {error.message}"
         return (*found, Finding("patch means", False, np.inf, MEANS, words))
     tell("solving", 0.7)
     basis = document["basis"] if document["basis"] != "none" else "cameras"
-    try:
-        done = solve(
-            capture, basis=basis, fit=fit, nonnegative=nonnegative, l2=document.get("l2"),
-            gamma=document.get("gamma"),
-        )  # fmt: skip
-        made = done.document()
-    except CalibrationError as error:
-        if error.evidence is None:
-            raise
-        made = error.evidence
+    stated = replace(
+        DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative, l2=document.get("l2"),
+        gamma=document.get("gamma"),
+    )  # fmt: skip
+    made = recorded(lambda record: solve(capture, options=stated, record=record)).document()
     found += _measured(document, made)
     found += _inputs(document, made, specs, chart or document["chart"]["name"])
     if not refused and made["verdict"]["status"] != "refused":
@@ -266,7 +264,7 @@ def _measure(
     frames: Sequence[Sequence[Mosaic | None]],
     lights: Sequence[Lamp],
     table: ChartTable,
-    card: float | None,
+    white_reflectance: float | None,
 ) -> Capture:
     """The capture measured here in the other side's poses."""
     measured = []
@@ -281,26 +279,7 @@ def _measure(
         means = measure_patches(photo, pose, white=white, dark=dark, lens_shading=shading)
         white_photo, dark_photo = (None if frame is None else photo_of(frame) for frame in (white, dark))
         measured.append(Shot(lamp, photo_of(photo), white_photo, dark_photo, pose, means, None, shading))
-    return Capture(tuple(measured), table, card)
-
-
-def _refusal(
-    files: Sequence[PathLike],
-    lights: Sequence[Lamp],
-    whites: Sequence[PathLike | None],
-    darks: Sequence[PathLike | None],
-    table: ChartTable,
-    card: float | None,
-) -> Json:
-    """The result document of the whole way, for a result that was refused before its patches were measured."""
-    try:
-        return calibrate(
-            files, lights, white=list(whites), dark=list(darks), chart=table, white_reflectance=card
-        ).document()
-    except CalibrationError as error:
-        if error.evidence is None:
-            raise
-        return error.evidence
+    return Capture(tuple(measured), table, white_reflectance)
 
 
 def _patches(document: Json, key: str) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from camssf.cli.commands import BATCH_FAILED, BUG, INTERRUPTED, PARTED, app, main
+from camssf.cli.commands import app, main
+from camssf.cli.terminal import BATCH_FAILED, BUG, INTERRUPTED, PARTED
 
 __all__ = ["BATCH_FAILED", "BUG", "INTERRUPTED", "PARTED", "app", "main"]

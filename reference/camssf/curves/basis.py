@@ -60,7 +60,7 @@ def gaussian_basis(count: int = 18, width: float = 50.0) -> Basis:
     """
     if count < 1 or not np.isfinite(width) or width <= 0:
         raise InvalidArgument(
-            f"a Gaussian basis of {count} atoms, {width} nm wide, is empty.",
+            f"A Gaussian basis of {count} atoms, {width} nm wide, is empty.",
             "Take at least one atom and a width > 0.",
         )
     centres = np.linspace(380.0, 720.0, count) if count > 1 else np.array([550.0])

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 
 Json: TypeAlias = dict[str, Any]
@@ -65,6 +66,7 @@ def picture(document: Json) -> bytes:
     """The curves with their 95 % bands, and the truth where there is one."""
     from io import BytesIO
 
+    prepare_matplotlib()
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.files import write_files
+from camssf.files import readable, write_files
 from camssf.grid import WAVELENGTHS
 
 Json: TypeAlias = dict[str, Any]
@@ -80,7 +80,7 @@ def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
     for i, preview in enumerate(previews):
         if preview is not None and (media_type(preview) is None or len(preview) > LARGEST_PREVIEW):
             raise InvalidArgument(
-                f"previews[{i}] is not a JPEG or PNG of at most {LARGEST_PREVIEW} bytes.",
+                f"Preview {i + 1} is not a JPEG or PNG of at most {LARGEST_PREVIEW} bytes.",
                 "Encode the photo's preview as one of them, or give None.",
             )
     if len(previews) > len(document["shots"]):
@@ -91,7 +91,7 @@ def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
     curves = "ssf" in document
     shown = [*previews, *[None] * (len(document["shots"]) - len(previews))]
     return Report(
-        result_json=(_json(document) + "\n").encode("utf-8", "replace"),
+        result_json=readable(_json(document) + "\n").encode(),
         ssf_csv=_csv(document) if curves else None,
         ssf_png=picture(document) if curves else None,
         html=page(document, shown),
@@ -113,11 +113,28 @@ def read_document(path: Path | str) -> Json:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", advice) from error
     if len(data) > LARGEST_DOCUMENT:
         raise InvalidArgument(f"{path}: larger than {LARGEST_DOCUMENT} bytes.", advice)
+    return check_document(parse_json(data, str(path), advice), str(path))
+
+
+def parse_json(data: bytes, name: str, advice: str) -> Any:
+    """Sound JSON: UTF-8, numbers that JSON knows, no key twice in an object.
+
+    Raises:
+        InvalidArgument: it is not; `name` says where it came from.
+    """
     try:
-        document = json.loads(data.decode("utf-8"), parse_constant=_no_constant, object_pairs_hook=_no_twins)
+        return json.loads(data.decode("utf-8"), parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError) as error:
-        raise InvalidArgument(f"{path}: is not sound JSON ({error}).", advice) from error
-    _check_document(document, str(path))
+        raise InvalidArgument(f"{name}: is not sound JSON ({error}).", advice) from error
+
+
+def check_document(document: Any, name: str) -> Json:
+    """The document, once its form "camssf-result/1" is checked.
+
+    Raises:
+        InvalidArgument: it breaks the form; the message names the place inside the document.
+    """
+    _check_document(document, name)
     return dict(document)
 
 

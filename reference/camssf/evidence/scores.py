@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
+from camssf.rules import rules
 from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_lamp
 
-FAINTEST = 1e-6
+FAINTEST = rules().number("calibration.faintest")
 """A signal below this share of the white has no relative error: no sensor measures it."""
 
 

@@ -9,13 +9,14 @@ import json
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 from camssf import __version__
@@ -33,6 +34,8 @@ MARK = "batch.json"
 """Beside a result: the hashes of everything that it was made from, and of its own files."""
 
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
+"""Where a spreadsheet would take text for a formula, at what it may take for a cell's begin; `'` makes it text."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -171,25 +174,18 @@ def read_manifest(path: str | Path, *, basis: str = "cameras", engine: str = "on
 
 def calibrate_job(job: Job, folder: Path) -> Outcome:
     """Calibrate one camera into `folder`; a refusal leaves what is known of the capture."""
-    from camssf.calibration import calibrate
+    from camssf.calibration import attempt
     from camssf.documents.report import report
+    from camssf.documents.result import Refusal
+    from camssf.options import Options
 
+    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
     try:
-        result = calibrate(
-            job.photos,
-            job.lamps,
-            white=job.white,
-            dark=job.dark,
-            chart=job.chart,
-            basis=job.basis,
-            engine=job.engine,
-            lens_shading=job.lens_shading,
-        )
+        result = attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
         report(result.document(), result.previews).save(folder)
+        if isinstance(result, Refusal):
+            raise result.error
     except CalibrationError as error:
-        evidence = getattr(error, "evidence", None)
-        if evidence is not None:
-            report(evidence, getattr(error, "previews", ())).save(folder)
         return Outcome(job.name, job.folder, "refused", error.code, f"{error.message} {error.advice}")
     reasons = result.verdict.reasons
     code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
@@ -209,6 +205,7 @@ def _job(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], bas
         faults.append("a row has no name.")
     if not all(row["photo"] for row in rows):
         faults.append("a row has no photo.")
+    faults += _backslashes(home, rows)
     if len(charts) > 1:
         faults.append(f"its shots name different charts: {', '.join(charts)}.")
     return Job(
@@ -231,6 +228,18 @@ def _spec(home: Path, spec: str) -> str:
         return str(home / spec)
     head, colon, tail = spec.partition(":")
     return f"{head}:{home / tail}" if colon and tail and _is_file(home / tail) else spec
+
+
+def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
+    """A manifest that was written on Windows and is read elsewhere: no file is found, and nobody sees why."""
+    if os.sep == "\\":
+        return []
+    for row in rows:
+        for column in COLUMNS[1:]:
+            path = row[column].partition(":")[2] if column == "chart" and ":" in row[column] else row[column]
+            if "\\" in path and not _is_file(home / path):
+                return [f"{path} is written with backslashes, which are no folders here: write / instead."]
+    return []
 
 
 def _is_file(path: Path) -> bool:
@@ -288,7 +297,7 @@ def _parallel(
     progress: Callable[[str, float], None],
 ) -> list[Job]:
     """Fill `outcomes`; returns the jobs that are left because a process died."""
-    with ProcessPoolExecutor(count, get_context("spawn"), _ignore_interrupts) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), _begin) as pool:
         futures = {pool.submit(one, job): job for job in todo}
         try:
             for future in as_completed(futures):
@@ -356,8 +365,18 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _ignore_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+def _begin() -> None:
+    """In a new process: Ctrl-C is the parent's to answer, and without a parent there is nothing to do."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed takes its processes along; each of them would else wait for work for ever."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)  # at once, as the parent ended: a result is put in its place whole, or not at all
 
 
 @contextmanager
@@ -380,5 +399,7 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
-    writer.writerows((o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no") for o in outcomes)
+    for o in outcomes:
+        words = (o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no")
+        writer.writerow([_FORMULA.sub("'", word).replace("\r", " ") for word in words])  # csv leaves \r bare
     return text.getvalue()

@@ -1,16 +1,16 @@
 """DNG → mosaic: the sensor's samples as stored, and what the file says about them.
 
-LibRaw (rawpy) decodes the samples. It hides some tags and forgives much damage, so a small bounded parser reads
-the file's directories first and refuses what LibRaw would guess at. (tifffile drops a damaged tag with no more
-than a log line, and a black level lost in silence is a wrong answer.)
+LibRaw (rawpy) decodes the samples. It hides some tags and forgives much damage, so the file's directories are read
+first (`camssf.photo.tags`), and what LibRaw would guess at is refused.
 Tags and their meaning: TIFF 6.0, and Digital Negative (DNG) Specification 1.7, Adobe.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -21,12 +21,25 @@ from numpy.typing import NDArray
 from camssf.errors import NotSensorRaw, UnreadableRaw, UnsupportedRaw
 from camssf.grid import Floats
 from camssf.photo.opcodes import GainMap, read_gain_maps
+from camssf.photo.tags import CONVERT, COPY_AGAIN, MAX_DEPTH, MAX_DIRECTORIES, Directory, Tiff
+
+__all__ = [
+    "CFA_ORDERS",
+    "CONVERT",
+    "COPY_AGAIN",
+    "MAX_DEPTH",
+    "MAX_DIRECTORIES",
+    "MAX_SAMPLES",
+    "MAX_SIDE",
+    "RAW_MODE",
+    "Mosaic",
+    "read_dng",
+    "shading",
+]
 
 CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
-MAX_DIRECTORIES, MAX_DEPTH, MAX_SIDE, MAX_SAMPLES = 64, 4, 65535, 1 << 29
+MAX_SIDE, MAX_SAMPLES = 65535, 1 << 29
 
-CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
-COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
 RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
 _CODECS = {
@@ -38,33 +51,6 @@ _CODECS = {
     50002: "JPEG XL",
     52546: "JPEG XL",
 }
-_OTHER_RAWS = (  # (offset, bytes) of raw files that are no TIFF, or that TIFF's own header hides
-    (8, b"CR\x02"),
-    (4, b"ftypcrx "),
-    (0, b"FUJIFILMCCD-RAW"),
-    (0, b"IIU\x00"),
-    (0, b"IIRO"),
-    (0, b"IIRS"),
-    (0, b"MMOR"),
-    (0, b"FOVb"),
-    (0, b"\x00MRM"),
-)
-_TYPES = {  # TIFF's field types
-    1: "u1",
-    2: "u1",
-    3: "u2",
-    4: "u4",
-    5: "u4",
-    6: "i1",
-    7: "u1",
-    8: "i2",
-    9: "i4",
-    10: "i4",
-    11: "f4",
-    12: "f8",
-    13: "u4",
-}
-_RATIONALS = (5, 10)
 _WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
     17: (0.44758, 0.40745),
     18: (0.34842, 0.35161),
@@ -137,7 +123,7 @@ def read_dng(path: str | Path) -> Mosaic:
     file = Path(path)
     try:
         with file.open("rb") as stream:
-            found, frame = _parse(_Tiff(file, stream))
+            found, frame = _parse(Tiff(file, stream))
             stream.seek(0)
             sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     except IsADirectoryError as error:
@@ -176,18 +162,6 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Field:
-    """One directory entry, not yet read: TIFF type, count, and where its value lies."""
-
-    kind: int
-    count: int
-    at: int
-
-
-_Directory = dict[int, _Field]
-
-
-@dataclass(frozen=True)
 class _Frame:
     """The stored picture: size in samples, bits, TIFF compression, active area (top, left, bottom, right)."""
 
@@ -198,119 +172,7 @@ class _Frame:
     area: tuple[int, int, int, int]
 
 
-class _Tiff:
-    """The directories of a TIFF file; values are read when asked for, within the file's bounds."""
-
-    def __init__(self, file: Path, stream: BinaryIO) -> None:
-        self.file, self.stream = file, stream
-        self.size = os.fstat(stream.fileno()).st_size
-        if self.size == 0:
-            raise UnreadableRaw(f"{file} is empty.", COPY_AGAIN)
-        magic = stream.read(16)
-        if any(magic[at : at + len(word)] == word for at, word in _OTHER_RAWS):
-            raise UnsupportedRaw(f"{file} is a raw file, but no DNG.", CONVERT)
-        if magic[:4] not in (b"II*\0", b"MM\0*"):
-            if magic[:4] in (b"II+\0", b"MM\0+"):
-                raise UnsupportedRaw(f"{file} is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")
-            raise UnreadableRaw(f"{file} is not a DNG file.", "Give the camera's RAW photo as DNG, not a picture.")
-        self.order = "<" if magic[:1] == b"I" else ">"
-        self.main: list[_Directory] = []
-        self.all: list[_Directory] = []
-        self._seen: set[int] = set()
-        at = self._unpack("I", 4)[0]
-        while at:
-            directory, at = self._directory(at, 0)
-            self.main.append(directory)
-        if not self.main:
-            raise self.damaged("it has no directory")
-
-    def damaged(self, what: str) -> UnreadableRaw:
-        """The error for this file."""
-        return UnreadableRaw(f"{self.file} is truncated or damaged: {what}.", COPY_AGAIN)
-
-    def bytes_at(self, at: int, length: int) -> bytes:
-        """`length` bytes from `at`, or the error for a truncated file."""
-        if at < 0 or length < 0 or at + length > self.size:
-            raise self.damaged(f"byte {at + length} is wanted of {self.size}")
-        self.stream.seek(at)
-        found = self.stream.read(length)
-        if len(found) != length:
-            raise self.damaged("it ends early")
-        return found
-
-    def _unpack(self, layout: str, at: int) -> tuple[int, ...]:
-        layout = self.order + layout
-        return struct.unpack(layout, self.bytes_at(at, struct.calcsize(layout)))
-
-    def _directory(self, at: int, depth: int) -> tuple[_Directory, int]:
-        """The directory at `at`, with its children on record, and where the next one lies."""
-        if at in self._seen or len(self._seen) == MAX_DIRECTORIES or depth > MAX_DEPTH:
-            raise self.damaged("its directories run in a circle or are too many")
-        self._seen.add(at)
-        count = self._unpack("H", at)[0]
-        entries = self.bytes_at(at + 2, 12 * count)
-        directory: _Directory = {}
-        for number in range(count):
-            tag, kind, length, value = struct.unpack_from(f"{self.order}HHII", entries, 12 * number)
-            if kind in _TYPES:  # TIFF 6.0, page 16: skip fields of an unknown type
-                inline = length * _width(kind) <= 4
-                directory.setdefault(tag, _Field(kind, length, at + 10 + 12 * number if inline else value))
-        self.all.append(directory)
-        if 330 in directory:
-            if directory[330].count > MAX_DIRECTORIES:
-                raise self.damaged("its directories are too many")
-            for child in self.whole(directory, 330):
-                self._directory(child, depth + 1)
-        return directory, self._unpack("I", at + 2 + 12 * count)[0]
-
-    def exif(self) -> _Directory:
-        """The Exif directory, empty where there is none."""
-        if 34665 not in self.main[0]:
-            return {}
-        return self._directory(self.whole(self.main[0], 34665, 1)[0], 1)[0]
-
-    def raw_bytes(self, directory: _Directory, tag: int) -> bytes:
-        """The value's bytes as stored, b"" where there is none."""
-        field = directory.get(tag)
-        return self.bytes_at(field.at, field.count * _width(field.kind)) if field else b""
-
-    def numbers(self, directory: _Directory, tag: int, count: int | None = None) -> Floats | None:
-        """The value as (count,) float64, None where there is none; any count if None is asked for."""
-        field = directory.get(tag)
-        if field is None:
-            return None
-        if count not in (None, field.count) or field.count == 0:
-            raise self.damaged(f"tag {tag} has {field.count} values")
-        values = np.frombuffer(self.raw_bytes(directory, tag), self.order + _TYPES[field.kind]).astype(float)
-        if field.kind in _RATIONALS:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                values = values[::2] / values[1::2]
-        return values
-
-    def whole(self, directory: _Directory, tag: int, count: int | None = None) -> list[int]:
-        """The value as whole numbers, [] where there is none."""
-        values = self.numbers(directory, tag, count)
-        if values is None:
-            return []
-        if not (np.isfinite(values) & (values == np.rint(values)) & (np.abs(values) < 2**32)).all():
-            raise self.damaged(f"tag {tag} holds no whole numbers")
-        return [int(value) for value in values]
-
-    def one(self, directory: _Directory, tag: int, default: int) -> int:
-        """A single whole number."""
-        return (self.whole(directory, tag, 1) or [default])[0]
-
-    def text(self, directory: _Directory, tag: int) -> str:
-        """A string without its closing zero and blanks."""
-        return self.raw_bytes(directory, tag).split(b"\0")[0].decode("utf-8", "replace").strip()
-
-
-def _width(kind: int) -> int:
-    """Bytes of one value of a TIFF type."""
-    return int(_TYPES[kind][1]) * (2 if kind in _RATIONALS else 1)
-
-
-def _parse(tiff: _Tiff) -> tuple[Mosaic, _Frame]:
+def _parse(tiff: Tiff) -> tuple[Mosaic, _Frame]:
     """All that the file says, samples and hash still missing."""
     raw = _raw_directory(tiff)
     frame = _frame(tiff, raw)
@@ -338,7 +200,7 @@ def _parse(tiff: _Tiff) -> tuple[Mosaic, _Frame]:
     return mosaic, frame
 
 
-def _raw_directory(tiff: _Tiff) -> _Directory:
+def _raw_directory(tiff: Tiff) -> Directory:
     """The largest full picture of the sensor's own samples."""
     version = tiff.raw_bytes(tiff.main[0], 50706)
     if not version:
@@ -358,7 +220,7 @@ def _raw_directory(tiff: _Tiff) -> _Directory:
     raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
 
 
-def _frame(tiff: _Tiff, raw: _Directory) -> _Frame:
+def _frame(tiff: Tiff, raw: Directory) -> _Frame:
     """Size, coding and active area, each of them checked."""
     width, height = tiff.one(raw, 256, 0), tiff.one(raw, 257, 0)
     if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
@@ -374,13 +236,16 @@ def _frame(tiff: _Tiff, raw: _Directory) -> _Frame:
         raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
     if not 8 <= bits[0] <= 16:
         raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
+    order = tiff.one(raw, 266, 1)
+    if order != 1:  # LibRaw does not look at it, and readers disagree on what it means beyond 8 bits
+        raise UnsupportedRaw(f"{tiff.file} states FillOrder {order}: bytes with the lowest bit first.", CONVERT)
     top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
     if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
         raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
     return _Frame(width, height, bits[0], compression, (top, left, bottom, right))
 
 
-def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
+def _check_data(tiff: Tiff, raw: Directory, frame: _Frame) -> None:
     """Refuse a file whose strips or tiles do not hold the picture: LibRaw would fill in or fail late."""
     tiled = 322 in raw or 323 in raw
     if tiled:
@@ -397,11 +262,15 @@ def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
     end = max(at + count for at, count in zip(offsets, counts, strict=True))
     if end > tiff.size or min(offsets) < 8 or min(counts) < 1:
         raise tiff.damaged(f"its samples end at byte {end} of {tiff.size}")
+    if sum(counts) > tiff.size:  # or a small file could ask for much memory
+        raise tiff.damaged("its pieces of data overlap")
     if frame.compression == 7 and not tiled and pieces > 1:  # LibRaw would decode the first strip alone
         raise UnsupportedRaw(f"{tiff.file} stores lossless JPEG in {pieces} strips.", CONVERT)
     for number, (at, count) in enumerate(zip(offsets, counts, strict=True)):
         rows = height if tiled else min(height, frame.height - number * height)
         if frame.compression == 7:
+            if 8 * count < width * rows:  # no Huffman code is shorter than a bit
+                raise tiff.damaged(f"piece {number} of its data is too short")
             _check_jpeg(tiff, at, count, width * rows)
             continue
         wanted = rows * -(-width * frame.bits // 8)
@@ -412,7 +281,7 @@ def _check_data(tiff: _Tiff, raw: _Directory, frame: _Frame) -> None:
             raise UnsupportedRaw(f"{tiff.file} stores its strips apart or out of order.", CONVERT)
 
 
-def _check_jpeg(tiff: _Tiff, at: int, count: int, samples: int) -> None:
+def _check_jpeg(tiff: Tiff, at: int, count: int, samples: int) -> None:
     """Only a whole lossless JPEG (ITU-T T.81, SOF3) of just so many samples passes, in a form that LibRaw decodes.
 
     LibRaw takes damage inside the coded samples in silence, and so it passes here. After a restart it goes on
@@ -449,7 +318,7 @@ def _check_jpeg(tiff: _Tiff, at: int, count: int, samples: int) -> None:
     raise tiff.damaged("a tile's JPEG has no header")
 
 
-def _cfa(tiff: _Tiff, raw: _Directory) -> str:
+def _cfa(tiff: Tiff, raw: Directory) -> str:
     """The Bayer order at the active area's corner, which is the pattern's origin."""
     size = tiff.whole(raw, 33421, 2) or [2, 2]
     pattern, planes = tiff.raw_bytes(raw, 33422), tiff.raw_bytes(raw, 50710) or bytes((0, 1, 2))
@@ -462,7 +331,7 @@ def _cfa(tiff: _Tiff, raw: _Directory) -> str:
     return letters
 
 
-def _black(tiff: _Tiff, raw: _Directory, frame: _Frame) -> Floats:
+def _black(tiff: Tiff, raw: Directory, frame: _Frame) -> Floats:
     """(2, 2) DN: the mean black level of each position of the colour cell over the active area."""
     rows, columns = tiff.whole(raw, 50713, 2) or [1, 1]
     if not (0 < rows <= 64 and 0 < columns <= 64):
@@ -481,7 +350,7 @@ def _black(tiff: _Tiff, raw: _Directory, frame: _Frame) -> Floats:
     return black
 
 
-def _white(tiff: _Tiff, raw: _Directory, frame: _Frame) -> float:
+def _white(tiff: Tiff, raw: Directory, frame: _Frame) -> float:
     """The white level, DN; 2^bits - 1 where the file is silent."""
     stored = tiff.numbers(raw, 50717, 1)
     white = float(2**frame.bits - 1 if stored is None else stored[0])
@@ -490,7 +359,7 @@ def _white(tiff: _Tiff, raw: _Directory, frame: _Frame) -> float:
     return white
 
 
-def _gain_maps(tiff: _Tiff, raw: _Directory) -> tuple[GainMap, ...]:
+def _gain_maps(tiff: Tiff, raw: Directory) -> tuple[GainMap, ...]:
     """The lens shading of the three opcode lists."""
     found: list[GainMap] = []
     for stage, tag in enumerate((51008, 51009, 51022), 1):
@@ -501,7 +370,7 @@ def _gain_maps(tiff: _Tiff, raw: _Directory) -> tuple[GainMap, ...]:
     return tuple(found)
 
 
-def _positive(tiff: _Tiff, directories: tuple[_Directory, ...], tag: int) -> float | None:
+def _positive(tiff: Tiff, directories: tuple[Directory, ...], tag: int) -> float | None:
     """The first positive number under `tag`; writers put 0 for unknown."""
     for directory in directories:
         values = tiff.numbers(directory, tag)
@@ -510,14 +379,14 @@ def _positive(tiff: _Tiff, directories: tuple[_Directory, ...], tag: int) -> flo
     return None
 
 
-def _matrix(tiff: _Tiff, first: _Directory, tag: int) -> Floats | None:
+def _matrix(tiff: Tiff, first: Directory, tag: int) -> Floats | None:
     values = tiff.numbers(first, tag)
     if values is None or values.size != 9 or not np.isfinite(values).all():
         return None
     return values.reshape(3, 3)
 
 
-def _neutrals(tiff: _Tiff, first: _Directory) -> tuple[tuple[int, Floats], ...]:
+def _neutrals(tiff: Tiff, first: Directory) -> tuple[tuple[int, Floats], ...]:
     """Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6)."""
     found = []
     balance = tiff.numbers(first, 50727)
@@ -534,7 +403,7 @@ def _neutrals(tiff: _Tiff, first: _Directory) -> tuple[tuple[int, Floats], ...]:
     return tuple(found)
 
 
-def _neutral(tiff: _Tiff, first: _Directory) -> Floats | None:
+def _neutral(tiff: Tiff, first: Directory) -> Floats | None:
     values = tiff.numbers(first, 50728)
     return values if values is not None and values.size == 3 and (values > 0).all() else None
 
@@ -544,7 +413,7 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
     import rawpy
 
     try:
-        with rawpy.imread(str(file)) as raw:
+        with _opened(file) as name, rawpy.imread(name) as raw:
             stored = raw.raw_image
             if stored is None or stored.shape != (frame.height, frame.width):
                 raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
@@ -554,3 +423,15 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
         raise UnsupportedRaw(f"LibRaw does not know the form of {file}.", CONVERT) from error
     except rawpy.LibRawError as error:
         raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[str | BinaryIO]:
+    """A file as rawpy takes it: by name, which must be Unicode, or else open."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:  # a name in another coding, as old cards and archives hold them
+        with file.open("rb") as stream:
+            yield stream
+    else:
+        yield str(file)

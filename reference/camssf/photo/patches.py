@@ -1,32 +1,6 @@
 """Pose → patch means: mean, standard error and clipped share for each patch and CFA colour.
 
-The rule, in numbers, since Kotlin repeats it bit for bit (all sums are integers, all roundings are named):
-
-1. Quad. Centre c = ((q0 + q1) + (q2 + q3)) · 0.25 of the patch's four corners; each corner moves to
-   c + SHRINK · (q - c), then to the 1/16 px lattice, floor(16 v + 0.5). SHRINK = 0.5: half of each edge stays
-   inside the patch even if its centre is a quarter of a patch off, and leaves the rest to blur, bevel and the
-   printed border. Noise is not what limits a patch of hundreds of samples.
-2. Samples. Those whose centre lies in the quad or on its edge: four integer cross products, none negative.
-3. Each of the four positions of the CFA cell by itself. n samples v, sorted: M = v[(n-1) div 2] + v[n div 2]
-   is twice the median; from d = |2 v - M|, sorted, D = d[(n-1) div 2] + d[n div 2] is four times the median
-   absolute deviation. A sample is dust or hot if 2 d > REJECT · D + 4 · FLOOR, that is if
-   |v - median| > 6 MAD + 2 DN: 4 σ of a Gaussian, and beyond what a straight gradient can reach (its largest
-   deviation is at most 3.5 MAD), so a gradient rejects nothing.
-4. A sample is kept only if every frame of the shot keeps it: the frames share one mask. The light f then enters
-   both sums alike, Σ R f / Σ ρ f = R / ρ exactly, whatever f is: hence the ratio of means (signals.py), not the
-   mean of ratios, which is noisier and biased by the white frame's noise.
-5. Mean = Σ v / n. Standard error: a slow gradient is not noise, so the plane of least squares is taken out. With
-   e = v - (Σ v div n), X and Y the sample's column and row div 2, less the smallest of the patch, and
-   C_ab = Σab - Σa Σb / n: slopes a, b from C_XX, C_XY, C_YY, C_Xe, C_Ye (0 where the determinant is not positive);
-   variance = max(0, C_ee - a C_Xe - b C_Ye) / (n - 3) + 1/12 (the rounding to whole DN); se = √(variance / n).
-6. Lens shading, where it shall be applied: g, one for each position, is the product of the chart photo's gain maps
-   that cover it, at c of rule 1 (`mosaic.shading`). The net's point i <= v = ((c_y + 0.5) / height - origin)
-   / spacing and the next, with p = v - i; likewise j, q of c_x: bilinear, down both columns first, then across;
-   constant beyond the ends. In every frame mean <- black + g (mean - black) and se <- g se (nothing changes where
-   g = 1); so the sums stay whole, a white frame takes g out again, and counts, shares, gradients and the white
-   level remain those of the samples.
-7. Green is the mean of its two positions' means, its standard error half of their root sum of squares; shares
-   are of both positions' samples, gradients their mean.
+docs/patches.md states the rule in numbers, for this file and for Kotlin, which repeats it bit for bit.
 """
 
 from __future__ import annotations
@@ -41,18 +15,19 @@ from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.mosaic import Mosaic, shading
 from camssf.photo.pose import Pose
+from camssf.rules import rules
 
-SHRINK = 0.5
+SHRINK = rules().number("patches.shrink")
 """Part of each patch edge that is measured."""
-REJECT = 6
+REJECT = rules().whole("patches.reject")
 """Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels."""
-FLOOR = 2
+FLOOR = rules().whole("patches.floor")
 """DN that are always allowed: whole numbers have a MAD of zero where there is no noise."""
-FEWEST = 16
+FEWEST = rules().whole("patches.fewest")
 """Samples that each position of the CFA cell must have in every patch."""
 LENS_SHADING = ("as-stored", "apply")
 """What can be done about the lens shading that a file describes: nothing, or rule 6."""
-ALIKE = 0.01
+ALIKE = rules().number("patches.alike")
 """Relative difference up to which two exposures are the same: files round them."""
 
 

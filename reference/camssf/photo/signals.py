@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument, Overexposed, Underexposed
 from camssf.grid import Floats
 from camssf.photo.patches import PatchMeans
+from camssf.rules import rules
 from camssf.spectra import ChartTable
 
-CLIPPED = 0.01
+CLIPPED = rules().number("signals.clipped")
 """Share of clipped samples from which a patch, or a white frame, is no measurement."""
-FAINT = 0.005
+FAINT = rules().number("signals.faint")
 """Part of the sensor's range that the white signal must reach in every channel."""
-NOISY = 0.05
+NOISY = rules().number("signals.noisy")
 """Largest relative standard error of the white signal."""
-LOST = 3.0
+LOST = rules().number("signals.lost")
 """A patch whose signal is below this many of its standard errors in some channel is lost in noise."""
-FEWEST = 6
+FEWEST = rules().whole("signals.fewest")
 """Patches that must be left in every shot."""
 
 

@@ -26,7 +26,7 @@ class ChartTable:
     Attributes:
         name: of the chart as asked for, for example "classic24".
         table: name of the table, for example "BabelColor Average".
-        layout: geometry it is printed in, a key of `camssf.photo.pose.LAYOUTS`.
+        layout: geometry it is printed in, a key of `camssf.photo.layouts.LAYOUTS`.
         patches: (n) names in reading order from the chart's top left.
         values: (n, 681) reflectance on the grid, 0 to 1.
         tolerance: (n,) one standard deviation of the table's relative error for a chart somebody owns, 1.
@@ -98,7 +98,7 @@ def read_chart(spec: str) -> ChartTable:
         return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
     if chart == "sg140" and not tail:
         raise InvalidArgument(
-            "camssf has no table of the ColorChecker Digital SG: colour-science, its source of tables, has none.",
+            "There is no table of the ColorChecker Digital SG: colour-science, the source of tables, has none.",
             "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
         )
     if chart in (*known, "sg140") and tail:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import sprague
 
@@ -22,6 +23,7 @@ def colour_science() -> Any:
     """The library, imported late and silently: it warns of optional packages that camssf does not use."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        prepare_matplotlib()  # colour-science loads it
         import colour
     return colour
 

@@ -244,8 +244,8 @@ def _cgats(text: str, path: Path) -> Spectra:
             [field.strip().strip('"') for field in line.split("\t")] for line in data.splitlines() if line.strip()
         ]
         if any(len(row) != len(header) for row in body):  # not one set a line between tabs: blanks count, too
-            loose = _tokens(data)
-            body = [loose[i : i + len(header)] for i in range(0, len(loose), len(header))]
+            words = _tokens(data)
+            body = [words[i : i + len(header)] for i in range(0, len(words), len(header))]
         return _under_wavelengths(header, body, path)
     raise InvalidArgument(
         f"{path} has no table of spectra.", "Export the spectral data (fields such as SPECTRAL_NM380), too."

@@ -20,6 +20,8 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,8 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.grid import Floats
 
+LARGEST = 64 * 2**20
+"""Bytes of a table of curves."""
 COMPONENTS = 24
 COPIES = 40
 SEED = 2021
@@ -63,11 +67,14 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """
     rows: dict[str, list[list[float]]] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            for row in csv.DictReader(stream):
-                numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
-                rows.setdefault(row["camera"], []).append(numbers)
-    except (OSError, KeyError, ValueError, TypeError) as error:
+        with path.open("rb") as binary:
+            data = binary.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise ValueError(f"it is larger than {LARGEST} bytes")
+        for row in csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")):
+            numbers = [float(row[key]) for key in ("wavelength_nm", "R", "G", "B")]
+            rows.setdefault(row["camera"], []).append(numbers)
+    except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
         raise InvalidArgument(
             f"{path} cannot be read as measured curves ({error}).",
             "Give a CSV with the columns camera,wavelength_nm,R,G,B.",
@@ -91,8 +98,7 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
 
 def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Generator) -> Floats:
     """(cameras, 69, 3) → (cameras · copies, 69, 3), peak 1; the first copy of each camera is the camera itself."""
-    smooth = np.exp(-0.5 * ((NODES[:, None] - NODES) / 120.0) ** 2)
-    root = np.linalg.cholesky(smooth + 1e-9 * np.eye(NODES.size))
+    root = _smooth_root()
     enlarged = [curves]
     for _ in range(copies - 1):
         for camera in curves:
@@ -109,6 +115,30 @@ def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Gener
             copy = np.maximum(copy @ leak, 0.0)
             enlarged.append((copy / copy.max(axis=0))[None])
     return np.concatenate(enlarged)
+
+
+@cache
+def _smooth_root() -> Floats:
+    """L with L Lᵀ = exp(-½ (Δλ / 120 nm)²) + 1e-9 I on the nodes, rounded once.
+
+    The condition is 5e10: in float64 another processor's Cholesky gives an L that is 4e-8 off, and so another basis.
+    In 60 decimal digits there is one answer, whatever the machine.
+    """
+    size = NODES.size
+    with localcontext() as context:
+        context.prec = 60
+        gaps = [(Decimal(float(node - NODES[0])) / 120) ** 2 / 2 for node in NODES]
+        smooth = [(-gap).exp() for gap in gaps]  # the nodes are even: of the distance alone
+        smooth[0] += Decimal("1e-9")
+        rows: list[list[Decimal]] = []
+        for i in range(size):
+            row: list[Decimal] = []
+            for j in range(i + 1):
+                other = rows[j] if j < i else row
+                rest = smooth[i - j] - sum((a * b for a, b in zip(row, other, strict=False)), Decimal(0))
+                row.append(rest / other[j] if j < i else rest.sqrt())
+            rows.append(row)
+    return np.array([[float(value) for value in row] + [0.0] * (size - len(row)) for row in rows])
 
 
 def learn(
@@ -130,13 +160,13 @@ def learn(
         copies: of each camera, itself included.
         seed: of the random changes; the same seed gives the same basis.
     """
-    crowd = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
-    crowd = crowd.reshape(copies, *curves.shape)
+    enlarged = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
+    enlarged = enlarged.reshape(copies, *curves.shape)
     weight = _weights(makers or [str(i) for i in range(len(curves))])
     mean, dictionary = [], []
     for c in range(3):
         # Rows know no scale, so none may be left to the prior: curves of equal area, the mean's peak at 1.
-        shapes = crowd[..., c] / crowd[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
+        shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
         centre = weight @ shapes.mean(axis=0)
         height = centre.max()
         shapes, centre = shapes / height, centre / height
@@ -164,7 +194,7 @@ def _weights(makers: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True)
-class Crowd:
+class TrainingSet:
     """Measured cameras and where they come from, in the order in which they are learned from.
 
     Attributes:
@@ -177,8 +207,8 @@ class Crowd:
     sha256: tuple[str, ...]
     licences: tuple[str, ...]
 
-    def joined(self, other: Crowd) -> Crowd:
-        """Both crowds as one.
+    def joined(self, other: TrainingSet) -> TrainingSet:
+        """Both sets as one.
 
         Raises:
             InvalidArgument: a camera is in both.
@@ -190,7 +220,7 @@ class Crowd:
                 f"{twice[0]} is in {', '.join(other.files)} and in the basis already.",
                 "Give it another name, the maker first, to let both count.",
             )
-        return Crowd(
+        return TrainingSet(
             self.curves | other.curves,
             self.files + other.files,
             self.sha256 + other.sha256,
@@ -204,13 +234,13 @@ class Crowd:
         return f"{components} components learned from {len(self.curves)} measured cameras ({'; '.join(parts)})"
 
 
-def read_crowd(path: Path, licence: str, *, least: int = 2) -> Crowd:
+def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSet:
     """The cameras of a CSV; errors as `read_curves`."""
     curves = read_curves(path, least=least)
-    return Crowd(curves, (path.name,), (hashlib.sha256(path.read_bytes()).hexdigest(),), (licence,))
+    return TrainingSet(curves, (path.name,), (hashlib.sha256(path.read_bytes()).hexdigest(),), (licence,))
 
 
-def crowd_of(spec: str) -> Crowd:
+def training_set_of(spec: str) -> TrainingSet:
     """The cameras that a basis was learned from: `cameras`, or a file that this command wrote.
 
     Raises:
@@ -228,24 +258,28 @@ def crowd_of(spec: str) -> Crowd:
         ) from error
     if curves.shape != (len(names), NODES.size, 3) or not np.isfinite(curves).all():
         raise InvalidArgument(f"{spec!r} holds curves of shape {curves.shape}.", "Learn anew from all curves.")
-    return Crowd(dict(zip(map(str, names), curves, strict=True)), *origins)
+    return TrainingSet(dict(zip(map(str, names), curves, strict=True)), *origins)
 
 
-def save(crowd: Crowd, components: int, path: Path) -> str:
-    """Learn from a crowd and write the basis file, whole or not at all; returns what it says of itself."""
-    stack = np.stack(list(crowd.curves.values()))
-    mean, dictionary = learn(stack, makers=[maker_of(name) for name in crowd.curves], components=components)
-    source = crowd.source(components)
+Crowd, read_crowd, crowd_of = TrainingSet, read_training_set, training_set_of
+"""Their names in version 0.1; to be removed in the release after the next."""
+
+
+def save(training: TrainingSet, components: int, path: Path) -> str:
+    """Learn from a training set and write the basis file, whole or not at all; returns what it says of itself."""
+    stack = np.stack(list(training.curves.values()))
+    mean, dictionary = learn(stack, makers=[maker_of(name) for name in training.curves], components=components)
+    source = training.source(components)
     content = io.BytesIO()
     np.savez_compressed(
         content,
         mean=mean,
         dictionary=dictionary,
         source=np.array(source),
-        files=np.array(crowd.files),
-        sha256=np.array(crowd.sha256),
-        licence=np.array(crowd.licences),
-        cameras=np.array(list(crowd.curves)),
+        files=np.array(training.files),
+        sha256=np.array(training.sha256),
+        licence=np.array(training.licences),
+        cameras=np.array(list(training.curves)),
         curves=stack,
     )
     write_file(path, content.getvalue())
@@ -267,11 +301,13 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         if not 1 <= options.components <= NODES.size:
-            raise InvalidArgument(f"{options.components} components.", f"Take 1 to {NODES.size}.")
-        crowd = read_crowd(options.curves, options.licence, least=0 if options.extend else 2)
+            raise InvalidArgument(
+                f"A basis of {options.components} components cannot be learned.", f"Take 1 to {NODES.size}."
+            )
+        training = read_training_set(options.curves, options.licence, least=0 if options.extend else 2)
         if options.extend:
-            crowd = crowd_of(options.extend).joined(crowd)
-        source = save(crowd, options.components, options.output)
+            training = training_set_of(options.extend).joined(training)
+        source = save(training, options.components, options.output)
     except CalibrationError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return error.exit_status

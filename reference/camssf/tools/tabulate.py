@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.photo.pose import LAYOUTS
+from camssf.photo.layouts import LAYOUTS
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import FORMAT
 from camssf.spectra.charts import MEASURED_CHART, PUBLIC_CHART

@@ -67,7 +67,8 @@ internal class Fit(
             t,
             3,
         )
-        val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else HIDDEN }
+        val unused = HIDDEN
+        val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else unused }
         val evidence = Evidence(
             rows(signals.sharedValues),
             rows(hidden),
@@ -114,7 +115,7 @@ internal class Fit(
 
     private companion object {
         /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
-        const val HIDDEN = 1e3
-        const val WHITE_TOLERANCE = 0.01
+        val HIDDEN get() = Rules.shipped.number("calibration.hidden")
+        val WHITE_TOLERANCE get() = Rules.shipped.number("calibration.white_tolerance")
     }
 }

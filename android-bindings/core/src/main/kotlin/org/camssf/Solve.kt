@@ -6,6 +6,7 @@ import org.camssf.documents.Solution
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
+import org.camssf.evidence.Light
 import org.camssf.evidence.Rival
 import org.camssf.evidence.Scores
 import org.camssf.evidence.Told
@@ -101,8 +102,9 @@ internal class Solve(
         }
         val used = signals.sharedUsed
         val taken = fit.taken(used)
-        for (fold in 0 until FOLDS) {
-            val out = taken.filterIndexed { at, _ -> at % FOLDS == fold }
+        val folds = FOLDS
+        for (fold in 0 until folds) {
+            val out = taken.filterIndexed { at, _ -> at % folds == fold }
             val others = BooleanArray(k * n) { used[it] && it % n !in out }
             val without = curves(fit, VALIDATING, others, ssf.sharedGamma)
             for (j in 0 until k) for (i in out) if (used[j * n + i]) take(without, j, i)
@@ -119,9 +121,9 @@ internal class Solve(
 
     /** How well the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
     private fun rivals(fit: Fit, signals: Signals, ssf: Ssf, gamma: DoubleArray?): List<Rival> {
-        if (ssf.sharedStd == null || k > Judge.MOST_RIVALLED) return emptyList()
+        if (ssf.sharedStd == null || k > Light.MOST_RIVALLED) return emptyList()
         return capture.shots.indices.flatMap { j ->
-            Judge.RIVALS.mapNotNull { name ->
+            Light.RIVALS.mapNotNull { name ->
                 val others = fit.lamps.toMutableList().also { it[j] = lamp(name) }
                 val answer = try {
                     curves(fit, JUDGING, signals.sharedUsed, gamma, others)
@@ -143,7 +145,7 @@ internal class Solve(
 
     private companion object {
         /** All patches enter the fit; each is predicted by a fit that left its quarter of the chart out. */
-        const val FOLDS = 4
+        val FOLDS get() = Rules.shipped.whole("calibration.folds")
 
         val SOLVING = "solving" to 0.9
         val VALIDATING = "validating" to 0.95

@@ -7,8 +7,8 @@ import org.camssf.curves.Engine
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.SHIPPED_BASES
 import org.camssf.documents.Solution
-import org.camssf.evidence.Judge
 import org.camssf.evidence.Reason
+import org.camssf.evidence.Reasons
 import org.camssf.evidence.Status
 import org.camssf.evidence.Verdict
 import org.camssf.photo.Begun
@@ -141,7 +141,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         try {
             val solution = interruptible(work)
             if (solution.verdict.outcome == Status.REFUSED) {
-                return Refused(Judge.refusal(solution.verdict), solution.verdict, begun())
+                return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun())
             }
             return Calibrated(solution, engine.sha256)
         } catch (error: InvalidArgument) {

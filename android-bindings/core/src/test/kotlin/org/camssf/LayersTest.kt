@@ -69,7 +69,7 @@ class LayersTest {
 
     private companion object {
         const val LONGEST = 450
-        val GROUND = setOf("Errors", "Grid", "Numbers", "LeastSquares", "Tell")
+        val GROUND = setOf("Errors", "Grid", "Numbers", "LeastSquares", "Rules", "Tell")
         val ALLOWED = linkedMapOf(
             "ground" to emptySet(),
             "spectra" to setOf("ground"),

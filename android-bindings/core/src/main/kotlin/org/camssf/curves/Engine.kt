@@ -2,7 +2,7 @@ package org.camssf.curves
 
 import java.io.Closeable
 
-/** What the model takes; shapes as in DESIGN.md with k shots, n patches, q ≥ 1 lamp modes. */
+/** What the model takes; shapes as in docs/architecture.md with k shots, n patches, q ≥ 1 lamp modes. */
 internal class ModelInputs(
     val chart: Tensor,
     val white: Tensor,

@@ -1,7 +1,6 @@
 package org.camssf.curves
 
 import ai.onnxruntime.OnnxTensor
-import ai.onnxruntime.OrtEnvironment
 import ai.onnxruntime.OrtException
 import ai.onnxruntime.OrtLoggingLevel
 import ai.onnxruntime.OrtSession
@@ -31,7 +30,7 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         }
     }
 
-    private val environment = OrtEnvironment.getEnvironment()
+    private val environment = OnnxLibrary.environment()
     private val sessions = HashMap<Boolean, Session>()
     private var open = true
 

@@ -4,6 +4,7 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.NotConverged
+import org.camssf.Rules
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
@@ -34,8 +35,8 @@ internal class Evidence(
 /** Signals → curves, by the model, with the checks of the Python reference before and after it. */
 internal object Recover {
     /** The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser. */
-    const val L2 = 1.0
-    const val GAMMA = 0.05
+    val L2 get() = Rules.shipped.number("calibration.l2")
+    val GAMMA get() = Rules.shipped.number("calibration.gamma")
 
     /** Relative duality gap above which there is no answer. */
     const val LARGEST_GAP = 1e-6

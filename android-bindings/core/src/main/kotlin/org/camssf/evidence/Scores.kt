@@ -2,6 +2,7 @@ package org.camssf.evidence
 
 import org.camssf.InvalidArgument
 import org.camssf.LeastSquares
+import org.camssf.Rules
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -27,7 +28,7 @@ public class Scores internal constructor(
 
     internal companion object {
         /** A signal below this share of the white has no relative error: no sensor measures it. */
-        private const val FAINTEST = 1e-6
+        private val FAINTEST get() = Rules.shipped.number("calibration.faintest")
 
         /**
          * Scores predictions (k, n, 3) for the entries (k, n) that `counts` marks, as Python's `camssf.evidence.scores` does.

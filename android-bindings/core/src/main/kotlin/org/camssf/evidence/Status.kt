@@ -20,6 +20,13 @@ public enum class Status(public val word: String) {
 
     internal companion object {
         fun of(word: String): Status = values().first { it.word == word }
+
+        /** Refused by one fatal reason, doubtful by any other. */
+        fun of(reasons: List<Reason>): Status = when {
+            reasons.any { it.fatal } -> REFUSED
+            reasons.isEmpty() -> ACCEPTED
+            else -> DOUBTFUL
+        }
     }
 }
 

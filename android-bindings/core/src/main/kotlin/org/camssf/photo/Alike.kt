@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.FramesDiffer
+import org.camssf.Rules
 import org.camssf.short
 import kotlin.math.abs
 import kotlin.math.max
@@ -8,7 +9,7 @@ import kotlin.math.max
 /** Whether frames of one shot were taken alike. */
 internal object Alike {
     /** Relative difference up to which two exposures are the same: files round them. */
-    private const val SAME = 0.01
+    private val SAME get() = Rules.shipped.number("patches.alike")
 
     /** Refuses a frame that was not taken with the chart photo's camera and settings. */
     fun check(chart: Mosaic, frame: Mosaic, word: String) {

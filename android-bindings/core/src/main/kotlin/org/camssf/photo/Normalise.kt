@@ -3,6 +3,7 @@ package org.camssf.photo
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
+import org.camssf.Rules
 import org.camssf.Underexposed
 import org.camssf.flatten
 import org.camssf.percent
@@ -21,19 +22,19 @@ internal sealed class Normalised {
 /** Patch means → signals: every patch is divided by the white at its own place. */
 internal object Normalise {
     /** Share of clipped samples from which a patch, or a white frame, is no measurement. */
-    private const val CLIPPED = 0.01
+    private val CLIPPED get() = Rules.shipped.number("signals.clipped")
 
     /** Part of the sensor's range that the white signal must reach in every channel. */
-    private const val FAINT = 0.005
+    private val FAINT get() = Rules.shipped.number("signals.faint")
 
     /** Largest relative standard error of the white signal. */
-    private const val NOISY = 0.05
+    private val NOISY get() = Rules.shipped.number("signals.noisy")
 
     /** A patch whose signal is below this many of its standard errors in some channel is lost in noise. */
-    private const val LOST = 3.0
+    private val LOST get() = Rules.shipped.number("signals.lost")
 
     /** Patches that must be left in every shot. */
-    private const val FEWEST = 6
+    private val FEWEST get() = Rules.shipped.whole("signals.fewest")
 
     /**
      * Signals of all shots.

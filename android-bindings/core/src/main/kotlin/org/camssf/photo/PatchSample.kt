@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.ChartNotFound
+import org.camssf.Rules
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
@@ -27,10 +28,10 @@ internal class PatchSample(
 ) {
     companion object {
         /** Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels. */
-        private const val REJECT = 6
+        private val REJECT get() = Rules.shipped.whole("patches.reject")
 
         /** DN that are always allowed: whole numbers have a MAD of zero where there is no noise. */
-        private const val FLOOR = 2
+        private val FLOOR get() = Rules.shipped.whole("patches.floor")
 
         /**
          * Of one position of the CFA cell in one patch, for each frame of a shot: they share one mask.

@@ -1,15 +1,16 @@
 package org.camssf.photo
 
 import org.camssf.ChartNotFound
+import org.camssf.Rules
 import kotlin.math.floor
 
 /** Which samples of a patch are measured: rules 1 and 2 of docs/patches.md. */
 internal object PatchSamples {
     /** Part of each patch edge that is measured. */
-    private const val SHRINK = 0.5
+    private val SHRINK get() = Rules.shipped.number("patches.shrink")
 
     /** Samples that each position of the CFA cell must have in every patch. */
-    const val FEWEST = 16
+    val FEWEST get() = Rules.shipped.whole("patches.fewest")
 
     /** Index in the 2 × 2 cell of R, the green on R's rows, the green on B's rows, B. */
     fun cells(cfa: String): List<Int> {

@@ -168,10 +168,13 @@ internal class GoldenCase private constructor(val name: String, private val json
             "weights" to setOf("rho", "W", "z"),
             "solve" to setOf("code", "objective", "gap", "pivots"),
             "ssf" to setOf("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"),
-            "calibrate" to setOf("signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain"),
+            "calibrate" to setOf(
+                "signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes",
+            ),
             "verdict" to setOf(
                 "status", "codes", "fatal", "values", "thresholds", "named", "residual", "prior", "count", "z",
                 "gains",
+                "messages",
             ),
         )
         private val ORACLE = setOf("solver", "polished", "x", "objective", "gap", "ssf")

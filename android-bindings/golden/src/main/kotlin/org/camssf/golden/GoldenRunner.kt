@@ -22,7 +22,7 @@ import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
 import org.camssf.curves.Tensor
-import org.camssf.evidence.Judge
+import org.camssf.evidence.Reasons
 import org.camssf.evidence.Status
 import org.camssf.photo.ChartPose
 import org.camssf.photo.LensShading
@@ -296,7 +296,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
         val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
         val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
-        if (done.verdict.outcome == Status.REFUSED) throw Judge.refusal(done.verdict)
+        if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
             val channels = List(3) { of(it) }
@@ -310,6 +310,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "predicted" to Tensor(ssf.predicted, shots.size, n, 3),
             "gap" to Tensor(ssf.gap, 3),
             "channel_gain" to Tensor(ssf.channelGain, 3),
+            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
         )
     }
 

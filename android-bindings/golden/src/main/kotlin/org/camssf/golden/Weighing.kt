@@ -113,13 +113,15 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         return mapOf(
             "status" to verdict.outcome.word,
             "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
+            "messages" to JsonArray(verdict.reasons.map { JsonPrimitive(it.message) }),
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
             "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),
             "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
             "named" to JsonArray(
                 each.map { one ->
-                    val suspect = Judge.accused(one)
-                    JsonPrimitive(suspect?.let { if (it.patch == null) it.kind else "${it.kind} ${it.patch}" })
+                    val suspect = one.accused()
+                    val patch = suspect?.patch?.let { " $it" }.orEmpty()
+                    JsonPrimitive(suspect?.let { it.cause.word + patch })
                 },
             ),
             "residual" to Tensor.scalar(joint.residual),

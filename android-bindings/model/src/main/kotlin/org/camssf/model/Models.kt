@@ -3,11 +3,12 @@ package org.camssf.model
 import java.io.InputStream
 import java.security.MessageDigest
 
-/** The files that this jar carries: Python's own models and table of spectra, each with the SHA-256 of its build. */
+/** The files that this jar carries: Python's own models, table of spectra and rules, each with the SHA-256 of its build. */
 public object Models {
     /** Names of the files. */
     @JvmField
-    public val NAMES: List<String> = listOf("camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json")
+    public val NAMES: List<String> =
+        listOf("camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json")
 
     /**
      * The file of this name, opened; the caller closes it.

@@ -114,10 +114,11 @@ internal fun storedPicture(tiff: Tiff, raw: Directory): StoredPicture {
     ) {
         throw UnsupportedRaw("${tiff.name} holds samples of ${bits[0]} bits, not 8 to 16.", CONVERT)
     }
-    val area = area(tiff, raw, width, height)
-    if (compression != 7L && bits[0] % 8 != 0L && tiff.one(raw, Tag.FILL_ORDER, 1) != 1L) {
-        throw UnsupportedRaw("${tiff.name} packs its samples with the lowest bit first.", CONVERT)
+    val order = tiff.one(raw, Tag.FILL_ORDER, 1)
+    if (order != 1L) {
+        throw UnsupportedRaw("${tiff.name} states FillOrder $order: bytes with the lowest bit first.", CONVERT)
     }
+    val area = area(tiff, raw, width, height)
     return pieces(tiff, raw, width, height, bits[0].toInt(), compression.toInt(), area)
 }
 
@@ -182,9 +183,9 @@ private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
         val least = when (picture.compression) {
             UNCOMPRESSED -> plain
 
-            LOSSLESS_JPEG -> picture.rows(number).toLong() * picture.pieceWidth / 8
-
             // a bit a sample at least
+            LOSSLESS_JPEG -> (picture.rows(number).toLong() * picture.pieceWidth + 7) / 8
+
             else -> plain / MAX_DEFLATE
         }
         if (count < least || count > Int.MAX_VALUE - 64) throw tiff.damaged("piece $number of its data is too short")

@@ -61,6 +61,16 @@ class RefusalsTest {
         "no mosaic" to mapOf(254 to Value.long(1)),
     ).map { (word, tags) -> dynamicTest(word) { refused<UnsupportedRaw>(dng(tags), word) } }
 
+    /** Readers disagree on what it means beyond packed samples, and no camera writes it: never a guess. */
+    @Test
+    fun fillOrderTwoInEveryForm() {
+        val reversed = mapOf(266 to Value.short(2))
+        refused<UnsupportedRaw>(dng(reversed, bits = 16), "FillOrder 2")
+        refused<UnsupportedRaw>(dng(reversed, compression = 7), "FillOrder 2")
+        refused<UnsupportedRaw>(dng(reversed, compression = 8), "FillOrder 2")
+        read(dng(mapOf(266 to Value.short(1)), bits = 16))
+    }
+
     @Test
     fun linearRawIsNotTheSensors() {
         refused<NotSensorRaw>(dng(mapOf(262 to Value.short(34892))), "linear")

@@ -10,8 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
+from camssf.curves import finish as walking
+from camssf.curves.code import soft, solve
+from camssf.curves.layers import RELAXATION, ista, splitting
+from camssf.curves.problem import Problem, whiten
 from camssf.curves.sensing import Sensing
-from camssf.curves.unrolled import soft, solve
+from golden.reading import ROOT, read_case
+from golden.running import problem
 from tests.problems import gamma_max, random_sensing
 
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
@@ -152,3 +157,93 @@ def test_finish_does_what_the_layers_do_not() -> None:
     assert (deeper.gap < layers.gap).all()
     useless_start = solve(sensing, 0.0, gamma, depth=0)
     assert useless_start.values == pytest.approx(exact.values, rel=1e-8, abs=1e-10)
+
+
+def test_a_walk_of_dependent_atoms_starts_anew_from_where_it_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three patches under the paper's 18 atoms: the first walk's answer is no answer, the second one's is proven."""
+    case = read_case(ROOT / "cases" / "ssf" / "gaussian-three-patches.json")
+    rows, gamma = problem(case), np.full(3, case["inputs"]["gamma"])
+    code = solve(rows, 0.0, gamma, nonnegative=True)
+    assert (code.gap <= 1e-9).all()
+    monkeypatch.setattr(walking, "WALKS", 1)
+    once = solve(rows, 0.0, gamma, nonnegative=True)
+    assert (once.gap > 0.1).any()
+    proven = once.gap <= 1e-9
+    assert (once.values[proven] == code.values[proven]).all()  # who was proven at once is left alone
+    assert ((once.values != 0) == (code.values != 0)).all()  # the first walk's support was right
+
+
+def test_the_layers_pull_keeps_its_digits() -> None:
+    """z against the same layers in 80 bits: an explicit inverse times the large pull alone is 1e-9 off."""
+    case = read_case(ROOT / "cases" / "weights" / "gaussian.json")
+    rows = problem(case)
+    found = solve(rows, 0.0, np.ones(3), nonnegative=True, depth=4, finish=0).values
+    for c in range(3):
+        A, b = (np.asarray(part, dtype=np.longdouble) for part in whiten(
+            rows.matrix[c], rows.target[c], rows.covariance[c]
+        ))  # fmt: skip
+        M, g = A.T @ A + np.eye(A.shape[1]), A.T @ b  # ρ = γ = 1
+        W = np.linalg.inv(M.astype(float)).astype(np.longdouble)
+        for _ in range(3):  # Newton's steps to the inverse in 80 bits
+            W = W @ (2 * np.eye(len(M)) - M @ W)
+        v = np.zeros(len(M), dtype=np.longdouble)
+        for _ in range(4):
+            z = np.maximum(v - 1, 0)
+            v = v + RELAXATION * (W @ g + W @ (2 * z - v) - z)
+        condition = float(np.linalg.cond(M.astype(float)))
+        assert np.abs(found[c] - np.maximum(v - 1, 0)).max() < 20 * 2.0**-53 * condition
+
+
+def problem_of(seed: int, l2: float, gamma: float, nonnegative: bool = False) -> Problem:
+    sensing = random_sensing(seed, 20, 12)
+    rows = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
+    return Problem(*rows, l2, gamma, nonnegative)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+def test_ista_is_proximal_gradient_descent(nonnegative: bool) -> None:
+    """x ← prox(x - ∇f(x) / ‖M‖), Beck and Teboulle 2009, Eq. (1.4), step by step."""
+    problem = problem_of(3, 0.5, 0.7, nonnegative)
+    layer, x = ista(problem), np.zeros(12)
+    norm = np.linalg.eigvalsh(problem.M).max()
+    for depth in range(1, 30):
+        moved = x - (problem.M @ x - problem.g) / norm
+        x = (
+            np.maximum(moved - 0.7 / norm, 0.0)
+            if nonnegative
+            else np.sign(moved) * np.maximum(abs(moved) - 0.7 / norm, 0)
+        )
+        assert layer.unroll(depth) == pytest.approx(x, rel=1e-12, abs=1e-14)
+
+
+def test_splitting_is_admm() -> None:
+    """Boyd et al. 2011, Sec. 3.4.3 and 6.4: x, z and the scaled multiplier u, over-relaxed."""
+    problem = problem_of(4, 0.5, 0.7)
+    layer, rho = splitting(problem), 0.7 + 2 * 0.5
+    z, u = np.zeros(12), np.zeros(12)
+    for depth in range(1, 30):
+        x = np.linalg.solve(problem.M + rho * np.eye(12), problem.g + rho * (z - u))
+        v = RELAXATION * x + (1 - RELAXATION) * z + u
+        z = np.sign(v) * np.maximum(abs(v) - 0.7 / rho, 0)
+        u = v - z
+        assert layer.unroll(depth) == pytest.approx(z, rel=1e-11, abs=1e-13)
+
+
+def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:
+    """M = ρ = g = 1, γ = 0.1, one atom: ISTA stands at the optimum 0.9 at once, z ← soft(W g + ρ W z) at 0.8."""
+    one = Problem(np.ones((1, 1)), np.ones(1), 0.0, 0.1, False)
+    assert ista(one).unroll(1) == pytest.approx([0.9])
+    z = 0.0
+    for _ in range(200):
+        z = max((1.0 + z) / 2.0 - 0.1, 0.0)
+    assert z == pytest.approx(0.8)
+    assert splitting(one).unroll(200) == pytest.approx([0.9])
+
+
+@pytest.mark.parametrize("layers", ["splitting", "ista"])
+def test_the_finish_is_exact_whatever_layers_began(layers: str) -> None:
+    sensing = random_sensing(5, 20, 12)
+    gamma = 0.1 * gamma_max(sensing)
+    code = solve(sensing, 0.5, gamma, layers=layers)
+    assert (code.gap < 1e-12).all()
+    assert code.values == pytest.approx(solve(sensing, 0.5, gamma, depth=0).values, abs=1e-10)

@@ -1,0 +1,165 @@
+package org.camssf
+
+import kotlinx.serialization.SerializationException
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import org.camssf.model.Models
+
+/**
+ * Every threshold of the product, the rival lamps and the words of the verdict: Python's own rules.json, so that no
+ * number and no sentence stands in two places. docs/verdict.md describes the file.
+ *
+ * @property rivals lamps tried in the place of the named one.
+ */
+internal class Rules private constructor(
+    private val numbers: Map<String, String>,
+    val rivals: List<String>,
+    private val reasons: Map<String, Wording>,
+) {
+    /** A number by group and word, "verdict.surprise". */
+    fun number(name: String): Double = numbers.getValue(name).toDouble()
+
+    /**
+     * A number that counts.
+     *
+     * @throws InvalidArgument it is no whole number.
+     */
+    fun whole(name: String): Int =
+        numbers.getValue(name).toIntOrNull() ?: throw damaged("$name is ${numbers[name]}, which is no whole number")
+
+    /** What the reason of that name says. */
+    fun wording(name: String): Wording = reasons.getValue(name)
+
+    /**
+     * What a reason of the verdict says.
+     *
+     * @property code its word in the vocabulary of errors.
+     * @property limits names of the numbers that decide: doubtful, and after it refused where there is one.
+     */
+    class Wording(
+        val code: String,
+        val limits: List<String>,
+        private val message: String,
+        private val advice: String,
+    ) {
+        fun message(values: Map<String, Any>): String = fill(message, values)
+
+        fun advice(values: Map<String, Any>): String = fill(advice, values)
+    }
+
+    companion object {
+        private const val FORMAT = "camssf-rules/1"
+        private val PLACEHOLDER = Regex("""\{([a-z]+)(?::(percent|fixed)([0-9]))?\}""")
+        private val ENTRY = setOf("value", "unit", "what", "why")
+        private val WORDS = setOf("code", "limits", "message", "advice")
+
+        /**
+         * The rules that this app carries.
+         *
+         * @throws InvalidArgument the file is missing or damaged.
+         */
+        val shipped: Rules by lazy {
+            val text = try {
+                Models.read("rules.json").decodeToString()
+            } catch (error: IllegalStateException) {
+                throw InvalidArgument(
+                    error.message.orEmpty(),
+                    "Add camssf-core and camssf-model unchanged.",
+                    cause = error,
+                )
+            }
+            parse(text)
+        }
+
+        /**
+         * Rules from the file's text; unknown and missing keys are errors.
+         *
+         * @throws InvalidArgument the text is no such file.
+         */
+        fun parse(text: String): Rules {
+            val parsed = try {
+                Json.parseToJsonElement(text)
+            } catch (error: SerializationException) {
+                throw damaged("it is no JSON: ${error.message}")
+            }
+            val file = record("the file", parsed, setOf("format", "numbers", "rivals", "reasons"))
+            val format = text("format", file.getValue("format"))
+            if (format != FORMAT) throw damaged("it calls itself $format instead of $FORMAT")
+            val numbers = HashMap<String, String>()
+            for ((group, entries) in record("numbers", file.getValue("numbers"))) {
+                for ((word, entry) in record(group, entries)) {
+                    val name = "$group.$word"
+                    val known = record(name, entry, ENTRY, setOf("makes", "beyond"))
+                    numbers[name] = number(name, known.getValue("value"))
+                }
+            }
+            val reasons = record("reasons", file.getValue("reasons")).mapValues { (name, entry) ->
+                wording(name, record(name, entry, WORDS, setOf("advice_in_apps")), numbers)
+            }
+            return Rules(numbers, texts("rivals", file.getValue("rivals")), reasons)
+        }
+
+        /** A template with its placeholders filled in: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
+        fun fill(template: String, values: Map<String, Any>): String = PLACEHOLDER.replace(template) { found ->
+            val (name, kind, digits) = found.destructured
+            val value = values.getValue(name)
+            when (kind) {
+                "percent" -> percent((value as Number).toDouble(), digits.toInt())
+                "fixed" -> fixed((value as Number).toDouble(), digits.toInt())
+                else -> value.toString()
+            }
+        }
+
+        private fun wording(name: String, entry: JsonObject, numbers: Map<String, String>): Wording {
+            val limits = texts("limits of $name", entry.getValue("limits"))
+            val unknown = limits.filter { "verdict.$it" !in numbers }
+            if (unknown.isNotEmpty()) throw damaged("$name has the limits $unknown, which no number is")
+            val message = text("message of $name", entry.getValue("message"))
+            val advice = text("advice of $name", entry["advice_in_apps"] ?: entry.getValue("advice"))
+            for (template in listOf(message, advice)) {
+                if (PLACEHOLDER.replace(template, "").any { it in "{}" }) {
+                    throw damaged("$name has a wrong placeholder in '$template'")
+                }
+            }
+            return Wording(text("code of $name", entry.getValue("code")), limits, message, advice)
+        }
+
+        private fun number(name: String, value: JsonElement): String {
+            val content = (value as? JsonPrimitive)?.takeIf { !it.isString }?.content
+            val sound = content?.toDoubleOrNull()?.let { it.isFinite() && it > 0 } ?: false
+            if (!sound) throw damaged("$name is $value instead of a positive number")
+            return content
+        }
+
+        private fun text(where: String, value: JsonElement): String =
+            (value as? JsonPrimitive)?.takeIf { it.isString && it.content.isNotEmpty() }?.content
+                ?: throw damaged("$where is no text")
+
+        private fun texts(where: String, value: JsonElement): List<String> =
+            (value as? JsonArray)?.takeIf { it.isNotEmpty() }?.map { text(where, it) }
+                ?: throw damaged("$where is no list")
+
+        private fun record(where: String, value: JsonElement): JsonObject =
+            value as? JsonObject ?: throw damaged("$where is no object")
+
+        private fun record(
+            where: String,
+            value: JsonElement,
+            needed: Set<String>,
+            allowed: Set<String> = emptySet(),
+        ): JsonObject {
+            val found = record(where, value)
+            val odd = (found.keys - needed - allowed) + (needed - found.keys)
+            if (odd.isNotEmpty()) throw damaged("$where has unknown or missing keys: ${odd.joinToString()}")
+            return found
+        }
+
+        private fun damaged(what: String) = InvalidArgument(
+            "The rules of this installation cannot be read: $what.",
+            "Add camssf-core and camssf-model unchanged.",
+        )
+    }
+}

@@ -1,0 +1,70 @@
+package org.camssf
+
+import org.camssf.evidence.Light
+import org.camssf.model.Models
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+
+/** rules.json: read strictly; its words are filled in as Python fills them. */
+class RulesTest {
+    private val text = Models.read("rules.json").decodeToString()
+
+    private fun refused(changed: String): String {
+        assertTrue(changed != text)
+        val error = assertThrows(InvalidArgument::class.java) { Rules.parse(changed) }
+        assertTrue("camssf-model" in error.advice)
+        return error.message
+    }
+
+    @Test
+    fun `numbers, rivals and words are those of the file`() {
+        val rules = Rules.parse(text)
+        assertEquals(3.5, rules.number("verdict.surprise"))
+        assertEquals(12, rules.whole("verdict.few_patches"))
+        assertEquals(1.0 / 3.0, rules.number("covariance.absolute"))
+        assertEquals("glare", rules.wording("veil").code)
+        assertEquals(listOf("suspect", "hopeless"), rules.wording("veil").limits)
+        assertEquals(
+            "shot 2: dark patches are too bright, as if 3.1% of white lay over all.",
+            rules.wording("veil").message(mapOf("shot" to "shot 2", "amount" to 0.0312)),
+        )
+    }
+
+    @Test
+    fun `every rival is a lamp`() {
+        for (name in Light.RIVALS) assertTrue(Lamp.read(name).values.max() > 0, name)
+        assertEquals(14, Light.RIVALS.toSet().size)
+    }
+
+    @Test
+    fun `where an app has no command line its advice names no option`() {
+        for (name in listOf("patch", "unexplained", "contradiction", "strange", "pose", "tint", "rival", "veil")) {
+            val words = mapOf("rival" to "A")
+            assertTrue("--" !in Rules.shipped.wording(name).advice(words), name)
+        }
+    }
+
+    @Test
+    fun `placeholders`() {
+        val values = mapOf("a" to 0.125, "n" to 12, "t" to "x")
+        assertEquals("12.5% 12% 0.12 12 x", Rules.fill("{a:percent1} {a:percent0} {a:fixed2} {n} {t}", values))
+        assertThrows(NoSuchElementException::class.java) { Rules.fill("{b}", values) }
+    }
+
+    @Test
+    fun `a damaged file is refused`() {
+        assertTrue("no JSON" in refused(text.dropLast(5)))
+        assertTrue("camssf-rules/2" in refused(text.replace("camssf-rules/1", "camssf-rules/2")))
+        assertTrue("verdict.surprise" in refused(text.replace("\"value\": 3.5", "\"value\": \"3.5\"")))
+        assertTrue("verdict.surprise" in refused(text.replace("\"value\": 3.5", "\"value\": -3.5")))
+        assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
+        assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
+        assertTrue("limits" in refused(text.replaceFirst("[\"suspect\", \"hopeless\"]", "[\"suspects\"]")))
+        assertTrue("rivals" in refused(text.replace(Regex("\"rivals\": \\[[^]]*]"), "\"rivals\": []")))
+        val half = Rules.parse(text.replace("\"value\": 12,", "\"value\": 12.5,"))
+        assertThrows(InvalidArgument::class.java) { half.whole("verdict.few_patches") }
+    }
+}

@@ -1,0 +1,34 @@
+"""The golden cases on the shipped models: `python -m golden.models`; exit status 1 where one fails."""
+
+from __future__ import annotations
+
+import sys
+
+from golden import reading
+from golden.reading import GoldenError
+from golden.running import findings
+
+STAGES = ("ssf", "calibrate")
+"""Those that a model can run."""
+
+
+def main() -> int:
+    """Run every case, say which fail and by how much."""
+    passed, failed = 0, 0
+    for path in reading.paths():
+        if path.parent.name not in STAGES:
+            continue
+        try:
+            broken = [finding for finding in findings(reading.read_case(path), "onnx") if not finding.holds]
+            wrong = [f"{finding.limit}: {finding.measured:.2e} > {finding.bound:.0e}" for finding in broken]
+        except GoldenError as error:
+            wrong = [str(error)]
+        for fault in wrong:
+            print(f"  FAILED {path.parent.name}/{path.stem}: {fault}")
+        passed, failed = passed + (not wrong), failed + bool(wrong)
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

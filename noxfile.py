@@ -1,0 +1,105 @@
+"""The chores: `nox -s quick` while working, `nox -l` for all of them, `.ci/run` before a change goes in.
+
+    nox -s quick                       the tests that are not slow, in a minute
+    nox -s quick -- tests/test_ssf.py  one stage's
+    nox -s tests-3.13                  every test, on one Python
+    nox -s benchmarks -- certify       one or more benchmarks, by name
+
+Every session has its own environment with the versions of constraints.txt; `nox -R` uses it again as it is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nox
+
+ROOT = Path(__file__).parent
+PYTHONS = ["3.11", "3.12", "3.13"]
+BENCHMARKS = sorted(
+    path.stem for path in (ROOT / "benchmarks").glob("[a-z]*.py") if "def main(" in path.read_text(encoding="utf-8")
+)
+
+nox.options.sessions = ["quick", "lint", "types"]
+nox.options.reuse_venv = "yes"
+nox.options.error_on_missing_interpreters = False  # here; .github/workflows/ci.yml has all of them
+
+
+def install(session: nox.Session, *what: str) -> None:
+    """Pinned, from PyPI; without arguments camssf with all that its tests need."""
+    pinned = {"PIP_CONSTRAINT": str(ROOT / "constraints.txt"), "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    session.install(*(what or ("-e", ".[dev]")), env=pinned)
+
+
+@nox.session
+def quick(session: nox.Session) -> None:
+    """The tests that are not slow."""
+    install(session)
+    session.run("python", "-m", "pytest", "-q", "-m", "not slow", *session.posargs)
+
+
+@nox.session(python=PYTHONS)
+def tests(session: nox.Session) -> None:
+    """Every test."""
+    install(session)
+    session.run("python", "-m", "pytest", *session.posargs)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Ruff: rules and form; `nox -s lint -- --fix` mends what it can."""
+    install(session, "ruff")
+    session.run("ruff", "check", ".", *session.posargs)
+    session.run("ruff", "format", *([] if "--fix" in session.posargs else ["--check"]), ".")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """mypy, strict, over camssf, camssf_onnx and golden."""
+    install(session)
+    session.run("mypy", *session.posargs)
+
+
+@nox.session
+def golden(session: nox.Session) -> None:
+    """The golden vectors and the models are what the sources make; `nox -s golden -- write` makes them anew."""
+    install(session)
+    if "write" in session.posargs:
+        session.run("python", "-m", "camssf_onnx", "build")
+        session.run("python", "-m", "golden.generate")
+    session.run("python", "-m", "golden.generate", "--check")
+    session.run("python", "-m", "camssf_onnx", "check")
+    session.run("python", "-m", "golden.models")
+
+
+@nox.session
+def kernels(session: nox.Session) -> None:
+    """The numerical tests on other processors' linear algebra."""
+    install(session)
+    session.run("python", ".ci/kernels.py", *session.posargs)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """The documentation, strict; `nox -s docs -- serve` shows it in a browser."""
+    install(session, "mkdocs-material")
+    quiet = {"NO_MKDOCS_2_WARNING": "1"}
+    session.run("mkdocs", *(session.posargs or ["build", "--strict", "--site-dir", session.create_tmp()]), env=quiet)
+
+
+@nox.session(venv_backend="none")
+def kotlin(session: nox.Session) -> None:
+    """Everything in android-bindings; needs JDK 17 and Maven."""
+    session.run("mvn", "-B", "-ntp", "-f", "android-bindings", "verify", *session.posargs, external=True)
+
+
+@nox.session
+def benchmarks(session: nox.Session) -> None:
+    """Those that are named; without a name, the names."""
+    if not session.posargs:
+        session.error(f"nox -s benchmarks -- NAME...; the names are {', '.join(BENCHMARKS)}")
+    if unknown := set(session.posargs) - set(BENCHMARKS):
+        session.error(f"no such benchmark: {', '.join(sorted(unknown))}; there are {', '.join(BENCHMARKS)}")
+    install(session)
+    for name in session.posargs:
+        session.run("python", "-m", f"benchmarks.{name}")

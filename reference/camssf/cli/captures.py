@@ -1,0 +1,252 @@
+"""Commands from photos: calibrate, batch, and the simulated ones, demo and simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from camssf.cli.options import (
+    L2,
+    BasisName,
+    Chart,
+    Corners,
+    Darks,
+    Engine,
+    Fit,
+    Gamma,
+    Lamps,
+    LampTolerances,
+    LensShading,
+    Out,
+    OutFolder,
+    Photos,
+    Signed,
+    Truth,
+    WhiteReflectance,
+    Whites,
+)
+from camssf.cli.reading import (
+    given_frames,
+    given_lamps,
+    given_paths,
+    parse_corners,
+    parse_patches,
+    parse_share,
+    parse_size,
+)
+from camssf.cli.terminal import BATCH_FAILED, emit, finish, literal, product_of, progress_bar, say, stderr, summarise
+from camssf.errors import InvalidArgument
+
+FAULTS = (
+    "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
+    "faded, glare, hot-pixels, mirrored, motion, printed, shading, shadow, specular, swapped, tone-mapped, "
+    "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
+)
+"""Those of `camssf.simulation.faults`, which is not loaded to print the help."""
+DEMO_SIZE = (1800, 1350)
+DEMO_CAMERA = "Nikon 5100 (NPL)"
+
+
+def demo(
+    out: OutFolder = Path("out"),
+    camera: Annotated[str, typer.Option(metavar="NAME|CSV", help="Whose curves to simulate.")] = DEMO_CAMERA,
+    lamp: Annotated[str, typer.Option(metavar="SPEC", help="The light.")] = "D55",
+    basis: BasisName = "cameras",
+    seed: Annotated[int, typer.Option(help="Of the simulated noise.")] = 0,
+) -> None:
+    """Simulate, calibrate, compare with truth."""
+    from camssf.calibration import attempt
+    from camssf.documents.report import report
+    from camssf.options import Options
+    from camssf.simulation.frames import Scene
+    from camssf.simulation.frames import simulate as photograph
+
+    with progress_bar() as progress:
+        progress("simulating", 0.0)
+        before = Scene(size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
+        scene = photograph(camera, [lamp], out / "shots", scene=before, seed=seed)
+        shot = scene.shots[0]
+        result = product_of(
+            attempt(
+                str(shot.chart),
+                [shot.lamp],
+                white=[str(shot.white)],
+                dark=[str(shot.dark)],
+                options=Options(basis=basis),
+                truth=str(scene.truth),
+                progress=progress,
+            ),
+            out,
+        )
+        document = result.document()
+        progress("writing the report", 0.95)
+        report(document, result.previews).save(out)
+    summarise(document, out)
+    finish(document)
+
+
+def calibrate(
+    photos: Photos,
+    lamp: Lamps = None,
+    white: Whites = None,
+    dark: Darks = None,
+    chart: Chart = "classic24",
+    corners: Corners = None,
+    white_reflectance: WhiteReflectance = None,
+    lamp_tolerance: LampTolerances = None,
+    lens_shading: LensShading = "as-stored",
+    basis: BasisName = "cameras",
+    fit: Fit = None,
+    signed: Signed = False,
+    l2: L2 = None,
+    gamma: Gamma = None,
+    engine: Engine = "onnx",
+    truth: Truth = None,
+    out: Out = None,
+) -> None:
+    """RAW photos of a chart to the camera's curves."""
+    from camssf.calibration import attempt
+    from camssf.documents.report import report
+    from camssf.options import Options
+
+    with progress_bar() as progress:
+        result = product_of(
+            attempt(
+                given_paths("PHOTO", photos),
+                given_lamps(lamp),
+                white=given_frames("--white", white),
+                dark=given_frames("--dark", dark),
+                chart=chart,
+                options=Options(
+                    corners=parse_corners(corners),
+                    white_reflectance=parse_share(white_reflectance),
+                    lamp_tolerance=lamp_tolerance,
+                    lens_shading=lens_shading,
+                    basis=basis,
+                    fit=parse_patches(fit),
+                    nonnegative=False if signed else None,
+                    l2=l2,
+                    gamma=gamma,
+                    engine=engine,
+                ),
+                truth=truth,
+                progress=progress,
+            ),
+            out,
+        )
+        document = result.document()
+        if out is None:
+            emit(document)
+        else:
+            progress("writing the report", 0.95)
+            report(document, result.previews).save(out)
+    summarise(document, out)
+    finish(document)
+
+
+def batch(
+    manifest: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CSV", help="Columns name,photo,lamp,white,dark,chart; rows of one name are its shots."
+        ),
+    ],
+    out: OutFolder = Path("out"),
+    basis: BasisName = "cameras",
+    engine: Engine = "onnx",
+    lens_shading: LensShading = "as-stored",
+    jobs: Annotated[
+        int | None, typer.Option(min=1, show_default=False, help="Processes; all cores unless given.")
+    ] = None,
+) -> None:
+    """Calibrate many cameras from a manifest.
+
+    Goes on after a failure, skips what is done and unchanged.
+    """
+    from rich.table import Table
+
+    from camssf.fleet.run import run_batch
+
+    with progress_bar() as progress:
+        outcomes = run_batch(
+            manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
+        )
+    table = Table("name", "status", "reason")
+    for outcome in outcomes:
+        colour = {"accepted": "green", "doubtful": "yellow"}.get(outcome.status, "red")
+        status = f"[{colour}]{outcome.status}[/]{' (unchanged)' if outcome.resumed else ''}"
+        table.add_row(literal(outcome.name), status, literal(outcome.reason))
+    stderr().print(table)
+    failed = sum(not outcome.ok for outcome in outcomes)
+    say("", f"{len(outcomes) - failed} of {len(outcomes)} calibrated; summary in {out / 'summary.csv'}")
+    if failed:
+        raise typer.Exit(BATCH_FAILED)
+
+
+def simulate(
+    out: OutFolder,
+    camera: Annotated[
+        str, typer.Option(metavar="NAME|CSV", help="Whose curves (see `camssf cameras`).")
+    ] = DEMO_CAMERA,
+    lamp: Lamps = None,
+    chart: Chart = "classic24",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the picture, px.")] = "4000x3000",
+    cfa: Annotated[str, typer.Option(help="RGGB, GRBG, GBRG or BGGR.")] = "RGGB",
+    black: Annotated[float, typer.Option(help="Black level, DN.")] = 512.0,
+    white_level: Annotated[int, typer.Option(help="Saturation, DN.")] = 16383,
+    exposure: Annotated[float, typer.Option(help="White's signal as a share of full scale.")] = 0.8,
+    noise: Annotated[bool, typer.Option(help="Shot and read noise.")] = True,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    vignetting: Annotated[float, typer.Option(help="Light lost in the corners, as a share.")] = 0.0,
+    tilt: Annotated[float, typer.Option(help="Degrees about the vertical axis.")] = 0.0,
+    rotation: Annotated[float, typer.Option(help="Degrees clockwise in the picture.")] = 0.0,
+    fill: Annotated[float, typer.Option(help="Chart's width as a share of the picture's.")] = 0.6,
+    blur: Annotated[float, typer.Option(help="Standard deviation, px.")] = 0.0,
+    glare: Annotated[float, typer.Option(help="Veil over the chart, as a share of white.")] = 0.0,
+    fault: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", show_default=False, help=f"What goes wrong with the last lamp's shot: {FAULTS}."
+        ),
+    ] = None,
+    severity: Annotated[
+        int | None, typer.Option(show_default="2", help="Of the fault: 1, 2 or 3, the worst.")
+    ] = None,
+) -> None:
+    """Write DNG files of a simulated camera.
+
+    For each lamp a chart, a white and a dark frame; and truth.csv.
+    """
+    from camssf.simulation.faults import strike
+    from camssf.simulation.frames import Scene, Sensor
+    from camssf.simulation.frames import simulate as photograph
+
+    if fault is None and severity is not None:
+        raise InvalidArgument("A severity is of a fault, and none is named.", "Add --fault NAME.")
+    with progress_bar() as progress:
+        progress("simulating", 0.0)
+        scene = photograph(
+            camera,
+            lamp or [],
+            out,
+            chart=chart,
+            scene=Scene(
+                size=parse_size(size),
+                fill=fill,
+                rotation=rotation,
+                tilt=tilt,
+                vignetting=vignetting,
+                blur=blur,
+                glare=glare,
+            ),
+            sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
+            seed=seed,
+            change=None if fault is None else strike(fault, 2 if severity is None else severity),
+        )
+    shots = [
+        {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}
+        for s in scene.shots
+    ]
+    emit({"camera": scene.camera, "chart": scene.chart, "shots": shots, "truth": str(scene.truth)})

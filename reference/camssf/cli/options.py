@@ -1,0 +1,117 @@
+"""What the commands take: arguments and options that several of them share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+Photos: TypeAlias = Annotated[
+    list[str], typer.Argument(metavar="PHOTO...", help="RAW photo (DNG) of the chart, one for each lamp.")
+]
+Lamps: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lamp",
+        metavar="SPEC",
+        show_default=False,
+        help="Light of a photo: a CIE name, 2856K, D:5500, equal-energy or a file (see `camssf lamps`). "
+        "Repeat it in the order of the photos, as --white, --dark and --corners.",
+    ),
+]
+Whites: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--white",
+        metavar="DNG",
+        show_default=False,
+        help="White frame: same place, same exposure. `none` for a photo without.",
+    ),
+]
+Darks: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--dark",
+        metavar="DNG",
+        show_default=False,
+        help="Dark frame: lens cap on, same exposure. `none` for a photo without.",
+    ),
+]
+Chart: TypeAlias = Annotated[
+    str, typer.Option(metavar="NAME|FILE", help="The chart, or a table of its reflectances.")
+]
+Corners: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="'X,Y X,Y X,Y X,Y'",
+        show_default=False,
+        help="Outer corners of the patches by hand, px: the chart's top left, top right, bottom right, "
+        "bottom left. `none` for a photo where it shall be searched.",
+    ),
+]
+WhiteReflectance: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SHARE",
+        show_default=False,
+        help="Reflectance of the white frame's target, 0 to 1; 1 unless given.",
+    ),
+]
+LampTolerances: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="2%|300K",
+        show_default=False,
+        help="How well the lamp is known, one standard deviation: 2%, 300K, or 300K,2%. In the photos' order.",
+    ),
+]
+LensShading: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="WORD",
+        help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
+    ),
+]
+BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
+Gamma: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        show_default=False,
+        help="The l1 penalty γ; unless given, 0.05 on `cameras`, chosen from the measured noise on `gaussian`.",
+    ),
+]
+L2: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1 on `cameras`, 0 on `gaussian`."
+    ),
+]
+Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]
+Fit: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NUMBERS",
+        show_default=False,
+        help="Patches to fit, as 7-18 or 1,4,7-18; all unless given. The others validate.",
+    ),
+]
+Signed: TypeAlias = Annotated[
+    bool, typer.Option("--signed", help="Let coefficients be negative: the paper's Eq. (10) as written.")
+]
+Truth: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="CSV|NAME", show_default=False, help="Measured curves of this camera to compare with."),
+]
+Out: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        show_default=False,
+        help="Where the report goes; without, JSON on stdout.",
+    ),
+]
+OutFolder: TypeAlias = Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the files go.")]
+Document: TypeAlias = Annotated[str, typer.Argument(metavar="JSON", help="A file, or - for stdin.")]

@@ -1,0 +1,157 @@
+"""What was given on the command line, on standard input and in files, read and checked."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import Any
+
+from camssf.errors import InvalidArgument
+
+PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
+"""The formats of the documents that travel down a pipe."""
+
+
+def given_lamps(specs: list[str] | None) -> list[str]:
+    """The lamps, of which there must be one."""
+    if not specs:
+        from camssf.spectra import read_lamp
+
+        read_lamp("")  # its message says why a lamp is needed and lists the names
+    return specs or []
+
+
+def given_paths(word: str, paths: list[str]) -> list[str]:
+    """Paths, none of them empty; `word` is what the command line calls them."""
+    if not all(path.strip() for path in paths):  # "" would mean this folder: often a shell variable that is not set
+        raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
+    return paths
+
+
+def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
+    """Paths, None for the word `none`."""
+    return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
+
+
+def parse_corners(texts: list[str] | None) -> list[Any] | None:
+    """For each photo (4, 2) corners, None for the word `none`."""
+    return None if texts is None else [None if t.casefold() == "none" else _four(t) for t in texts]
+
+
+def _four(text: str) -> list[list[float]]:
+    try:
+        points = [[float(number) for number in point.split(",")] for point in text.split()]
+    except ValueError:
+        points = []
+    if len(points) != 4 or any(len(point) != 2 for point in points):
+        raise InvalidArgument(
+            f"--corners {text!r} is not four points.",
+            "Write the chart's top left, top right, bottom right, bottom left, as in "
+            '--corners "10,20 300,22 298,210 12,208".',
+        )
+    return points
+
+
+def parse_patches(text: str | None) -> tuple[int, ...] | None:
+    """`7-18` or `1,4,7-18` → patch numbers from 1."""
+    if text is None:
+        return None
+    numbers: dict[int, None] = {}
+    for part in text.split(","):
+        found = re.fullmatch(r"\s*(\d{1,3})\s*(?:-\s*(\d{1,3})\s*)?", part)  # no chart has 1000 patches
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+        if first > last:
+            shown = text if len(text) <= 40 else f"{text[:40]}..."
+            raise InvalidArgument(f"--fit {shown!r} is not a list of patches.", "Write 7-18, or 1,4,7-18.")
+        numbers.update(dict.fromkeys(range(first, last + 1)))
+    return tuple(numbers)
+
+
+def parse_share(text: str | None) -> float | None:
+    """A reflectance; whether it can be one is for the stage to say."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidArgument(
+            f"--white-reflectance {text!r} is not a number.",
+            "Write the target's reflectance, for example 0.95.",
+        ) from None
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """`4000x3000` → width and height, px."""
+    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())
+    if not found:
+        raise InvalidArgument(f"--size {text!r} is not a size.", "Write width x height, for example 4000x3000.")
+    return int(found[1]), int(found[2])
+
+
+def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
+    """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
+    from camssf.documents.report import LARGEST_DOCUMENT, parse_json
+
+    name = name_of(source)
+    try:
+        if source == "-":
+            if sys.stdin is None:
+                raise InvalidArgument("Standard input is closed.", "Name a file, or put a camssf command before.")
+            data = sys.stdin.buffer.read(LARGEST_DOCUMENT + 1)
+        else:
+            with open(source, "rb") as file:
+                data = file.read(LARGEST_DOCUMENT + 1)
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise InvalidArgument(
+            f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."
+        ) from None
+    if len(data) > LARGEST_DOCUMENT:
+        raise InvalidArgument(f"{name} is larger than {LARGEST_DOCUMENT} bytes.", "Give what camssf wrote.")
+    if not data.strip():
+        raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
+    document = parse_json(data, name, "Give what another camssf command wrote.")
+    found = document.get("format") if isinstance(document, dict) else None
+    if found != wanted and not (refusal and found == RESULT and _refused(document)):
+        raise InvalidArgument(
+            f"{name} holds {found or 'no camssf document'}, not {wanted}.",
+            "The order is patches, solve, validate, report.",
+        )
+    return dict(document)
+
+
+def _refused(document: dict[str, Any]) -> bool:
+    verdict = document.get("verdict")
+    return isinstance(verdict, dict) and verdict.get("status") == "refused"
+
+
+def read_result(source: str) -> dict[str, Any]:
+    """A result document, checked against its form."""
+    from camssf.documents.report import check_document
+
+    return check_document(read_json(source, RESULT), name_of(source))
+
+
+def name_of(source: str) -> str:
+    """What messages call a file, or standard input."""
+    return "standard input" if source == "-" else source
+
+
+def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
+    """Pictures of the shots, each from the very file that the result was made from."""
+    from camssf.documents.previews import photo_preview
+    from camssf.photo.mosaic import read_dng
+
+    shots, previews = result["shots"], []
+    if len(photos) > len(shots):
+        raise InvalidArgument(
+            f"{len(photos)} photos for {len(shots)} shots.", "Give --photo once a shot, in the shots' order."
+        )
+    for path, shot in zip(given_paths("--photo", photos), shots, strict=False):
+        mosaic = read_dng(path)
+        if mosaic.sha256 != shot["photo"]["sha256"]:
+            raise InvalidArgument(
+                f"{path} is not the photo that this result was made from ({shot['photo']['name']}).",
+                "Give the same file, or leave --photo out.",
+            )
+        previews.append(photo_preview(mosaic))
+    return previews

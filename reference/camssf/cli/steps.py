@@ -1,0 +1,156 @@
+"""Commands of single steps, joined by pipes: patches, solve, validate, report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from camssf.cli.options import (
+    L2,
+    BasisName,
+    Chart,
+    Corners,
+    Darks,
+    Document,
+    Engine,
+    Fit,
+    Gamma,
+    Lamps,
+    LampTolerances,
+    LensShading,
+    OutFolder,
+    Photos,
+    Signed,
+    Truth,
+    WhiteReflectance,
+    Whites,
+)
+from camssf.cli.reading import (
+    PATCHES,
+    RESULT,
+    given_frames,
+    given_lamps,
+    given_paths,
+    name_of,
+    parse_corners,
+    parse_patches,
+    parse_share,
+    read_json,
+    read_previews,
+    read_result,
+)
+from camssf.cli.terminal import emit, finish, pass_on, product_of, progress_bar, summarise
+
+
+def patches(
+    photos: Photos,
+    lamp: Lamps = None,
+    white: Whites = None,
+    dark: Darks = None,
+    chart: Chart = "classic24",
+    corners: Corners = None,
+    white_reflectance: WhiteReflectance = None,
+    lamp_tolerance: LampTolerances = None,
+    lens_shading: LensShading = "as-stored",
+) -> None:
+    """Measure the patches: JSON for `solve`."""
+    from camssf.calibration import recorded
+    from camssf.documents.patches import patches_document
+    from camssf.options import Options
+    from camssf.photo.capture import Capture, Record, measure
+
+    def stage(record: Record) -> Capture:
+        return measure(
+            given_paths("PHOTO", photos),
+            given_lamps(lamp),
+            white=given_frames("--white", white),
+            dark=given_frames("--dark", dark),
+            chart=chart,
+            options=Options(
+                corners=parse_corners(corners),
+                white_reflectance=parse_share(white_reflectance),
+                lamp_tolerance=lamp_tolerance,
+                lens_shading=lens_shading,
+            ),
+            progress=progress,
+            record=record,
+        )
+
+    with progress_bar() as progress:
+        capture = product_of(recorded(stage), None)
+    emit(patches_document(capture))
+
+
+def solve(
+    document: Document = "-",
+    basis: BasisName = "cameras",
+    fit: Fit = None,
+    signed: Signed = False,
+    l2: L2 = None,
+    gamma: Gamma = None,
+    engine: Engine = "onnx",
+    truth: Truth = None,
+) -> None:
+    """Patches to curves: JSON in, JSON out.
+
+    A refusal of the command before the pipe is passed on as it is.
+    """
+    from camssf.calibration import recorded
+    from camssf.calibration import solve as run
+    from camssf.documents.patches import read_patches
+    from camssf.options import Options
+
+    given = read_json(document, PATCHES, refusal=True)
+    if given["format"] == RESULT:
+        from camssf.documents.report import check_document
+
+        pass_on(check_document(given, name_of(document)))
+        return
+    capture = read_patches(given)
+    options = Options(
+        basis=basis, fit=parse_patches(fit), nonnegative=False if signed else None, l2=l2, gamma=gamma, engine=engine
+    )
+    with progress_bar() as progress:
+        result = product_of(
+            recorded(lambda record: run(capture, options=options, truth=truth, progress=progress, record=record)),
+            None,
+        )
+    pass_on(result.document())
+
+
+def validate(
+    document: Document = "-",
+    truth: Truth = None,
+) -> None:
+    """Score a result against measured curves.
+
+    Passes the result on with scores.rmse and the truth filled in; without --truth as it is, once checked.
+    """
+    result = read_result(document)
+    if "ssf" in result and truth is not None:
+        from camssf.documents.result import compare
+        from camssf.spectra import read_camera
+
+        compare(result, read_camera(truth))
+    pass_on(result)
+
+
+def report(
+    document: Document = "-",
+    out: OutFolder = Path("out"),
+    photo: Annotated[
+        list[str] | None,
+        typer.Option(metavar="DNG", show_default=False, help="Photo of a shot, to be shown; in the shots' order."),
+    ] = None,
+) -> None:
+    """Write result.json, ssf.csv, ssf.png and report.html."""
+    from camssf.documents.report import report as render
+
+    with progress_bar() as progress:
+        result = read_result(document)
+        progress("writing the report", 0.5)
+        render(result, read_previews(result, photo or [])).save(out)
+    summarise(result, out)
+    finish(result)

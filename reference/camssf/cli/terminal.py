@@ -1,0 +1,220 @@
+"""What the user sees: data on stdout, words and progress on stderr, exit statuses."""
+
+from __future__ import annotations
+
+import codecs
+import json
+import os
+import re
+import sys
+import threading
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import typer
+
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import readable
+
+if TYPE_CHECKING:
+    from camssf.documents.result import Refusal
+
+Product = TypeVar("Product")
+
+BATCH_FAILED = PARTED = 1
+INTERRUPTED = 130
+BUG = 70
+"""Exit statuses beside those of `camssf.errors`: a batch with failures or two results that differ, Ctrl-C, and
+sysexits' EX_SOFTWARE."""
+
+PROGRESS_AFTER = 2.0
+"""Seconds of silence before a progress bar appears."""
+
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""What a terminal obeys instead of showing it; names of files may hold it."""
+
+
+def emit(document: dict[str, Any]) -> None:
+    """A document on stdout, as one line of JSON."""
+    text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    # JSON is UTF-8, whatever the terminal's coding
+    put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
+
+
+def put(text: str) -> None:
+    """Lines on stdout, now: a full disk must not pass unseen. A pipe that closed is the command line's to answer."""
+    if sys.stdout is None:
+        raise InvalidArgument("Standard output is closed.", "Leave it open, or name a folder by -o.")
+    try:
+        sys.stdout.write(f"{readable(text).encode(_coding(), 'replace').decode(_coding())}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        discard_stdout()
+        raise InvalidArgument(
+            f"Standard output cannot be written ({error.strerror or error}).",
+            "Free some space, or send it elsewhere; what arrived there is not whole.",
+        ) from error
+
+
+def _coding() -> str:
+    return getattr(sys.stdout, "encoding", None) or "utf-8"
+
+
+def discard_stdout() -> None:
+    """What is left in the buffer goes nowhere, or Python tries once more at its end and complains."""
+    with suppress(OSError, ValueError, AttributeError):
+        stdout = sys.stdout.fileno()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stdout)
+        os.close(nowhere)
+
+
+def pass_on(document: dict[str, Any]) -> None:
+    """A result for the next command, its summary for the reader, and a refusal's exit status."""
+    emit(document)
+    summarise(document, None)
+    finish(document)
+
+
+def product_of(found: Product | Refusal, out: Path | None) -> Product:
+    """The product; a refusal leaves what it knows, as files or on stdout, and is raised."""
+    from camssf.documents.report import report
+    from camssf.documents.result import Refusal
+
+    if not isinstance(found, Refusal):
+        return found
+    try:
+        if out is None:
+            emit(found.document())
+        else:
+            report(found.document(), found.previews).save(out)
+            say("", f"What is known of this capture lies in {out / 'report.html'}")
+    except InvalidArgument as lost:  # the refusal itself matters more
+        say("", f"{lost.message} {lost.advice}")
+    raise found.error
+
+
+def summarise(document: dict[str, Any], out: Path | None) -> None:
+    """A table of the result on stderr."""
+    from rich.table import Table
+
+    scores, verdict = document.get("scores") or {}, document["verdict"]
+    table = Table("", "red", "green", "blue", title=literal(_title(document)), title_justify="left")
+    for label, values, form in (
+        ("RMSE against the truth", scores.get("rmse"), "{:.4f}"),
+        ("RMSRE of unseen patches, %", scores.get("rmsre_percent"), "{:.2f}"),
+        ("duality gap", document.get("gap"), "{:.0e}"),
+    ):
+        if values is not None:
+            table.add_row(label, *("–" if v is None else form.format(v) for v in values))
+    stderr().print(table)
+    colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
+    say(f"verdict: [bold {colour}]{verdict['status']}[/]", "")
+    for reason in verdict["reasons"]:
+        say(f"  [bold]{reason['code']}[/]: ", f"{reason['message']} {reason['advice']}")
+    if out is not None:
+        say("", f"report: {out / 'report.html'}")
+
+
+def _title(document: dict[str, Any]) -> str:
+    camera = document.get("camera") or {}
+    lights = " + ".join(str(shot["lamp"]["name"]) for shot in document.get("shots") or [])
+    make, model = camera.get("make") or "", camera.get("model") or ""
+    body = model if model.casefold().startswith(make.casefold()) else f"{make} {model}".strip()
+    return f"{body or 'camera'}, {lights}, {document.get('basis')}"
+
+
+def finish(document: dict[str, Any]) -> None:
+    """A refused document ends in its family's exit status."""
+    verdict = document["verdict"]
+    if verdict["status"] == "refused":
+        codes = [reason["code"] for reason in verdict["reasons"]]
+        raise typer.Exit(_exit_status(codes[0]) if codes else CalibrationError.exit_status)
+
+
+def _exit_status(code: str) -> int:
+    kinds = [CalibrationError]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    return next((kind.exit_status for kind in kinds if kind.code == code), CalibrationError.exit_status)
+
+
+def stderr() -> Any:
+    """The console for words."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def literal(text: str) -> str:
+    """Text whose brackets are no markup."""
+    from rich.markup import escape
+
+    return escape(_STEERING.sub("\ufffd", readable(text)))
+
+
+def say(markup: str, text: str) -> None:
+    """Words on stderr; `text` is taken literally."""
+    stderr().print(f"{markup}{literal(text)}")
+
+
+def trace(debug: bool) -> None:
+    """The traceback, for those who asked for it."""
+    if debug:
+        traceback.print_exc()
+
+
+class _Bar:
+    """A progress bar that shows itself only on a terminal and on work longer than PROGRESS_AFTER."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._last = ("working", 0.0)
+        self._bar: Any = None
+        self._timer = threading.Timer(PROGRESS_AFTER, self._show)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        with self._lock:
+            self._last = (stage, fraction)
+            if self._bar is not None:
+                self._bar.update(self._bar.task_ids[0], description=stage, completed=fraction)
+
+    def _show(self) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        console = stderr()
+        with self._lock:
+            if self._timer.finished.is_set() or not console.is_terminal:
+                return
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                console=console,
+                transient=True,
+            )
+            self._bar.add_task(self._last[0], total=1.0, completed=self._last[1])
+            self._bar.start()
+
+    def close(self) -> None:
+        with self._lock:
+            self._timer.cancel()
+            if self._bar is not None:
+                self._bar.stop()
+
+
+@contextmanager
+def progress_bar() -> Iterator[_Bar]:
+    """Something to call with a stage in words and the part done."""
+    bar = _Bar()
+    try:
+        yield bar
+    finally:
+        bar.close()

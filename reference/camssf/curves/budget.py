@@ -1,0 +1,46 @@
+"""Evidence → budget: where the band comes from, source by source."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.curves.basis import Basis, read_basis
+from camssf.curves.evidence import Evidence, evidence_of
+from camssf.curves.sensing import anchor, sense
+from camssf.curves.ssf import moves_of_peak_one
+from camssf.errors import InvalidArgument
+from camssf.grid import Floats
+
+
+def explain(
+    evidence: Evidence | ArrayLike, *former: ArrayLike, basis: str | Basis = "cameras", **named: ArrayLike | None
+) -> dict[str, Floats]:
+    """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
+
+    The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
+    G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Shares are of
+    the sum over the grid of the variances of the curve of peak 1. Former arguments as in `recover`.
+
+    Raises:
+        InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
+    """
+    evidence = evidence_of("explain", evidence, former, named)
+    basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    if not basis.prior:
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
+    evidence.check_for(basis)
+    sensing = sense(evidence, basis)
+    basis = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
+    shares: dict[str, list[float]] = {source: [] for source in (*sensing.terms, "unseen")}
+    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
+        weighted = np.linalg.solve(sigma, A)
+        gain = np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
+        curve = basis.mean[c] + basis.dictionary[c] @ gain @ sensing.target[c]
+        moves = moves_of_peak_one(basis, np.broadcast_to(curve, basis.mean.shape))[c]
+        across = moves @ gain
+        sizes = {source: float(np.sum((across @ term[c]) * across)) for source, term in sensing.terms.items()}
+        sizes["unseen"] = float(np.sum((moves - across @ A) ** 2))
+        for source, size in sizes.items():
+            shares[source].append(size / sum(sizes.values()))
+    return {source: np.array(share) for source, share in shares.items()}

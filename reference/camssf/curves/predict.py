@@ -1,0 +1,95 @@
+"""Ssf → predictions: the signals that the curves give, and how far the true ones may lie from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.curves.basis import Basis, read_basis
+from camssf.curves.evidence import Evidence, array_of, evidence_of, tolerance_of
+from camssf.curves.sensing import sense
+from camssf.curves.ssf import Ssf, respond
+from camssf.errors import InvalidArgument
+from camssf.grid import STEP, WAVELENGTHS, Floats
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Signals and how far the true ones may lie from them.
+
+    Attributes:
+        values: (k, p, 3), 1.
+        std: (k, p, 3) one standard deviation of true, noise-free signal less prediction.
+    """
+
+    values: Floats
+    std: Floats
+
+
+def predict(
+    ssf: Ssf,
+    evidence: Evidence | ArrayLike,
+    *former: ArrayLike,
+    of: ArrayLike | None = None,
+    of_tolerance: ArrayLike = 0.0,
+    basis: str | Basis = "cameras",
+    **named: ArrayLike | None,
+) -> Prediction:
+    """The signals that the curves give of the patches they come from, then of other surfaces `of`, with their bands.
+
+    A true signal is t = A x + e of a row, where e is what chart, white and lamp do to it; the measured ones, with
+    noise ν, gave x̂ = G (A x + e + ν). So t - A x̂ = (I - A G)(A x + e) - A G ν, and its variance is the diagonal of
+    (I - A G)(A Aᵀ + Σ - N)(I - A G)ᵀ + A G N Gᵀ Aᵀ with N the noise's part of Σ: what the data leave open of the
+    curves, and what no data can tell of this very surface and light. A surface that was not measured stands in the
+    rows with a standard error without end. The small l1 penalty is left out, as in `explain`. Under a lamp with modes
+    the bands are a little wide: of its u each channel counts as known only what the other two tell.
+
+    Args:
+        ssf: the answer to the evidence.
+        evidence: what it was recovered from.
+        of: (p, 681) reflectances of the other surfaces, seen under the same lamps; None for none.
+        of_tolerance: how well these are known, (p,) or one number; 0 for surfaces of exactly that reflectance.
+
+    Returns:
+        n + p surfaces: the n of `reflectance`, then the p of `of`.
+
+    Raises:
+        InvalidArgument: as `recover`; also a basis without a prior, which has no bands.
+    """
+    evidence = evidence_of("predict", evidence, former, named)
+    basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    if not basis.prior:
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
+    evidence.check_for(basis)
+    others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))
+    if others.shape[1:] != (WAVELENGTHS.size,):
+        raise InvalidArgument(f"`of` has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
+    (k, n, _), p = evidence.signals.shape, len(others)
+    every = np.concatenate([evidence.reflectance, others])
+    values = respond(ssf.values, every, ssf.lamp, evidence.white_reflectance)
+    used = np.ones((k, n), dtype=bool) if evidence.used is None else evidence.used
+    extended = replace(
+        evidence,
+        signals=np.concatenate([np.where(used[:, :, None], evidence.signals, values[:, :n]), values[:, n:]], axis=1),
+        standard_error=np.concatenate([evidence.errors(basis), np.zeros((k, p, 3))], axis=1),
+        used=np.concatenate([used, np.zeros((k, p), dtype=bool)], axis=1),
+        reflectance=every,
+        chart_tolerance=np.concatenate([evidence.chart_tolerance, tolerance_of("of_tolerance", of_tolerance, p)]),
+        frames=None,
+    )
+    sensing = sense(extended, basis)
+    # A row is a difference of signals times its curve's white signal over W.
+    first = evidence.lamp[0] * evidence.white_reflectance * STEP
+    seen = (ssf.lamp * evidence.white_reflectance * STEP) @ ssf.values * (basis.mean @ first)  # (k, 3)
+    std = np.empty((3, k, n + p))
+    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
+        weighted = np.linalg.solve(sigma, A)
+        smoother = A @ np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
+        rest = np.eye(len(A)) - smoother
+        noise = np.diag(sensing.terms["noise"][c])
+        kept = A @ A.T + sum(term[c] for source, term in sensing.terms.items() if source != "noise")
+        variance = np.sum(rest @ kept * rest, axis=1) + smoother**2 @ noise
+        std[c] = np.sqrt(variance).reshape(k, n + p) * (sensing.white[c] / seen[:, c])[:, None]
+    return Prediction(values, np.moveaxis(std, 0, -1))

@@ -1,0 +1,46 @@
+"""A monochromator's sweep → curves: with lines of known power P, S(λ) = I(λ) / P(λ) and no more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camssf.direct.columns import PathLike, read_columns
+from camssf.direct.result import CHANNELS, FIRST, LAST, Direct, checked, identified
+from camssf.errors import InvalidArgument, Underexposed
+from camssf.grid import WAVELENGTHS
+
+LARGEST_STEP = 20.0
+"""Of a sweep, nm."""
+
+
+def sweep(path: PathLike) -> Direct:
+    """A monochromator's sweep: a CSV wavelength_nm,red,green,blue,power, a line of light a row, dark subtracted.
+
+    Between its wavelengths the curves run straight; it must cover 400 to 700 nm in steps of 20 nm at most.
+
+    Raises:
+        InvalidArgument: another file, wavelengths that do not increase or leave gaps.
+        Underexposed: a reference without power.
+    """
+    nm, *columns = read_columns(path, ("wavelength_nm", *CHANNELS, "power"))
+    if nm[0] > FIRST or nm[-1] < LAST or np.diff(nm).max() > LARGEST_STEP:
+        raise InvalidArgument(
+            f"{path} covers {nm[0]:g} to {nm[-1]:g} nm in steps of up to {np.diff(nm).max():g} nm.",
+            f"Sweep {FIRST:g} to {LAST:g} nm in steps of {LARGEST_STEP:g} nm at most; 5 nm is usual.",
+        )
+    power = columns[3]
+    if power.min() <= 0:
+        raise Underexposed(
+            f"{path} has a line without reference power, at {nm[np.argmin(power)]:g} nm.",
+            "Leave out what the lamp does not reach, and subtract the detector's dark signal.",
+            value=float(power.min()),
+            threshold=0.0,
+        )
+    with np.errstate(over="ignore"):
+        shares = [each / power for each in columns[:3]]
+    if not np.isfinite(shares).all():
+        raise InvalidArgument(f"{path} has signals too large for their power.", "Check the units of its columns.")
+    values = np.stack([np.interp(WAVELENGTHS, nm, each, 0.0, 0.0) for each in shares], axis=1)
+    covered = (max(float(nm[0]), 380.0), min(float(nm[-1]), 720.0))
+    assumptions = (("reference_power", "the reference power is in proportion to what reached the camera's sensor."),)
+    return checked(Direct(values, None, covered, ("", ""), {}, {}, assumptions, identified({"sweep": path})))

@@ -1,0 +1,44 @@
+"""Capture and answer → assumptions: what the answer takes for granted."""
+
+from __future__ import annotations
+
+from camssf.curves.ssf import Ssf
+from camssf.photo.capture import Capture, Shot
+from camssf.photo.signals import Assumption
+
+
+def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
+    """What the answer takes for granted beyond the fallbacks of Eq. (5)."""
+    table = capture.chart
+    found = [
+        Assumption(
+            "chart_table", f"the chart's reflectances are {table.source} ({table.table}), not this very chart's."
+        )
+    ]
+    for j, shot in enumerate(capture.shots):
+        where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
+        found.append(
+            Assumption(
+                "lamp",
+                f"{where}the light was {shot.lamp.name} ({shot.lamp.source}), smooth relative tolerance "
+                f"{shot.lamp.tolerance:.1%}, {len(shot.lamp.modes)} mode(s).",
+            )
+        )
+        if shot.photo.gain_map:
+            found.append(Assumption("lens_shading", where + _shading(shot)))
+    if capture.shots[0].means.white is not None and capture.white_reflectance is None:
+        found.append(Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1)."))
+    if ssf.std is None:
+        found.append(Assumption("no_band", "the paper's basis has no prior, so this answer carries no error band."))
+    return tuple(found)
+
+
+def _shading(shot: Shot) -> str:
+    """What became of the lens-shading map in a shot's file, in words."""
+    map_of = f"{shot.photo.name} holds a lens-shading map;"
+    if shot.lens_shading == "apply":
+        return f"{map_of} it was applied to the patches' signals" + (
+            " of every frame, so that it cancels against the white frame." if shot.white else "."
+        )
+    rest = ", the white frame corrects the shading." if shot.white else " and no white frame corrects it."
+    return f"{map_of} it was not applied{rest}"

@@ -1,0 +1,50 @@
+"""Problem and answer → uncertainty budget, GUM style (JCGM 100:2008)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from camssf.curves.budget import explain
+from camssf.curves.ssf import Ssf
+from camssf.evidence.problem import Problem
+from camssf.evidence.scores import FAINTEST
+from camssf.grid import WAVELENGTHS
+
+
+def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] | None:
+    """Where the band comes from, and how wide it would be with each shot alone, as the document has them.
+
+    None on a basis without a prior, which has no band.
+    """
+    if ssf.std is None:
+        return None
+    capture, signals = problem.capture, problem.signals
+    shares = explain(problem.given(signals.used), basis=problem.options.basis)
+    noise = float(np.median((signals.standard_error / np.maximum(signals.values, FAINTEST))[signals.used]))
+    _, white = problem.white_reference()
+    lamps = problem.lamps
+    sizes = {
+        "noise": f"standard errors of the signals, median {noise:.2%}",
+        "chart": f"{np.median(capture.chart.tolerance):.1%} a patch, smooth over 100 nm, the same under every lamp",
+        "white": f"{white:.1%}, smooth over 100 nm",
+        "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + ", smooth over 60 nm",
+        "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
+        "unseen": "what the prior leaves open and no patch has seen",
+    }
+    return {
+        "half_width": _half_width(ssf),
+        "alone": [_half_width(answer) for answer in alone],
+        "budget": [
+            {"source": source, "size": sizes[source], "share": share.tolist()} for source, share in shares.items()
+        ],
+    }
+
+
+def _half_width(ssf: Ssf) -> float:
+    """Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak."""
+    std = ssf.peak()[1]
+    visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
+    return 0.0 if std is None else float(1.96 * std[visible].mean())

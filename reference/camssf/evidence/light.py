@@ -1,0 +1,63 @@
+"""Lamp → reasons: another that fits better, a raw white that it does not give. Rules 4 and 5 of docs/verdict.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.curves.ssf import Ssf
+from camssf.evidence.reasons import Reason, because
+from camssf.grid import Floats
+from camssf.photo.signals import Signals
+from camssf.rules import rules
+from camssf.spectra import Lamp
+
+_NUMBER = rules().number
+RIVAL, CONDEMNED = _NUMBER("verdict.rival"), _NUMBER("verdict.condemned")
+RIVALS = rules().rivals
+"""Lamps tried in the place of the named one."""
+MOST_RIVALLED = rules().whole("verdict.most_rivalled")
+TINTED = _NUMBER("verdict.tinted")
+
+
+@dataclass(frozen=True)
+class Rival:
+    """T₄ with another lamp in place of a shot's own."""
+
+    shot: int
+    lamp: str
+    weighted: float
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """The camera's white (3,) under a light of power (681,), as a file's colour matrix tells it."""
+
+    light: Floats
+    white: Floats
+
+
+def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp], weighted: float) -> list[Reason]:
+    """Rule 4: of all shots and lamps the one that fits best."""
+    best = min(rivals, key=lambda rival: rival.weighted, default=None)
+    if best is None or weighted - best.weighted <= RIVAL:
+        return []
+    gain = weighted - best.weighted
+    words = {"shot": f"shot {best.shot + 1}", "rival": best.lamp, "lamp": lamps[best.shot].name}
+    return [because("rival", gain, words, fatal=gain > CONDEMNED)]
+
+
+def tinted(name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: int, answer: Ssf) -> list[Reason]:
+    """Rule 5, by the answer to shot j alone."""
+    raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
+    offs = []
+    for neutral in told:
+        expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)
+        ratio = np.log(raw / expected)
+        offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
+    if not offs or min(offs) <= TINTED:
+        return []
+    off = min(offs)
+    return [because("tint", off, {"shot": name, "share": float(np.expm1(off)), "lamp": lamp.name})]

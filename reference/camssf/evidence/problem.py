@@ -1,0 +1,143 @@
+"""Capture and options → problem: what `recover` is asked of a capture, for the whole of it and for parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from camssf.curves.basis import Basis
+from camssf.curves.evidence import Evidence
+from camssf.curves.predict import predict
+from camssf.curves.ssf import Ssf, recover, respond
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
+from camssf.photo.capture import Capture, listed
+from camssf.photo.signals import Signals, normalise
+from camssf.rules import rules
+from camssf.spectra import Lamp
+
+FEWEST_PATCHES = 3
+"""Below which nothing is fitted."""
+WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
+"""Relative error of a white frame's reflectance."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A capture to be solved.
+
+    Attributes:
+        capture: the measured shots.
+        signals: Eq. (5); `used` are the usable patches among those that were asked for.
+        asked: (n,) the patches that may enter the fit.
+        options: how to solve.
+    """
+
+    capture: Capture
+    signals: Signals
+    asked: NDArray[np.bool_]
+    options: Options
+
+    @property
+    def lamps(self) -> list[Lamp]:
+        """Each shot's."""
+        return [shot.lamp for shot in self.capture.shots]
+
+    def white_reference(self) -> tuple[Floats, float]:
+        """ρ_w (681,) and its tolerance: the white frame's target, or the chart's own white patch."""
+        table = self.capture.chart
+        if self.capture.shots[0].means.white is None:
+            return table.values[table.white], float(table.tolerance[table.white])
+        share = 1.0 if self.capture.white_reflectance is None else self.capture.white_reflectance
+        return np.full(WAVELENGTHS.size, share), WHITE_TOLERANCE
+
+    def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
+        """`recover` on the used patches (k, n); the answer predicts all of them."""
+        options, given = self.options, self.given(used)
+        ssf = recover(
+            given, basis=options.basis, l2=options.l2, gamma=gamma, nonnegative=options.nonnegative,
+            engine=options.engine,
+        )  # fmt: skip
+        return replace(
+            ssf, predicted=respond(ssf.values, self.capture.chart.values, ssf.lamp, given.white_reflectance)
+        )
+
+    def solve_alone(self) -> list[Ssf]:
+        """The answer to each shot alone; none where there is one."""
+        k = len(self.capture.shots)
+        shots = np.eye(k, dtype=bool)[:, :, None] if k > 1 else ()
+        return [self.solve(self.signals.used & shot, self.options.gamma) for shot in shots]
+
+    def bands(self, used: NDArray[np.bool_], ssf: Ssf) -> Floats | None:
+        """(k, n, 3) how far every patch's true signal may lie from what a fit to the used ones predicts."""
+        if ssf.std is None:
+            return None
+        table, taken = self.capture.chart, used.any(axis=0)
+        others, tolerance = table.values[~taken], table.tolerance[~taken]
+        found = predict(ssf, self.given(used), of=others, of_tolerance=tolerance, basis=self.options.basis).std
+        std = np.empty_like(self.signals.values)
+        std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
+        return std
+
+    def given(self, used: NDArray[np.bool_]) -> Evidence:
+        """What `recover`, `predict` and `explain` take: the patches that some shot may use."""
+        signals, table, basis, taken = self.signals, self.capture.chart, self.options.basis, used.any(axis=0)
+        exact = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
+        rho, white_tolerance = self.white_reference()
+        return Evidence(
+            signals=signals.values[:, taken],
+            reflectance=table.values[taken],
+            lamp=np.stack([lamp.values for lamp in self.lamps]),
+            standard_error=signals.standard_error[:, taken],
+            used=used[:, taken],
+            chart_tolerance=np.zeros(1) if exact else table.tolerance[taken],  # Eq. (10) knows of no error in it
+            white_reflectance=rho,
+            white_tolerance=white_tolerance,
+            lamp_tolerance=np.array([lamp.tolerance for lamp in self.lamps]),
+            lamp_modes=_modes(self.lamps),
+            frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
+        )
+
+
+def pose_problem(capture: Capture, options: Options) -> Problem:
+    """The problem of a whole capture.
+
+    Raises:
+        InvalidArgument: patches that the chart does not have, or fewer than FEWEST_PATCHES of them usable.
+        CalibrationError: what `normalise` refuses.
+    """
+    asked = _asked(options.fit, len(capture.chart.patches))
+    signals = normalise([shot.means for shot in capture.shots], capture.chart)
+    signals = replace(signals, used=signals.used & asked)
+    count = int(signals.used.any(axis=0).sum())
+    if count < FEWEST_PATCHES:
+        raise InvalidArgument(
+            f"Only {count} patches are left for the fit.", "Name more patches by --fit, or leave it out."
+        )
+    return Problem(capture, signals, asked, options)
+
+
+def _asked(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
+    """The patches named by 1-based numbers, (n,)."""
+    if fit is None:
+        return np.ones(n, dtype=bool)
+    numbers = listed("fit", fit)
+    if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
+        raise InvalidArgument(f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.", "Write 7-18.")
+    mask = np.zeros(n, dtype=bool)
+    mask[np.array(numbers, dtype=int) - 1] = True
+    return mask
+
+
+def _modes(lamps: Sequence[Lamp]) -> Floats:
+    """(k, q, 681): every lamp's modes, filled up with zeros to the longest list."""
+    q = max(len(lamp.modes) for lamp in lamps)
+    modes = np.zeros((len(lamps), q, WAVELENGTHS.size))
+    for j, lamp in enumerate(lamps):
+        modes[j, : len(lamp.modes)] = lamp.modes
+    return modes

@@ -1,0 +1,197 @@
+"""Answer → surprise: how ill it fits what was told, and what would explain that. Rules 1 to 3 of docs/verdict.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.curves.covariance import EDGE, Seen, Tolerances, covariance, smooth_errors
+from camssf.curves.ssf import Ssf
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.photo.pose import Pose
+from camssf.photo.signals import Signals
+from camssf.rules import rules
+from camssf.spectra import ChartTable, Lamp
+
+_NUMBER = rules().number
+SURPRISE = _NUMBER("verdict.surprise")
+SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
+VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
+PRIOR_WEIGHT = _NUMBER("verdict.prior_weight")
+DRIFT = _NUMBER("covariance.drift")
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One way in which a capture may be wrong, and what it would explain of T: rule 3.
+
+    Attributes:
+        kind: "veil", "white", "light", "tone" or "patch".
+        patch: 0-based; None where it is of no patch.
+        gain: of T. amount: its size where d = 1, in units of D; 0 else.
+    """
+
+    kind: str
+    patch: int | None
+    gain: float
+    amount: float
+
+
+@dataclass(frozen=True)
+class Surprise:
+    """How ill the answer fits what was told: rules 1 to 3.
+
+    Attributes:
+        residual, prior: the two parts of T, summed over the channels.
+        count: N.
+        suspects: in the order of rule 3, patches last.
+    """
+
+    residual: float
+    prior: float
+    count: int
+    suspects: tuple[Suspect, ...]
+
+    @property
+    def total(self) -> float:
+        """T."""
+        return self.residual + self.prior
+
+    @property
+    def weighted(self) -> float:
+        """T₄."""
+        return self.residual + PRIOR_WEIGHT * self.prior
+
+    @property
+    def z(self) -> float:
+        """T as a standard normal number, rule 2."""
+        u = 2.0 / (9.0 * self.count)
+        return float(((self.total / self.count) ** (1.0 / 3.0) - (1.0 - u)) / np.sqrt(u))
+
+
+@cache
+def directions(length: float) -> Floats:
+    """Φ of a smooth error on the grid, (681, p): column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²).
+
+    h = ℓ / 2, t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ: white noise, smoothed, so that
+    Φ Φᵀ = exp(-½ (Δλ / ℓ)²).
+    """
+    found = smooth_errors(length, WAVELENGTHS)
+    found.setflags(write=False)
+    return found
+
+
+def surprise(
+    signals: Signals,
+    table: ChartTable,
+    lamps: Sequence[Lamp],
+    ssf: Ssf,
+    white_reflectance: Floats,
+    white_tolerance: float,
+    *,
+    pose: Pose | None = None,
+) -> Surprise:
+    """Rules 1 to 3; arguments as in `verdict.Weighed`. Suspects are questioned where a pose is given, of one shot."""
+    used = signals.used
+    y, off = signals.values[used], (signals.values - ssf.predicted)[used]
+    inverse: list[Floats] = []
+    e: list[Floats] = []
+    for c in range(3):
+        sigma = _covariance(signals, table, lamps, ssf, white_reflectance, white_tolerance, c)
+        inverse.append(np.asarray(np.linalg.inv(sigma), dtype=np.float64))
+        e.append(inverse[c] @ off[:, c])
+    residual = sum(float(off[:, c] @ e[c]) for c in range(3))
+    prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
+    found: list[Suspect] = []
+    if pose is not None:
+        X, Y = _places(pose, used[0])[used[0]].T[:, :, None]
+        ways: dict[str, list[NDArray[np.floating[Any]]]] = {
+            "veil": [1.0 - y],
+            "white": [y * np.eye(3)[c] for c in range(3)],
+            "light": [y * X, y * Y, y * (X**2 + Y**2)],
+            "tone": [y * np.log(np.maximum(y, DARKEST_TONE))],
+        }
+        if signals.white_is_patch[0]:
+            ways["light"].append(y)
+            del ways["white"]
+        found += [Suspect(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
+        gains = sum(e[c] ** 2 / np.diag(inverse[c]) for c in range(3))
+        found += [
+            Suspect("patch", int(i), float(gain), 0.0)
+            for i, gain in zip(np.flatnonzero(used[0]), np.asarray(gains), strict=True)
+        ]
+    return Surprise(residual, prior, 3 * len(y), tuple(found))
+
+
+def _covariance(
+    signals: Signals,
+    table: ChartTable,
+    lamps: Sequence[Lamp],
+    ssf: Ssf,
+    white_reflectance: Floats,
+    white_tolerance: float,
+    c: int,
+) -> Floats:
+    """Rule 1, (rows, rows)."""
+    shot, patch = np.nonzero(signals.used)
+    light = ssf.lamp * STEP
+    light = light / (light @ (white_reflectance * ssf.values[:, c]))[:, None]  # (k, m) L dλ / W
+    reflectance, slope = table.values[patch], np.gradient(table.values, STEP, axis=1)[patch]
+    widths = np.array([lamp.tolerance for lamp in lamps])
+    seen = Seen(
+        shot, patch, signals.values[signals.used][:, c], ssf.predicted[signals.used][:, c],
+        signals.standard_error[signals.used][:, c], ssf.values[:, c],
+        light[shot] * reflectance, EDGE * light[shot] * slope, light[shot], light[shot] * white_reflectance,
+        WAVELENGTHS,
+    )  # fmt: skip
+    known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot], DRIFT)
+    sigma = np.sum(list(covariance(seen, known).values()), axis=0)
+    for j, each in enumerate(lamps):
+        if len(each.modes):
+            modes = (seen.against_white * seen.curve * (shot == j)[:, None]) @ each.modes.T
+            sigma = sigma + modes @ modes.T
+    return np.asarray(sigma)
+
+
+def _places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
+    """(n, 2) X, Y of the patches."""
+    centres = pose.patches.mean(axis=1)
+    return np.asarray((centres - centres[used].mean(axis=0)) / max(float(np.ptp(centres[used], axis=0).max()), 1.0))
+
+
+def _gain(
+    ways: Sequence[NDArray[np.floating[Any]]], inverse: Sequence[Floats], e: Sequence[Floats]
+) -> tuple[float, float]:
+    """What a suspect explains, and its amount: rule 3. Each way is (rows, 3)."""
+    g, G = np.zeros(len(ways)), np.zeros((len(ways), len(ways)))
+    for c in range(3):
+        D = np.stack([way[:, c] for way in ways], axis=1)
+        g += D.T @ e[c]
+        G += D.T @ inverse[c] @ D
+    amounts = np.linalg.solve(G + (1e-12 * np.trace(G) + 1e-300) * np.eye(len(G)), g)
+    return float(g @ amounts), float(amounts[0]) if len(ways) == 1 else 0.0
+
+
+def only(signals: Signals, j: int) -> Signals:
+    """Shot j alone."""
+    arrays = ("values", "standard_error", "chart", "white", "dark", "used", "white_is_patch")
+    return replace(signals, **{name: getattr(signals, name)[j : j + 1] for name in arrays})
+
+
+def shot_answer(answer: Ssf, j: int) -> Ssf:
+    """What an answer says of shot j alone."""
+    return replace(answer, predicted=answer.predicted[j : j + 1], lamp=answer.lamp[j : j + 1])
+
+
+def accused(one: Surprise) -> Suspect | None:
+    """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, else SUSPECT."""
+    if not one.suspects:
+        return None
+    strongest = max(one.suspects, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
+    enough = SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
+    return strongest if strongest.gain > enough else None

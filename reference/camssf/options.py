@@ -1,0 +1,72 @@
+"""How a capture is to be calibrated, beside its photos and lamps."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from camssf.curves.basis import Basis
+
+
+@dataclass(frozen=True)
+class Options:
+    """What can be said of a calibration; the defaults are right for a photo under a known lamp.
+
+    Of measuring:
+
+    Attributes:
+        corners: for each shot None, or (4, 2) outer corners of the patches by hand, px; None to search in all shots.
+        white_reflectance: of the white frame's target, 0 to 1, the same at all wavelengths; None for a perfect
+            diffuser.
+        lamp_tolerance: how well each lamp is known, `2%`, `300K` or both (`with_tolerance`); None for its default.
+        lens_shading: "as-stored", or "apply" for the gain maps in the photos' files (`photo.patches`, rule 6).
+
+    Of solving, as in `recover`:
+
+    Attributes:
+        basis: a name, a file, or a Basis.
+        fit: 1-based numbers of the patches that enter the fit; None for all, validated fold by fold.
+        nonnegative: coefficients ≥ 0; None leaves it to the basis.
+        l2, gamma: the penalties λ₂ and γ; None leaves them to the basis.
+        engine: "onnx" or "reference".
+    """
+
+    corners: Sequence[ArrayLike | None] | None = None
+    white_reflectance: float | None = None
+    lamp_tolerance: str | Sequence[str | None] | None = None
+    lens_shading: str = "as-stored"
+    basis: str | Basis = "cameras"
+    fit: Sequence[int] | None = None
+    nonnegative: bool | None = None
+    l2: float | None = None
+    gamma: float | None = None
+    engine: str = "onnx"
+
+
+DEFAULTS = Options()
+
+
+def with_former(verb: str, options: Options, former: Mapping[str, Any]) -> Options:
+    """The options with those that were given the former way, each as an argument of its own.
+
+    Raises:
+        TypeError: a name that is no option, as Python says it of any function.
+    """
+    unknown = former.keys() - {each.name for each in fields(Options)}
+    if unknown:
+        raise TypeError(f"{verb}() got an unexpected keyword argument {min(unknown)!r}")
+    if not former:
+        return options
+    given = ", ".join(f"{name}=..." for name in former)
+    warnings.warn(
+        f"{verb}({given}) has become {verb}(options=Options({given})); the former way goes with the release after "
+        "the next.",
+        DeprecationWarning,
+        stacklevel=3,
+    )
+    return replace(options, **former)

@@ -1,0 +1,215 @@
+"""data/rules.json: every threshold of the product, the rival lamps, and the words of the verdict.
+
+Python and Kotlin read the one file, so that no number and no sentence stands in two places. docs/verdict.md shows its
+thresholds as a table and describes its form.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from math import isfinite
+from types import MappingProxyType
+from typing import Any
+
+from camssf import errors
+from camssf.errors import CalibrationError, InvalidArgument
+
+FORMAT = "camssf-rules/1"
+PLACE = files("camssf") / "data" / "rules.json"
+PLACEHOLDER = re.compile(r"\{([a-z]+)(?::(percent|fixed)([0-9]))?\}")
+"""`{name}`, `{name:percent1}` (a share as per cent with one decimal), `{name:fixed2}` (two decimals)."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of the rules.
+
+    Attributes:
+        name: group and word, "verdict.surprise".
+        value, unit: as it is compared. Whole numbers are int.
+        what, why: what it measures, and why it stands where it stands.
+        makes: "doubtful" or "refused" for a bound of the verdict, else None.
+        beyond: "above" or "below", the side on which it does so, else None.
+    """
+
+    name: str
+    value: float
+    unit: str
+    what: str
+    why: str
+    makes: str | None = None
+    beyond: str | None = None
+
+
+@dataclass(frozen=True)
+class Wording:
+    """What a reason of the verdict says.
+
+    Attributes:
+        name: of the reason, "veil".
+        code: its word in the vocabulary of `camssf.errors`.
+        limits: the numbers of the group "verdict" that decide: doubtful, and after it refused where there is one.
+        message, advice: with placeholders.
+    """
+
+    name: str
+    code: str
+    limits: tuple[str, ...]
+    message: str
+    advice: str
+
+    def say(self, values: Mapping[str, str | float]) -> tuple[str, str]:
+        """Message and advice, the placeholders filled in."""
+        return fill(self.message, values), fill(self.advice, values)
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The whole file.
+
+    Attributes:
+        numbers: by group and word, "signals.clipped".
+        rivals: lamps tried in the place of the named one.
+        reasons: by name.
+    """
+
+    numbers: Mapping[str, Number]
+    rivals: tuple[str, ...]
+    reasons: Mapping[str, Wording]
+
+    def number(self, name: str) -> float:
+        """A number by group and word."""
+        return float(self.numbers[name].value)
+
+    def whole(self, name: str) -> int:
+        """A number that counts.
+
+        Raises:
+            InvalidArgument: it is no whole number.
+        """
+        value = self.numbers[name].value
+        _need(isinstance(value, int), f"{name} is {value}, which is no whole number")
+        return int(value)
+
+
+@cache
+def rules() -> Rules:
+    """The rules that this installation carries.
+
+    Raises:
+        InvalidArgument: the file is missing or damaged.
+    """
+    try:
+        text = PLACE.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _damaged(str(error)) from error
+    return parse(text)
+
+
+def parse(text: str) -> Rules:
+    """Rules from the file's text; unknown and missing keys are errors.
+
+    Raises:
+        InvalidArgument: the text is no such file.
+    """
+    try:
+        document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
+    except ValueError as error:
+        raise _damaged(f"it is no strict JSON: {error}") from error
+    _keys("the file", document, {"format", "numbers", "rivals", "reasons"})
+    _need(document["format"] == FORMAT, f"it calls itself {document['format']!r} instead of {FORMAT!r}")
+    for part in ("numbers", "reasons"):
+        _need(isinstance(document[part], dict), f"{part} is no object")
+    numbers: dict[str, Number] = {}
+    for group, entries in document["numbers"].items():
+        _need(isinstance(entries, dict), f"numbers, {group} is no object")
+        numbers |= {f"{group}.{word}": _number(f"{group}.{word}", entry) for word, entry in entries.items()}
+    rivals = document["rivals"]
+    _need(_texts(rivals) and len(set(rivals)) == len(rivals), "rivals is no list of different names")
+    reasons = {name: _wording(name, entry, numbers) for name, entry in document["reasons"].items()}
+    return Rules(MappingProxyType(numbers), tuple(rivals), MappingProxyType(reasons))
+
+
+def fill(template: str, values: Mapping[str, str | float]) -> str:
+    """A template with its placeholders filled in.
+
+    Raises:
+        KeyError: a placeholder has no value.
+    """
+
+    def text(found: re.Match[str]) -> str:
+        value, kind, digits = values[found[1]], found[2], found[3]
+        if kind is None:
+            return str(value)
+        return f"{value:.{digits}{'%' if kind == 'percent' else 'f'}}"
+
+    return PLACEHOLDER.sub(text, template)
+
+
+def _number(name: str, entry: Any) -> Number:
+    _keys(name, entry, {"value", "unit", "what", "why"}, frozenset({"makes", "beyond"}))
+    value = entry["value"]
+    sound = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value) and value > 0
+    _need(sound, f"{name} is {value!r} instead of a positive number")
+    _need(_texts([entry[key] for key in ("unit", "what", "why")]), f"{name} has an empty text")
+    _need(entry.get("makes") in (None, "doubtful", "refused"), f"{name} makes {entry.get('makes')!r}")
+    _need(entry.get("beyond") in (None, "above", "below"), f"{name} decides {entry.get('beyond')!r}")
+    _need(("makes" in entry) == ("beyond" in entry), f"{name} has one of makes and beyond")
+    return Number(name, value, entry["unit"], entry["what"], entry["why"], entry.get("makes"), entry.get("beyond"))
+
+
+def _wording(name: str, entry: Any, numbers: Mapping[str, Number]) -> Wording:
+    _keys(name, entry, {"code", "limits", "message", "advice"}, frozenset({"advice_in_apps"}))
+    words = [entry[key] for key in ("code", "message", "advice", "advice_in_apps") if key in entry]
+    _need(_texts(words), f"{name} has an empty text")
+    _need(entry["code"] in _codes(), f"{name} has the code {entry['code']!r}, which the vocabulary lacks")
+    for template in words:
+        _need(not set("{}") & set(PLACEHOLDER.sub("", template)), f"{name} has a wrong placeholder in {template!r}")
+    limits = entry["limits"]
+    _need(_texts(limits) and len(limits) in (1, 2), f"{name} has the limits {limits!r} instead of one or two names")
+    makes = [numbers[f"verdict.{limit}"].makes if f"verdict.{limit}" in numbers else "nothing" for limit in limits]
+    _need(makes == ["doubtful", "refused"][: len(makes)], f"{name} has limits that make {makes}")
+    return Wording(name, entry["code"], tuple(limits), entry["message"], entry["advice"])
+
+
+@cache
+def _codes() -> frozenset[str]:
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, CalibrationError)]
+    return frozenset(kind.code for kind in kinds) - {CalibrationError.code}
+
+
+def _texts(values: Any) -> bool:
+    return isinstance(values, list) and bool(values) and all(isinstance(v, str) and v for v in values)
+
+
+def _distinct(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"{key!r} stands twice in one object")
+        found[key] = value
+    return found
+
+
+def _no_constant(word: str) -> float:
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _keys(where: str, found: Any, needed: set[str], allowed: frozenset[str] = frozenset()) -> None:
+    _need(isinstance(found, dict), f"{where} is no object")
+    odd = sorted(set(found) - needed - allowed) + sorted(needed - set(found))
+    _need(not odd, f"{where} has unknown or missing keys: {', '.join(odd)}")
+
+
+def _need(holds: bool, message: str) -> None:
+    if not holds:
+        raise _damaged(message)
+
+
+def _damaged(what: str) -> InvalidArgument:
+    return InvalidArgument(f"The rules of this installation cannot be read: {what}.", "Install camssf anew.")

@@ -1,0 +1,111 @@
+"""Samples → a DNG file, and the camera's true curves → a CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.fonts import prepare_matplotlib
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.simulation.setup import FileTags
+from camssf.spectra import CameraCurves
+
+
+def write_dng(
+    path: Path,
+    samples: NDArray[np.uint16],
+    tags: FileTags,
+    camera: CameraCurves,
+    neutral: Floats,
+    compression: str | None,
+) -> None:
+    """One DNG 1.4, CFA in IFD0, 16 bits, uncompressed or in lossless JPEG tiles ("ljpeg")."""
+    import tifffile
+
+    from camssf import __version__
+
+    height, width = samples.shape
+    pattern = bytes("RGB".index(letter) for letter in tags.cfa)
+    extra: list[tuple[int, int, int, Any, bool]] = [
+        (271, 2, 0, "camssf", True),
+        (272, 2, 0, camera.name.encode("ascii", "replace").decode(), True),
+        (274, 3, 1, 1, True),
+        (33421, 3, 2, (2, 2), True),
+        (33422, 1, 4, pattern, True),
+        (33434, 5, 1, tuple(_rationals(np.array([tags.exposure]), 1_000_000)), True),
+        (34855, 3, 1, round(tags.iso), True),
+        (50706, 1, 4, bytes((1, 4, 0, 0)), True),
+        (50707, 1, 4, bytes((1, 1, 0, 0)), True),
+        (50708, 2, 0, "camssf simulated camera", True),
+        (50713, 3, 2, (2, 2), True),
+        (50714, 5, 4, _rationals(np.full(4, tags.black), 100), True),
+        (50717, 4, 1, tags.white_level, True),
+        (50721, 10, 9, _rationals(_color_matrix(camera)), True),
+        (50728, 5, 3, _rationals(neutral), True),
+        (50778, 3, 1, 21, True),
+        (50829, 4, 4, (0, 0, height, width), True),
+    ]
+    options: dict[str, Any] = {
+        "photometric": "cfa",
+        "metadata": None,
+        "software": f"camssf {__version__}",
+        "extratags": extra,
+    }
+    if compression is None:
+        tifffile.imwrite(path, samples, byteorder="<", rowsperstrip=64, **options)
+        return
+    tile = (256, 256)
+    tifffile.imwrite(
+        path,
+        _jpeg_tiles(samples, tile),
+        byteorder="<",
+        shape=samples.shape,
+        dtype=np.uint16,
+        tile=tile,
+        compression=7,
+        **options,
+    )
+
+
+def write_truth(path: Path, camera: CameraCurves) -> None:
+    """The curves, peak 1 each, as a CSV wavelength_nm,red,green,blue."""
+    curves = camera.values / camera.values.max(axis=0)
+    rows = np.column_stack([WAVELENGTHS, curves])
+    lines = [f"{nm:.1f},{r:.9g},{g:.9g},{b:.9g}" for nm, r, g, b in rows.tolist()]
+    path.write_text("\n".join(["wavelength_nm,red,green,blue", *lines, ""]), encoding="utf-8")
+
+
+def _color_matrix(camera: CameraCurves) -> Floats:
+    """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, its rows scaled to keep white."""
+    prepare_matplotlib()  # colour-science loads it
+    import colour
+
+    shape = colour.SpectralShape(380, 720, STEP)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape).values
+    weights = np.sqrt(daylight)[:, None]
+    matrix = np.linalg.lstsq(weights * observer, weights * camera.values, rcond=None)[0].T
+    white = daylight @ observer / (daylight @ observer[:, 1])
+    neutral = daylight @ camera.values
+    return np.asarray(matrix * (neutral / neutral.max() / (matrix @ white))[:, None], dtype=np.float64)
+
+
+def _rationals(values: Floats, denominator: int = 10000) -> list[int]:
+    return [part for value in np.ravel(values) for part in (round(float(value) * denominator), denominator)]
+
+
+def _jpeg_tiles(samples: NDArray[np.uint16], tile: tuple[int, int]) -> Iterator[bytes]:
+    """Lossless JPEG (SOF3) of every tile, edge tiles padded; two components, as a CFA row alternates two colours."""
+    import imagecodecs
+
+    bits = max(2, int(samples.max()).bit_length())
+    padded = np.pad(samples, [(0, -n % t) for n, t in zip(samples.shape, tile, strict=True)], mode="edge")
+    for top in range(0, padded.shape[0], tile[0]):
+        for left in range(0, padded.shape[1], tile[1]):
+            block = padded[top : top + tile[0], left : left + tile[1]]
+            pairs = np.ascontiguousarray(block).reshape(tile[0], tile[1] // 2, 2)
+            yield bytes(imagecodecs.jpeg_encode(pairs, lossless=True, bitspersample=bits))

@@ -1,0 +1,110 @@
+"""What happens to the light between the chart and the sensor: highlights, shadows, a hand, shading, motion, defocus.
+
+Each is a change of a `Setup` in three severities, as `camssf.simulation.faults` lists them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.simulation.camera import sites
+from camssf.simulation.scene import ChartProjection
+from camssf.simulation.setup import Light, Setup
+
+
+def _through(setup: Setup, frame: str, effect: Light) -> Setup:
+    """The setup with one more effect on a frame's light, after those that it has."""
+    before = setup.light.get(frame)
+
+    def both(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        return effect(light if before is None else before(light, chart), chart)
+
+    return replace(setup, light={**setup.light, frame: both})
+
+
+def specular(setup: Setup, severity: int) -> Setup:
+    """A highlight on one patch."""
+    height = (0.06, 0.4, 3.0)[severity - 1]
+    column, row = 2, 2  # red, in the lower half
+
+    def spot(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        blob = height * np.exp(-0.5 * (((chart.u - column) / 0.3) ** 2 + ((chart.v - row) / 0.3) ** 2))
+        for rows, columns, colour in sites(chart.cfa, *light.shape):
+            light[rows, columns] += blob[rows, columns] * np.float32(chart.white[colour])
+        return light
+
+    return _through(setup, "chart", spot)
+
+
+def shadow(setup: Setup, severity: int) -> Setup:
+    """A shadow with an edge across the chart."""
+    depth = (0.05, 0.2, 0.6)[severity - 1]
+
+    def shade(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        edge = 1.0 / (1.0 + np.exp(np.clip((chart.u + 0.5 * chart.v - 3.2) / 0.15, -30, 30)))
+        return np.asarray(light * (1 - depth * edge), dtype=np.float32)
+
+    return _through(setup, "chart", shade)
+
+
+def covered(setup: Setup, severity: int) -> Setup:
+    """A hand on the chart."""
+    columns = (0.35, 1.5, 3.5)[severity - 1]  # a hand from the right, so many columns in
+
+    def hand(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        over = (chart.u > 5.5 - columns) & (chart.v > (0.6 if severity < 3 else -0.6)) & (chart.v < 2.4)
+        for rows, cols, colour in sites(chart.cfa, *light.shape):
+            part = light[rows, cols]
+            part[over[rows, cols]] = chart.reflected[1, colour]
+        return light
+
+    return _through(setup, "chart", hand)
+
+
+def shading(setup: Setup, severity: int) -> Setup:
+    """Lens shading corrected in the chart photo, not in the white frame."""
+    gain = (0.05, 0.2, 0.6)[severity - 1]
+
+    def corrected(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        height, width = light.shape
+        y, x = np.mgrid[:height, :width].astype(np.float32)
+        r2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
+        for rows, columns, colour in sites(chart.cfa, *light.shape):
+            light[rows, columns] *= 1 + gain * (1.3, 1.0, 1.1)[colour] * r2[rows, columns]
+        return light
+
+    return _through(setup, "chart", corrected)
+
+
+def motion(setup: Setup, severity: int) -> Setup:
+    """The camera moved."""
+    length = (0.1, 0.35, 0.9)[severity - 1]
+
+    def moved(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        from scipy.ndimage import uniform_filter1d
+
+        pitch = 1.0 / abs(float(np.gradient(chart.u[len(chart.u) // 2]).mean()))
+        for rows, columns, _ in sites(chart.cfa, *light.shape):
+            size = max(1, round(length * pitch / 2))
+            light[rows, columns] = uniform_filter1d(light[rows, columns], size, axis=1)
+        return light
+
+    return _through(setup, "chart", moved)
+
+
+def defocus(setup: Setup, severity: int) -> Setup:
+    """Out of focus."""
+    width = (0.05, 0.15, 0.35)[severity - 1]
+
+    def soft(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        from scipy.ndimage import gaussian_filter
+
+        pitch = 1.0 / abs(float(np.gradient(chart.u[len(chart.u) // 2]).mean()))
+        for rows, columns, _ in sites(chart.cfa, *light.shape):
+            light[rows, columns] = gaussian_filter(light[rows, columns], width * pitch / 2)
+        return light
+
+    return _through(setup, "chart", soft)

@@ -1,0 +1,112 @@
+"""One shot in memory: chart, white and dark frame, and the truth about them.
+
+    signal(pixel) = exposure · Σ R L S dλ / max over channels (Σ 1 L S dλ) · falloff(pixel)      share of full scale
+    DN(pixel)     = round(black + (white level − black) · signal + dark current), clipped at 0 and the white level
+
+with R the reflectance that the pixel looks at, L the lamp, S the pixel's channel. The white frame is an ideal
+diffuser (R = 1) and the dark frame sees no light, both at the chart's exposure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.grid import STEP, Floats
+from camssf.photo.pose import Pose
+from camssf.simulation.camera import Sensor, check_sensor, count, sites
+from camssf.simulation.scene import Scene, check_scene, fall_off, project, render_mosaic, true_pose
+from camssf.simulation.setup import Setup
+from camssf.spectra import CameraCurves, ChartTable, Lamp
+
+
+@dataclass(frozen=True)
+class Frames:
+    """One shot in memory.
+
+    Attributes:
+        chart, white, dark: (h, w) uint16 DN.
+        signals: (n, 3) y = Σ R L S dλ / Σ L S dλ of every patch: what Eq. (5) must give back (glare adds to it).
+        levels: (n, 3) DN of every patch before falloff, noise and rounding; with black, dark current and glare.
+        white_levels: (3,) the same of the ideal diffuser.
+        pose: where the chart truly lies.
+    """
+
+    chart: NDArray[np.uint16]
+    white: NDArray[np.uint16]
+    dark: NDArray[np.uint16]
+    signals: Floats
+    levels: Floats
+    white_levels: Floats
+    pose: Pose
+
+
+def photograph(
+    camera: CameraCurves,
+    lamp: Lamp,
+    table: ChartTable,
+    scene: Scene,
+    sensor: Sensor,
+    seed: Sequence[int] = (0,),
+) -> Frames:
+    """One shot in memory: chart, white and dark frame, and the truth about them.
+
+    Raises:
+        InvalidArgument: a setting is out of range, or camera and lamp share no light.
+    """
+    return take(Setup(camera, lamp, table, scene, sensor, lamp.name, table.name), seed)
+
+
+def take(setup: Setup, seed: Sequence[int] = (0,)) -> Frames:
+    """The frames of a setup, in memory; what the files say and which are handed in is the writer's.
+
+    Raises:
+        InvalidArgument: as `photograph`.
+    """
+    scene, sensor = setup.scene, setup.sensor
+    check_scene(scene)
+    check_sensor(sensor)
+    reflected, diffuser = _exposed(setup, setup.lamp)
+    if setup.white_lamp is None:
+        white = diffuser
+    else:
+        _, white = _exposed(setup, setup.white_lamp)
+    width, height = scene.size
+    flat = np.empty((height, width), dtype=np.float32)
+    for rows, columns, colour in sites(sensor.cfa, height, width):
+        flat[rows, columns] = setup.white_level * white[colour]
+    fall_off(flat, scene.vignetting)
+    light = render_mosaic(scene, reflected, diffuser, sensor.cfa)
+    if setup.light:
+        chart_at = project(scene, reflected, diffuser, sensor.cfa)
+        flat = setup.light["white"](flat, chart_at) if "white" in setup.light else flat
+        light = setup.light["chart"](light, chart_at) if "chart" in setup.light else light
+    chart = count(light, sensor, np.random.default_rng([*seed, 0]))
+    del light
+    lit = count(flat, sensor, np.random.default_rng([*seed, 1]))
+    warm = replace(sensor, dark_current=sensor.dark_current + setup.dark_offset)
+    dark = count(np.zeros_like(flat), warm, np.random.default_rng([*seed, 2]))
+    if setup.samples is not None:
+        chart, lit, dark = (setup.samples(frame, setup) for frame in (chart, lit, dark))
+    offset = sensor.black + sensor.dark_current
+    levels = reflected + scene.glare * diffuser + offset
+    signals = reflected / diffuser
+    return Frames(chart, lit, dark, signals, levels, diffuser + offset, true_pose(scene))
+
+
+def _exposed(setup: Setup, lamp: Lamp) -> tuple[Floats, Floats]:
+    """Light of the patches (n, 3) and of a diffuser (3,) under a lamp, DN above black."""
+    sensor, curves = setup.sensor, setup.camera.values
+    diffuser = np.einsum("m,mc->c", lamp.values, curves) * STEP * sensor.gains
+    if not diffuser.min() > 0:
+        raise InvalidArgument(
+            f"Camera {setup.camera.name} sees nothing of lamp {lamp.name} in a channel.",
+            "Choose a lamp with power between 400 and 700 nm.",
+        )
+    reflected = np.einsum("nm,m,mc->nc", setup.table.values, lamp.values, curves) * STEP * sensor.gains
+    scale = sensor.exposure * (sensor.white_level - sensor.black) / float(diffuser.max())
+    return scale * reflected, scale * diffuser

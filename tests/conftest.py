@@ -1,0 +1,81 @@
+"""What holds for every test: which are numerical, and which tools a run may not lack.
+
+A test that lacks a tool skips and says which, so that a stranger's clone passes. Where the tool was installed on
+purpose, as `.ci/run` does, such a skip means that something was not checked and nobody noticed. So
+CAMSSF_REQUIRE="java chromium strace imagecodecs" makes the run fail if one of these is not there, or if any test
+skips with a reason that names it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+NUMERICAL = {
+    "test_basis",
+    "test_direct",
+    "test_engine",
+    "test_families",
+    "test_golden",
+    "test_onnx",
+    "test_sensing",
+    "test_ssf",
+    "test_code",
+    "test_validate",
+    "test_verdict",
+}
+"""Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath."""
+COMMANDS = {
+    "java": ("java",),
+    "strace": ("strace",),
+    "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
+}
+"""Required tools that are programs, by any of these names; every other is a Python package."""
+WORDS = {"java": ("java", "no jar", "jvm")}
+"""Words by which a skip's reason names a tool, where they are not its name."""
+
+
+def required() -> list[str]:
+    return os.environ.get("CAMSSF_REQUIRE", "").split()
+
+
+def there(tool: str) -> bool:
+    if tool in COMMANDS:
+        return any(map(shutil.which, COMMANDS[tool]))
+    return importlib.util.find_spec(tool) is not None
+
+
+def forbidden(reason: str, tools: list[str]) -> list[str]:
+    """Which of the tools a skip's reason names."""
+    return [
+        tool for tool in tools if any(re.search(rf"\b{word}\b", reason.lower()) for word in WORDS.get(tool, (tool,)))
+    ]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if missing := [tool for tool in required() if not there(tool)]:
+        raise pytest.UsageError(f"CAMSSF_REQUIRE names what is not there: {', '.join(missing)}")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.stem in NUMERICAL:
+            item.add_marker(pytest.mark.numerical)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> object:
+    """A forbidden skip turns a passed run into a failed one; so does one of a whole file, at its import."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    for report in reporter.stats.get("skipped", []) if reporter else []:
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        if tools := forbidden(reason, required()):
+            where = report.nodeid or Path(report.longrepr[0]).name
+            reporter.write_line(f"\nERROR: {where} skipped, but {', '.join(tools)} is required: {reason}", red=True)
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    return (yield)

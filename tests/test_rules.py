@@ -1,0 +1,166 @@
+"""rules.json: read strictly, shown in the docs as it is, and guarded by the golden cases."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import mutate_rules, rules_table
+from camssf import rules as module
+from camssf.errors import InvalidArgument
+from camssf.evidence import light, reasons
+from camssf.evidence import verdict as judge
+from camssf.photo import patches, signals
+from camssf.rules import fill, parse, rules
+from camssf.spectra import read_lamp
+
+Json = dict[str, Any]
+TEXT = mutate_rules.PLACE.read_text("utf-8")
+DOCUMENT = json.loads(TEXT)
+
+
+def test_the_stages_read_the_file() -> None:
+    assert judge.SURPRISE == rules().number("verdict.surprise") == 3.5
+    assert signals.FEWEST == rules().whole("signals.fewest") == 6
+    assert patches.SHRINK == DOCUMENT["numbers"]["patches"]["shrink"]["value"] == 0.5
+    assert rules().number("covariance.absolute") == 1 / 3
+
+
+def test_every_rival_is_a_lamp() -> None:
+    assert [read_lamp(name).values.max() > 0 for name in light.RIVALS] == [True] * 14
+
+
+BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
+    "another format": (lambda d: d.update(format="camssf-rules/2"), "camssf-rules/2"),
+    "unknown key": (lambda d: d.update(kinds=[]), "kinds"),
+    "missing key": (lambda d: d.pop("rivals"), "rivals"),
+    "no object": (lambda d: d.update(numbers=[]), "numbers"),
+    "no value": (lambda d: d["numbers"]["verdict"]["surprise"].pop("value"), "verdict.surprise.*value"),
+    "a text for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value="3.5"), "verdict.surprise"),
+    "truth for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value=True), "verdict.surprise"),
+    "nothing for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value=0), "verdict.surprise"),
+    "no reason why": (lambda d: d["numbers"]["verdict"]["surprise"].update(why=""), "empty text"),
+    "makes a fuss": (lambda d: d["numbers"]["verdict"]["surprise"].update(makes="fuss"), "fuss"),
+    "one side": (lambda d: d["numbers"]["verdict"]["surprise"].pop("beyond"), "makes and beyond"),
+    "a rival twice": (lambda d: d["rivals"].append("FL2"), "rivals"),
+    "unknown code": (lambda d: d["reasons"]["veil"].update(code="fog"), "fog"),
+    "unknown limit": (lambda d: d["reasons"]["veil"].update(limits=["fears"]), "limits"),
+    "limits exchanged": (lambda d: d["reasons"]["veil"]["limits"].reverse(), "limits"),
+    "wrong placeholder": (lambda d: d["reasons"]["veil"].update(message="{amount:percents}"), "placeholder"),
+    "unknown word": (lambda d: d["reasons"]["veil"].update(level=1), "level"),
+}
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_damaged_file_is_refused(name: str) -> None:
+    document = json.loads(TEXT)
+    change, said = BREAKS[name]
+    change(document)
+    with pytest.raises(InvalidArgument, match=said) as caught:
+        parse(json.dumps(document))
+    assert caught.value.advice == "Install camssf anew."
+
+
+@pytest.mark.parametrize("text", [TEXT[:-5], "[]", TEXT.replace("3.5", "NaN", 1), '{"format": 1, "format": 1}'])
+def test_what_is_no_strict_json_is_refused(text: str) -> None:
+    with pytest.raises(InvalidArgument):
+        parse(text)
+
+
+def test_a_missing_file_is_a_typed_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PLACE", tmp_path / "rules.json")
+    rules.cache_clear()
+    try:
+        with pytest.raises(InvalidArgument, match="rules of this installation"):
+            rules()
+    finally:
+        rules.cache_clear()
+
+
+def test_a_number_that_counts_is_whole() -> None:
+    document = json.loads(TEXT)
+    document["numbers"]["verdict"]["fewest"]["value"] = 3.5
+    found = parse(json.dumps(document))
+    with pytest.raises(InvalidArgument, match="whole"):
+        found.whole("verdict.fewest")
+
+
+def test_placeholders() -> None:
+    values = {"a": 0.125, "n": 12, "t": "x"}
+    said = fill("{a:percent1} {a:percent0} {a:fixed2} {n} {t}", values)
+    assert said == "12.5% 12% 0.12 12 x"
+    with pytest.raises(KeyError):
+        fill("{b}", values)
+
+
+@pytest.mark.parametrize("name", sorted(DOCUMENT["reasons"]))
+def test_every_reason_can_be_said(name: str) -> None:
+    known = {"shot": "shot 1", "patch": "a", "rival": "A", "lamp": "B", "left": 3, "all": 24}
+    shares = ["amount", "exponent", "size", "length", "bound", "level", "share", "grain", "texture", "score", "width"]
+    words = dict.fromkeys(shares, 0.5) | known
+    reason = reasons.because(name, 1.0, words)
+    assert "{" not in reason.message + reason.advice
+    assert reason.message.endswith(".")
+    assert reason.advice.endswith(".")
+    in_apps = DOCUMENT["reasons"][name].get("advice_in_apps")
+    assert ("--" in reason.advice or "by hand" in reason.advice) == (in_apps is not None)
+    assert "--" not in (in_apps or "")
+
+
+def test_the_table_in_the_docs_is_the_file_s(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rules_table.main(["--check"]) == 0, "run python -m benchmarks.rules_table"
+    changed = TEXT.replace('"value": 3.5', '"value": 3.6', 1)
+    page = rules_table.PAGE.read_text("utf-8")
+    assert rules_table.page(page, parse(changed)) != page
+    assert "file's" in capsys.readouterr().out
+
+
+# the mutation run, the part of it that is cheap: python -m benchmarks.mutate_rules makes all mutants
+
+
+CHEAP = [
+    mutant
+    for mutant in mutate_rules.mutants(DOCUMENT)
+    if mutant.name.partition(".")[0] in ("verdict", "covariance", "signals", "patches")
+    and mutant.name.endswith((" x 1.5", " + 1"))
+    and not mutant.name.startswith("verdict.most_rivalled")  # the stage calibrate notices it
+]
+
+
+def test_every_changed_number_is_noticed_by_a_golden_case() -> None:
+    numbers = sum(len(DOCUMENT["numbers"][group]) for group in ("verdict", "covariance", "signals", "patches"))
+    assert len(CHEAP) == numbers - 1
+    assert mutate_rules.survivors(mutate_rules.python, CHEAP, mutate_rules.CHEAP) == []
+
+
+def test_the_mutation_run_can_fail(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A number that no case looks at: `calibration.folds` in the cheap stages."""
+    monkeypatch.setattr(mutate_rules, "STAGES", ("signals",))
+    assert mutate_rules.main(["--only", "calibration.folds"]) == 1
+    assert "NO REASON" in capsys.readouterr().out
+    monkeypatch.setattr(mutate_rules, "EQUIVALENT", {f"calibration.folds {how}": "so" for how in ("+ 1", "- 1")})
+    assert mutate_rules.main(["--only", "calibration.folds"]) == 0
+
+
+def test_without_a_jar_kotlin_is_skipped_visibly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("benchmarks.kotlin_calibrate.BINDINGS", tmp_path)
+    monkeypatch.setattr(mutate_rules, "STAGES", ("signals",))
+    assert mutate_rules.main(["--kotlin", "--only", "signals.lost +"]) == 0
+    assert "Kotlin: SKIPPED" in capsys.readouterr().out
+
+
+def test_the_process_is_as_before_after_a_mutant() -> None:
+    import camssf.evidence.verdict as now
+
+    assert now is judge
+    assert rules().number("verdict.surprise") == 3.5
+
+
+def test_every_equivalent_mutant_exists() -> None:
+    assert set(mutate_rules.EQUIVALENT) <= {mutant.name for mutant in mutate_rules.mutants(DOCUMENT)}
