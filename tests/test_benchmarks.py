@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camssf.curves.code import soft, solve
 
 from benchmarks import _common, arm, arm_jvm, capture, certify, depth, solver
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import read_basis
+from camssf.curves.code import soft, solve
 from camssf.curves.engine import load_model
 from camssf.curves.sensing import Sensing
 from tests.problems import random_sensing

@@ -12,8 +12,10 @@ from scipy.optimize import nnls
 
 from camssf.curves import finish as walking
 from camssf.curves.code import soft, solve
+from camssf.curves.finish import finish, finish_steps
 from camssf.curves.layers import RELAXATION, ista, splitting
 from camssf.curves.problem import Problem, whiten
+from camssf.curves.proof import prove
 from camssf.curves.sensing import Sensing
 from golden.reading import ROOT, read_case
 from golden.running import problem
@@ -247,3 +249,46 @@ def test_the_finish_is_exact_whatever_layers_began(layers: str) -> None:
     code = solve(sensing, 0.5, gamma, layers=layers)
     assert (code.gap < 1e-12).all()
     assert code.values == pytest.approx(solve(sensing, 0.5, gamma, depth=0).values, abs=1e-10)
+
+
+def in_80_bits(problem: Problem, x: np.ndarray) -> tuple[np.longdouble, np.longdouble]:
+    """Objective and duality gap in extended precision, by the conjugate's first form or by scaling the residual."""
+    A, b, z = (np.asarray(part, dtype=np.longdouble) for part in (problem.A, problem.b, x))
+    l2, gamma = np.longdouble(problem.l2), np.longdouble(problem.gamma)
+    r = b - A @ z
+    g = A.T @ r
+    primal = (r @ r + l2 * z @ z) / 2 + gamma * abs(z).sum()
+    beyond = np.maximum((g if problem.nonnegative else abs(g)) - gamma, 0)
+    if l2 > 0:
+        return primal, np.sum(l2 * z**2 / 2 + gamma * abs(z) + beyond**2 / (2 * l2) - z * g)
+    alpha = min(1, gamma / (g.max() if problem.nonnegative else abs(g).max()))
+    return primal, primal - (alpha * r @ b - (alpha * r) @ (alpha * r) / 2)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+@pytest.mark.parametrize("l2", [0.0, 0.5])
+@pytest.mark.parametrize("size", [1e-1, 1e-3, 1e-5])
+def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonnegative: bool) -> None:
+    """Of answers that are off by so much; the gap is the dual's, recomputed in 80 bits from its textbook form."""
+    problem = problem_of(6, l2, 2.0, nonnegative)
+    best = finish(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    least = in_80_bits(problem, best)[0]
+    x = best + size * np.random.default_rng(8).normal(size=12)
+    x = np.maximum(x, 0.0) if nonnegative else x
+    objective, gap = prove(problem, x)
+    primal, wide = in_80_bits(problem, x)
+    assert objective == pytest.approx(float(primal), rel=1e-14)
+    assert gap * objective == pytest.approx(float(wide), rel=1e-6, abs=1e-14 * objective)
+    assert 0 <= primal - least <= gap * objective * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+def test_with_l2_the_gap_is_of_second_order(nonnegative: bool) -> None:
+    """Ten times nearer along the support, a hundred times smaller; by scaling it would be ten times."""
+    problem = problem_of(6, 0.5, 2.0, nonnegative)
+    best = finish(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    off = np.where(best != 0, np.random.default_rng(9).normal(size=12), 0.0)
+    gaps = [prove(problem, best + size * off)[1] for size in (1e-3, 1e-4, 1e-5)]
+    assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.05)
+    assert gaps[1] / gaps[2] == pytest.approx(100, rel=0.05)
+    assert prove(problem, best)[1] < 1e-15

@@ -222,7 +222,7 @@ def test_the_same_call_gives_the_same_bits(basis: str) -> None:
 
 
 def test_nonnegative_is_optional_and_defaults_by_basis() -> None:
-    """A caller that knows only the documented inputs gets x ≥ 0 on the paper's basis and signed codes on the other."""
+    """A caller that knows only the documented inputs gets x ≥ 0 on the paper's basis, signed codes else."""
     for basis in SHIPPED:
         model, fed = load_model(basis), inputs_of(basis)
         code = model.run(fed)["code"]

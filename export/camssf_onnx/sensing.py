@@ -206,17 +206,9 @@ class Folded:
         A = (a @ atoms).like(self.flat)
         b = (self.y - about - a @ self.mean.unsqueeze(1, 3)).like(self.flat)
 
-        chart_curves, lamp_curves, table_curves = (
-            errors * smooth_errors(length) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
-        )
-        edges = (EDGE * self.bends * bend / W.unsqueeze(2, 3)) @ table_curves
-        floor = ABSOLUTE * (light @ table_curves) + 0.0 * edges
-        parts = g.op("Concat", RELATIVE * (seen @ chart_curves), floor, edges, axis=3)
-        sigma = self.noise + self.same_patch * outer((self.tolerance * parts).like(self.flat))
-        paper = self.white_tolerance * expected * (seen_white @ chart_curves)
-        sigma = sigma + outer(paper.like(self.flat))
-        smooth = self.lamp_tolerance * (a_expected @ lamp_curves)
-        sigma = sigma + self.same_shot * outer(smooth.like(self.flat))
+        edges = EDGE * self.bends * bend / W.unsqueeze(2, 3)
+        seen_by = Seen(errors, expected, seen, edges, light, seen_white, a_expected)
+        sigma = covariance(self, seen_by)
 
         relative = a_expected / bend  # the modes are relative to the lamp as given
         across = self.modes.transpose(0, 2, 1)  # (k, v, q)
@@ -256,6 +248,39 @@ class Folded:
         bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
         lamp = g.op("Max", bend, DARKEST)
         return [curve, lamp, offset * 1.0, told * 1.0, covariance * 1.0, np.eye(self.r) - across @ A]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the errors of the three channels' rows hang on: `Seen` of `camssf.curves.covariance`.
+
+    Attributes:
+        curve: (3, 1, v, 1) s. predicted: (3, k, n, 1) ŷ.
+        patches, edges: (3, k, n, v). light, white: (3, k, 1, v). against_white: (3, k, n, v).
+    """
+
+    curve: Value
+    predicted: Value
+    patches: Value
+    edges: Value
+    light: Value
+    white: Value
+    against_white: Value
+
+
+def covariance(known: Folded, seen: Seen) -> Value:
+    """Σ of each channel's rows without lamp modes, (3, N, N): `camssf.curves.covariance.covariance`."""
+    chart_curves, lamp_curves, table_curves = (
+        seen.curve * smooth_errors(length) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+    )
+    edges = seen.edges @ table_curves
+    floor = ABSOLUTE * (seen.light @ table_curves) + 0.0 * edges
+    chart = edges.graph.op("Concat", RELATIVE * (seen.patches @ chart_curves), floor, edges, axis=3)
+    sigma = known.noise + known.same_patch * outer((known.tolerance * chart).like(known.flat))
+    white = known.white_tolerance * seen.predicted * (seen.white @ chart_curves)
+    sigma = sigma + outer(white.like(known.flat))
+    lamp = known.lamp_tolerance * (seen.against_white @ lamp_curves)
+    return sigma + known.same_shot * outer(lamp.like(known.flat))
 
 
 def fold_evidence(g: Graph, rows: Rows, basis: tuple[Value, Value], scenes: tuple[Value, ...], r: int) -> Folded:

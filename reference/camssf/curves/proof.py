@@ -1,17 +1,28 @@
-"""Code → proof: the objective, and a bound on its distance to the optimum.
+"""Code → proof: the objective, and a bound on its distance to the optimum, from what is measured.
 
-With the residual as dual point the duality gap is
+Whatever the solver believes, its answer x is held against the dual problem. With r = b - A x and g = Aᵀ Σ⁻¹ r:
 
-    ½ (1 - α)² (‖r‖² + λ₂ ‖x‖²) + γ ‖x‖₁ - α xᵀ w,     w = Aᵀ Σ⁻¹ r - λ₂ x,  r = b - A x,
+- λ₂ > 0: r itself is a dual point, and the gap is the penalty's own conjugate (Fenchel and Young, atom by atom),
 
-α ≤ 1 the largest factor that keeps |α w| ≤ γ. It bounds the distance to the optimum from what is measured, not
-from what the solver believes. It is given relative to the objective.
+      Σ_j ½ λ₂ x_j² + γ |x_j| + (|g_j| - γ)₊² / (2 λ₂) - x_j g_j
+        = Σ_j ½ λ₂ (x_j - soft(g_j, γ) / λ₂)² + γ |x_j| - x_j clip(g_j, -γ, γ),
+
+  each term at least 0. The second form has no cancellation. It is of second order in the error of x. For x ≥ 0
+  soft(g, γ) = (g - γ)₊ and the clip has no lower bound.
+- λ₂ = 0: r must be scaled until |α g| ≤ γ, α ≤ 1 the largest such factor:
+
+      ½ (1 - α)² ‖r‖² + γ ‖x‖₁ - α xᵀ g,
+
+  of first order in the error where γ is small.
+
+The gap is given relative to the objective.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from camssf.curves.layers import soft
 from camssf.curves.problem import Problem
 from camssf.grid import Floats
 
@@ -19,14 +30,23 @@ from camssf.grid import Floats
 def prove(problem: Problem, x: Floats) -> tuple[float, float]:
     """Objective and relative duality gap of x."""
     r = problem.b - problem.A @ x
-    w = problem.residual(x)
-    quadratic = float(r @ r + problem.l2 * x @ x)
-    objective = 0.5 * quadratic + problem.gamma * float(np.abs(x).sum())
-    worst = float(np.max(w if problem.nonnegative else np.abs(w), initial=0.0))
-    if problem.gamma == 0:  # no ball to scale into: strong convexity bounds the gap by the gradient, ½ ‖w‖² / λ₂
-        slope = np.where(x == 0, np.maximum(w, 0.0), w) if problem.nonnegative else w
-        gap = 0.5 * float(slope @ slope) / problem.l2
-    else:
-        alpha = min(1.0, problem.gamma / worst) if worst > 0 else 1.0
-        gap = 0.5 * (1 - alpha) ** 2 * quadratic + problem.gamma * float(np.abs(x).sum()) - alpha * float(x @ w)
+    g = problem.A.T @ r
+    l1 = problem.gamma * float(np.abs(x).sum())
+    objective = 0.5 * float(r @ r + problem.l2 * x @ x) + l1
+    gap = _by_conjugate(problem, x, g) if problem.l2 > 0 else _by_scaling(problem, x, g, r)
     return objective, max(gap, 0.0) / objective if objective > 0 else 0.0
+
+
+def _by_conjugate(problem: Problem, x: Floats, g: Floats) -> float:
+    """The gap with λ₂ > 0."""
+    gamma, l2 = problem.gamma, problem.l2
+    short = x - soft(g, gamma, problem.nonnegative) / l2
+    inside = np.minimum(g, gamma) if problem.nonnegative else np.clip(g, -gamma, gamma)
+    return float(np.sum(0.5 * l2 * short**2 + (gamma * np.abs(x) - x * inside)))
+
+
+def _by_scaling(problem: Problem, x: Floats, g: Floats, r: Floats) -> float:
+    """The gap with λ₂ = 0."""
+    worst = float(np.max(g if problem.nonnegative else np.abs(g), initial=0.0))
+    alpha = min(1.0, problem.gamma / worst) if worst > 0 else 1.0
+    return 0.5 * (1 - alpha) ** 2 * float(r @ r) + problem.gamma * float(np.abs(x).sum()) - alpha * float(x @ g)
