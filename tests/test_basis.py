@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis
+from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.tools.learn import (
@@ -38,6 +40,16 @@ def test_gaussians_are_the_paper_s() -> None:
     for count, width in ((0, 50.0), (3, 0.0), (3, float("nan"))):
         with pytest.raises(InvalidArgument):
             gaussian_basis(count, width)
+
+
+def test_the_steady_exponential_is_the_exponential() -> None:
+    """To two units in the last place; bits by hand, which no processor may change."""
+    x = -np.concatenate([np.linspace(0.0, 3.0, 20_001), np.linspace(3.0, 600.0, 20_001), [1e-300, 0.0]])
+    found, known = steady_exp(x), np.array([math.exp(value) for value in x])
+    assert np.abs(found / known - 1.0).max() <= 2 * 2.0**-52
+    assert steady_exp(np.array([0.0, -745.2, -1e3])).tolist() == [1.0, 0.0, 0.0]
+    digest = hashlib.sha256(found.astype("<f8").tobytes()).hexdigest()
+    assert digest.startswith("63435b6f5e60d8e4")
 
 
 def test_interpolation_is_straight_between_nodes() -> None:

@@ -7,11 +7,12 @@ verdict (about the answer), budget and predictions. The model and Kotlin's `Cova
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.curves.basis import NODES
+from camssf.curves.basis import NODES, steady_exp
 from camssf.grid import Floats
 from camssf.rules import rules
 
@@ -91,10 +92,19 @@ def smooth_errors(length: float, at: Floats = NODES) -> Floats:
 
     White noise on points ℓ/2 apart, smoothed so that Φ Φᵀ = exp(-½ (Δλ / ℓ)²), to 1e-3 at the ends of the grid.
     """
+    return _smooth_errors(length, at.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _smooth_errors(length: float, wavelengths: bytes) -> Floats:
+    """Once a process: the verdict asks a hundred times, always for the same few."""
+    at = np.frombuffer(wavelengths)
     step = length / 2.0
     points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
     weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    return np.asarray(weight * np.exp(-(((at[:, None] - points) / length) ** 2)))
+    found = np.asarray(weight * steady_exp(-(((at[:, None] - points) / length) ** 2)))
+    found.setflags(write=False)
+    return found
 
 
 def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
