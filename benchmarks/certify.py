@@ -31,7 +31,6 @@ from importlib import import_module, resources
 from typing import Any
 
 import numpy as np
-from camssf.curves.code import solve
 
 from benchmarks._common import (
     Problem,
@@ -53,6 +52,7 @@ from benchmarks._common import (
     whiten,
 )
 from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.code import solve
 from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
 from camssf.curves.engine import load_model, onnx_runtime
 from camssf.curves.sensing import Sensing

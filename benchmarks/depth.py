@@ -18,7 +18,6 @@ import sys
 from typing import Any
 
 import numpy as np
-from camssf.curves.code import soft, solve
 
 from benchmarks._common import (
     RESULTS,
@@ -40,6 +39,7 @@ from benchmarks._common import (
 )
 from benchmarks.certify import oracle
 from camssf.curves.basis import read_basis
+from camssf.curves.code import soft, solve
 from camssf.grid import Floats
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64, 128, 512)

@@ -32,7 +32,7 @@ BAR = 1.5
 HEAP = 64
 """Megabytes of the JVM."""
 BINDINGS = Path(__file__).parents[1] / "android-bindings"
-SERVER = "org.camssf.dng.DecodeServer"
+SERVER = "org.camssf.photo.dng.DecodeServer"
 FORMS: dict[str, dict[str, Any]] = {
     "uncompressed, 16 bit": {"bits": 16},
     "uncompressed, 16 bit, big-endian": {"bits": 16, "order": ">"},

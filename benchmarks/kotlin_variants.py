@@ -103,7 +103,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         try:
             path = options.classpath or class_path()
-            subprocess.run(["java", "-cp", path, "org.camssf.dng.VariantFiles", folder], check=True)
+            subprocess.run(["java", "-cp", path, "org.camssf.photo.dng.VariantFiles", folder], check=True)
         except (Unavailable, OSError, subprocess.CalledProcessError) as error:
             print(error, file=sys.stderr)
             return 2

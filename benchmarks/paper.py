@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from camssf.curves.code import solve
 
 from benchmarks import _paper_captures as captures
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
@@ -38,6 +37,7 @@ from benchmarks.accuracy import left_out
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.rivals.qr import READINGS
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.code import solve
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import recover

@@ -30,7 +30,6 @@ from importlib import import_module, resources
 from typing import Any
 
 import numpy as np
-from camssf.curves.code import solve
 
 from benchmarks._common import (
     RESULTS,
@@ -50,6 +49,7 @@ from benchmarks._common import (
 )
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.code import solve
 from camssf.curves.engine import load_model, onnx_runtime
 from camssf.curves.ssf import recover
 from camssf.grid import Floats

@@ -106,13 +106,16 @@ def kotlin() -> Iterator[Kotlin]:
 
 def python(case: Case) -> Json:
     """Python's, refused or not."""
+    said = {"corners": case.corners, **case.options}
+    chart = said.pop("chart", "classic24")
     try:
         return calibrate(
             [shot.chart for shot in case.shots],
             case.lamps,
             white=[shot.white for shot in case.shots] if case.white else None,
             dark=[shot.dark for shot in case.shots] if case.dark else None,
-            options=Options(corners=case.corners, **case.options),
+            chart=chart,
+            options=Options(**said),
         ).document()
     except CalibrationError as error:
         return error.evidence or {}

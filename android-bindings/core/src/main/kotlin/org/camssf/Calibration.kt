@@ -1,20 +1,34 @@
 package org.camssf
 
+import org.camssf.curves.Ssf
+import org.camssf.documents.CurvesCsv
+import org.camssf.documents.ResultJson
+import org.camssf.documents.Solution
+import org.camssf.evidence.Scores
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Assumption
+import org.camssf.photo.Begun
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.Signals
+
 /**
  * How to solve; null takes the default.
  *
- * @property fit 1-based numbers of the patches that enter the fit; null for all, validated fold by fold.
+ * @param fit 1-based numbers of the patches that enter the fit; null for all, validated fold by fold; copied.
  * @property l2 the quadratic penalty λ₂.
  * @property gamma the l1 penalty γ; on the paper's basis null chooses it by the discrepancy principle: the largest γ whose
  *   residual is not above the measured noise.
  * @property nonnegative coefficients ≥ 0; null asks for it on the paper's basis.
  */
 public class Settings @JvmOverloads constructor(
-    public val fit: List<Int>? = null,
+    fit: List<Int>? = null,
     public val l2: Double? = null,
     public val gamma: Double? = null,
     public val nonnegative: Boolean? = null,
-)
+) {
+    /** 1-based numbers of the patches that enter the fit; null for all. */
+    public val fit: List<Int>? = fit?.frozen()
+}
 
 /** Called with a stage in words and the part done, 0 to 1, on the thread that calibrates. */
 public fun interface Progress {
@@ -22,7 +36,7 @@ public fun interface Progress {
     public fun report(stage: String, part: Double)
 }
 
-/** What came of a capture: [Calibrated], or [Refused]. Immutable; safe to pass between threads. */
+/** What came of a capture: [Calibrated], or [Refused]. Nobody can change it; safe to pass between threads. */
 public sealed class Calibration {
     /** Accepted, doubtful or refused, with reasons. */
     public abstract val verdict: Verdict
@@ -50,7 +64,7 @@ public class Calibrated internal constructor(private val solution: Solution, pri
     public val signals: Signals get() = solution.signals
     public val scores: Scores get() = solution.scores
     override val verdict: Verdict get() = solution.verdict
-    override val assumptions: List<Assumption> get() = solution.assumptions
+    override val assumptions: List<Assumption> = solution.assumptions.frozen()
 
     /** The measured shots. */
     public val capture: MeasuredCapture get() = solution.capture
@@ -58,7 +72,7 @@ public class Calibrated internal constructor(private val solution: Solution, pri
     override fun toJson(): String = ResultJson.of(solution, model)
 
     /** The curves as CSV: wavelength_nm,red,green,blue at peak 1, then the standard deviations where known. */
-    public fun toCsv(): String = ResultJson.csv(solution.ssf)
+    public fun toCsv(): String = CurvesCsv.of(solution.ssf)
 }
 
 /**

@@ -3,6 +3,7 @@ package org.camssf
 import java.math.BigDecimal
 import java.math.MathContext
 import java.math.RoundingMode
+import java.util.Collections
 import kotlin.math.abs
 import kotlin.math.withSign
 
@@ -63,3 +64,17 @@ internal fun sum(values: DoubleArray, from: Int = 0, until: Int = values.size): 
 
 /** Mean in NumPy's order. */
 internal fun mean(values: DoubleArray): Double = sum(values) / values.size
+
+/** All of them, one behind the other. */
+internal fun List<DoubleArray>.flatten(): DoubleArray {
+    val all = DoubleArray(sumOf { it.size })
+    var at = 0
+    for (each in this) {
+        each.copyInto(all, at)
+        at += each.size
+    }
+    return all
+}
+
+/** A copy that nobody can change, by a cast neither. */
+internal fun <T> List<T>.frozen(): List<T> = Collections.unmodifiableList(ArrayList(this))

@@ -3,7 +3,21 @@ package org.camssf
 import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.ensureActive
 import kotlinx.coroutines.withContext
+import org.camssf.curves.Engine
+import org.camssf.curves.OnnxEngine
+import org.camssf.curves.SHIPPED_BASES
+import org.camssf.documents.Solution
+import org.camssf.evidence.Reason
 import org.camssf.evidence.Reasons
+import org.camssf.evidence.Status
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Begun
+import org.camssf.photo.Capture
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Measuring
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
 import java.io.Closeable
 import java.io.InterruptedIOException
 import java.net.SocketTimeoutException
@@ -15,7 +29,7 @@ import java.util.concurrent.CancellationException
  *
  * ```
  * val chart = ChartTable.read("classic24")
- * val shot = Shot(Frame.of(mosaic), Lamp.read("D55"), corners)
+ * val shot = Shot(PhotoSource.of(mosaic), Lamp.read("D55"), corners)
  * SsfCalibrator.open().use { calibrator ->
  *     when (val found = calibrator.calibrate(Capture(shot, chart))) {
  *         is Calibrated -> draw(found.ssf.curve(0), found.ssf.band(0))
@@ -84,7 +98,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
     @Throws(InterruptedException::class)
     public fun measure(shot: Shot, chart: ChartTable): MeasuredShot {
         checkOpen()
-        return interruptible { Measure.measure(Capture(shot, chart), Begun(chart), blocking(null)).shots[0] }
+        return interruptible { Measuring(Capture(shot, chart), blocking(null)).run().shots[0] }
     }
 
     /**
@@ -105,18 +119,16 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         progress: Progress? = null,
     ): Calibration {
         checkOpen()
-        val begun = Begun(chart)
-        return refusing(begun) {
-            begun.shots += shots
-            begun.lamps = shots.map { it.lamp }
-            val capture = Measure.joined(shots, chart, whiteReflectance)
+        val begun = Begun(chart, shots.map { it.lamp }, shots.frozen())
+        return refusing({ begun }) {
+            val capture = Measuring.joined(shots, chart, whiteReflectance)
             finish(capture, settings, blocking(progress))
         }
     }
 
     private fun run(capture: Capture, settings: Settings, tell: Tell): Calibration {
-        val begun = Begun(capture.chart)
-        return refusing(begun) { finish(Measure.measure(capture, begun, tell), settings, tell) }
+        val measuring = Measuring(capture, tell)
+        return refusing(measuring::begun) { finish(measuring.run(), settings, tell) }
     }
 
     private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
@@ -125,18 +137,18 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
         return solution
     }
 
-    private fun refusing(begun: Begun, work: () -> Solution): Calibration {
+    private fun refusing(begun: () -> Begun, work: () -> Solution): Calibration {
         try {
             val solution = interruptible(work)
-            if (solution.verdict.status == "refused") {
-                return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun)
+            if (solution.verdict.outcome == Status.REFUSED) {
+                return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun())
             }
             return Calibrated(solution, engine.sha256)
         } catch (error: InvalidArgument) {
             throw error
         } catch (error: CalibrationException) {
             val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            return Refused(error, Verdict("refused", listOf(reason)), begun)
+            return Refused(error, Verdict(Status.REFUSED, listOf(reason)), begun())
         }
     }
 

@@ -1,5 +1,17 @@
 package org.camssf
 
+import org.camssf.curves.ModelInputs
+import org.camssf.curves.OnnxEngine
+import org.camssf.curves.Tensor
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Region
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertSame
@@ -19,27 +31,30 @@ import kotlin.coroutines.EmptyCoroutineContext
 /** What goes wrong around a calibration comes out as what it is. */
 class FailuresTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = doubleArrayOf(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
-    private fun shot(frame: Frame, at: DoubleArray = corners) = Shot(frame, Lamp.read("E"), at)
+    private fun Corners.moved(by: Double): Corners =
+        Corners.of(*toArray().map { it + by }.toDoubleArray())
+
+    private fun shot(frame: PhotoSource, at: Corners = corners) = Shot(frame, Lamp.read("E"), at)
 
     private fun stream(thrown: IOException) = object : InputStream() {
         override fun read(): Int = throw thrown
     }
 
-    private fun refusal(calibrator: SsfCalibrator, frame: Frame): CalibrationException =
+    private fun refusal(calibrator: SsfCalibrator, frame: PhotoSource): CalibrationException =
         (calibrator.calibrate(Capture(shot(frame), chart)) as Refused).error
 
     @Test
     fun `an interrupt during reading is an interrupt`() {
         val frames = listOf(
-            Frame { region ->
+            PhotoSource { region ->
                 // closes the channel
                 Thread.currentThread().interrupt()
-                Frame.of(photo).read(region)
+                PhotoSource.of(photo).read(region)
             },
-            Frame.dng {
+            PhotoSource.dng {
                 val source = DngSource.of(photo)
                 object : DngSource by source {
                     override fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
@@ -48,10 +63,10 @@ class FailuresTest {
                     }
                 }
             },
-            Frame.dng { DngSource.of(stream(InterruptedIOException()), "stream.dng") },
-            Frame { region ->
+            PhotoSource.dng { DngSource.of(stream(InterruptedIOException()), "stream.dng") },
+            PhotoSource { region ->
                 // a reader that looks for no interrupt: the next step does
-                val found = Frame.of(photo).read(region)
+                val found = PhotoSource.of(photo).read(region)
                 Thread.currentThread().interrupt()
                 found
             },
@@ -71,7 +86,8 @@ class FailuresTest {
                     }
                 }
             }
-            val slow = refusal(calibrator, Frame.dng { DngSource.of(stream(SocketTimeoutException()), "cloud.dng") })
+            val slow =
+                refusal(calibrator, PhotoSource.dng { DngSource.of(stream(SocketTimeoutException()), "cloud.dng") })
             assertEquals("unreadable_raw", slow.code)
         }
     }
@@ -81,17 +97,17 @@ class FailuresTest {
         SsfCalibrator.open().use { calibrator ->
             val provider = listOf(SecurityException("no permission"), IOException("no file"), NullPointerException())
             for (thrown in provider) {
-                val error = refusal(calibrator, Frame.dng { throw thrown })
+                val error = refusal(calibrator, PhotoSource.dng { throw thrown })
                 assertEquals("unreadable_raw", error.code)
                 assertSame(thrown, error.cause)
                 assertTrue((thrown.message ?: "NullPointer") in error.message && error.advice.isNotEmpty())
             }
             val own = UnsupportedRaw("a.dng", "b")
-            assertSame(own, refusal(calibrator, Frame.dng { throw own }))
+            assertSame(own, refusal(calibrator, PhotoSource.dng { throw own }))
             val stop = java.util.concurrent.CancellationException("enough")
-            val thrown = assertThrows(stop.javaClass) { refusal(calibrator, Frame.dng { throw stop }) }
+            val thrown = assertThrows(stop.javaClass) { refusal(calibrator, PhotoSource.dng { throw stop }) }
             assertSame(stop, thrown)
-            val closing = Frame.dng {
+            val closing = PhotoSource.dng {
                 val source = DngSource.of(photo)
                 object : DngSource by source {
                     override fun close() {
@@ -107,7 +123,7 @@ class FailuresTest {
     @Test
     fun `after close nothing works`() {
         val calibrator = SsfCalibrator.open()
-        val capture = Capture(shot(Frame { throw UnreadableRaw("a", "b") }), chart)
+        val capture = Capture(shot(PhotoSource { throw UnreadableRaw("a", "b") }), chart)
         calibrator.close()
         calibrator.close()
         val next = Continuation<Calibration>(EmptyCoroutineContext) { }
@@ -116,7 +132,7 @@ class FailuresTest {
         @Suppress("UNCHECKED_CAST")
         val calls = listOf<() -> Any?>(
             { calibrator.calibrate(capture) },
-            { calibrator.measure(shot(Frame.of(photo)), chart) },
+            { calibrator.measure(shot(PhotoSource.of(photo)), chart) },
             { calibrator.solve(emptyList(), chart) },
             { (suspending as (Continuation<Calibration>) -> Any?)(next) },
         )
@@ -130,12 +146,12 @@ class FailuresTest {
     fun `a corner outside the photo, near or far`() {
         SsfCalibrator.open().use { calibrator ->
             val said = listOf(170.0, 5000.0).map { by ->
-                val moved = DoubleArray(8) { corners[it] + by }
+                val moved = corners.moved(by)
                 assertThrows(InvalidArgument::class.java) {
-                    calibrator.calibrate(Capture(shot(Frame.of(photo), moved), chart))
+                    calibrator.calibrate(Capture(shot(PhotoSource.of(photo), moved), chart))
                 }.toString()
             } + assertThrows(InvalidArgument::class.java) {
-                calibrator.measure(shot(Frame.of(photo), DoubleArray(8) { corners[it] - 20 }), chart)
+                calibrator.measure(shot(PhotoSource.of(photo), corners.moved(-20.0)), chart)
             }.toString()
             assertEquals(1, said.toSet().size, said.toString())
             assertTrue("outside chart-turned-0.dng" in said[0] && "preview" in said[0], said[0])

@@ -2,6 +2,7 @@ package org.camssf
 
 import org.camssf.evidence.Light
 import org.camssf.model.Models
+import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue

@@ -7,6 +7,18 @@ import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.documents.ResultJson
+import org.camssf.evidence.Status
+import org.camssf.photo.Capture
+import org.camssf.photo.ChartPose
+import org.camssf.photo.Corners
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
@@ -20,10 +32,10 @@ import kotlin.concurrent.thread
 class SsfCalibratorTest {
     private val root = File(System.getProperty("camssf.root"))
     private val photo = File(root, "golden/dng/chart-turned-0.dng")
-    private val corners = doubleArrayOf(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
-    private fun shot(lamp: String = "E", at: DoubleArray = corners) = Shot(Frame.of(photo), Lamp.read(lamp), at)
+    private fun shot(lamp: String = "E", at: Corners = corners) = Shot(PhotoSource.of(photo), Lamp.read(lamp), at)
 
     private fun calibrated(found: Calibration): Calibrated {
         assertTrue(found is Calibrated, found.verdict.reasons.joinToString { it.message })
@@ -70,7 +82,7 @@ class SsfCalibratorTest {
         val whole = DngSource.of(photo).use { DngReader.read(it) }
         assertTrue(part.samples.size <= whole.samples.size)
         val poses = listOf(part, whole).map { ChartPose.refine(it, corners, chart) }
-        assertArrayEquals(poses[1].corners, poses[0].corners)
+        assertArrayEquals(poses[1].quads, poses[0].quads)
         val means = listOf(part, whole).map { PatchMeans.measure(it, poses[0]) }
         assertArrayEquals(means[1].chart.mean, means[0].chart.mean)
     }
@@ -78,10 +90,10 @@ class SsfCalibratorTest {
     @Test
     fun `a chart that is not there is refused with what was learned`() {
         SsfCalibrator.open().use { calibrator ->
-            val elsewhere = doubleArrayOf(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
+            val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
             val found = calibrator.calibrate(Capture(shot(at = elsewhere), chart)) as Refused
             assertEquals("chart_not_found", found.error.code)
-            assertEquals("refused", found.verdict.status)
+            assertEquals(Status.REFUSED, found.verdict.outcome)
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             assertNull(document["ssf"])
             val photo = document.getValue("shots").jsonArray[0].jsonObject.getValue("photo").jsonObject
@@ -94,7 +106,8 @@ class SsfCalibratorTest {
         SsfCalibrator.open().use { calibrator ->
             val wrong = listOf(
                 Capture(emptyList(), chart),
-                Capture(shot(at = DoubleArray(6)), chart),
+                @Suppress("DEPRECATION")
+                Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), DoubleArray(6)), chart),
                 Capture(listOf(shot()), chart, 0.9),
             )
             for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }

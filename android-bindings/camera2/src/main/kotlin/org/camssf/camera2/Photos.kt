@@ -5,9 +5,9 @@ import android.net.Uri
 import android.os.ParcelFileDescriptor
 import android.provider.OpenableColumns
 import org.camssf.CalibrationException
-import org.camssf.DngSource
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.dng.DngSource
 import java.io.IOException
 
 /** Photos that the user chose, as the storage access framework names them. */

@@ -13,13 +13,13 @@ import android.hardware.camera2.params.LensShadingMap
 import android.hardware.camera2.params.RggbChannelVector
 import android.media.Image
 import android.os.Build
-import org.camssf.GainMap
 import org.camssf.InvalidArgument
-import org.camssf.Mosaic
-import org.camssf.Neutral
 import org.camssf.NotSensorRaw
-import org.camssf.Region
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.GainMap
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Neutral
+import org.camssf.photo.Region
 import java.nio.ByteOrder
 
 /**
@@ -74,24 +74,35 @@ public object RawFrames {
         val shaded = camera.get(CameraCharacteristics.SENSOR_INFO_LENS_SHADING_APPLIED)
         val map = result.get(CaptureResult.STATISTICS_LENS_SHADING_CORRECTION_MAP).takeIf { shaded != true }
         val neutral = result.get(CaptureResult.SENSOR_NEUTRAL_COLOR_POINT)
-        val mosaic = Mosaic(
+        val origin = Mosaic.Origin(
             name = name,
-            width = area.width, height = area.height,
-            region = Region(0, 0, area.width, area.height),
-            samples = samples(image, area, name),
-            cfa = cfa,
-            black = dynamicBlack?.let { level -> DoubleArray(4) { level[it].toDouble() } } ?: black(camera, name),
-            white = (dynamicWhite ?: need(camera, CameraCharacteristics.SENSOR_INFO_WHITE_LEVEL, name)).toDouble(),
-            make = Build.MANUFACTURER ?: "", model = Build.MODEL ?: "",
+            make = Build.MANUFACTURER ?: "",
+            model = Build.MODEL ?: "",
             exposure = result.get(CaptureResult.SENSOR_EXPOSURE_TIME)?.let { it / 1e9 },
             iso = result.get(CaptureResult.SENSOR_SENSITIVITY)?.toDouble(),
             orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1,
-            gainMaps = map?.let { gainMaps(it, cfa, area) } ?: emptyList(),
+        )
+        val sensor = Mosaic.Sensor(
+            cfa = cfa,
+            black = dynamicBlack?.let { level -> DoubleArray(4) { level[it].toDouble() } } ?: black(camera, name),
+            white = (dynamicWhite ?: need(camera, CameraCharacteristics.SENSOR_INFO_WHITE_LEVEL, name)).toDouble(),
+            noiseProfile = noise(result, cfa),
+        )
+        val colours = Mosaic.Colours(
             colorMatrix1 = matrix(camera.get(SENSOR_COLOR_TRANSFORM1)),
             colorMatrix2 = matrix(camera.get(SENSOR_COLOR_TRANSFORM2)),
             asShotNeutral = neutral?.let { white -> DoubleArray(3) { white[it].toDouble() } },
-            noiseProfile = noise(result, cfa),
             neutrals = neutrals(camera),
+        )
+        val mosaic = Mosaic(
+            origin,
+            area.width,
+            area.height,
+            Region(0, 0, area.width, area.height),
+            samples(image, area, name),
+            sensor,
+            Mosaic.Corrections(map?.let { gainMaps(it, cfa, area) } ?: emptyList()),
+            colours,
         )
         return RawFrame(mosaic, result.get(CaptureResult.NOISE_REDUCTION_MODE), shaded, shortfalls)
     }
@@ -167,13 +178,14 @@ public object RawFrames {
         )
         val (rows, columns) = map.rowCount to map.columnCount
         return places.map { (channel, place) ->
-            GainMap(
-                list = 2, area = Region(place and 1, place shr 1, area.width, area.height),
-                plane = 0, planes = 1, rowPitch = 2, columnPitch = 2, pointsV = rows, pointsH = columns,
+            val net = GainMap.Net(
+                pointsV = rows, pointsH = columns,
                 spacingV = 1.0 / maxOf(1, rows - 1), spacingH = 1.0 / maxOf(1, columns - 1),
                 originV = 0.0, originH = 0.0, mapPlanes = 1,
                 gains = FloatArray(rows * columns) { map.getGainFactor(channel, it % columns, it / columns) },
             )
+            val covered = Region(place and 1, place shr 1, area.width, area.height)
+            GainMap(list = 2, covered, plane = 0, planes = 1, rowPitch = 2, columnPitch = 2, net)
         }
     }
 

@@ -8,8 +8,8 @@ import android.database.MatrixCursor
 import android.net.Uri
 import android.os.ParcelFileDescriptor
 import android.provider.OpenableColumns
-import org.camssf.DngSource
 import org.camssf.UnreadableRaw
+import org.camssf.photo.dng.DngSource
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
 import org.junit.Assert.assertThrows

@@ -14,11 +14,11 @@ import android.util.Range
 import android.util.Rational
 import android.util.Size
 import org.camssf.CalibrationException
-import org.camssf.DngReader
-import org.camssf.DngSource
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
 import org.junit.Assert.assertNull

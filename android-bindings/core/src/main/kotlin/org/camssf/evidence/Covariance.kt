@@ -25,14 +25,14 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
     private val independent = number("independent_share")
     private val floor = square(number("floor"))
 
-    private val signal = column { told.signals.values[it] }
-    private val error = column { told.signals.standardError[it] }
-    private val predicted = column { told.ssf.predicted[it] }
+    private val signal = column { told.signals.sharedValues[it] }
+    private val error = column { told.signals.sharedError[it] }
+    private val predicted = column { told.ssf.sharedPredicted[it] }
 
     /** v_j: what each shot's lamp and the curve make of a reflectance, in parts of the white signal. */
     private val light = told.lamps.indices.map { shot ->
         val seen = DoubleArray(Grid.SIZE) {
-            told.ssf.lamp[shot * Grid.SIZE + it] * told.ssf.values[3 * it + channel] * Grid.STEP
+            told.ssf.sharedLamp[shot * Grid.SIZE + it] * told.ssf.sharedValues[3 * it + channel] * Grid.STEP
         }
         val whiteSignal = (0 until Grid.SIZE).sumOf { seen[it] * white[it] }
         DoubleArray(Grid.SIZE) { seen[it] / whiteSignal }
@@ -49,7 +49,7 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
     }
     private val bends = answers.map { answer -> smooth.along { answer[it] } }
     private val modes = answers.mapIndexed { at, answer ->
-        val known = told.lamps[shot(rows[at])].modes
+        val known = told.lamps[shot(rows[at])].sharedModes
         DoubleArray(known.size) { q -> (0 until Grid.SIZE).sumOf { answer[it] * known[q][it] } }
     }
 
@@ -62,8 +62,8 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
                 sigma[a][b] = value
                 sigma[b][a] = value
             }
-            val own = independent * told.table.tolerance[patch(rows[a])] * signal[a]
-            sigma[a][a] += max(square(error[a]), floor) + square(own)
+            val own = independent * told.table.sharedTolerance[patch(rows[a])] * signal[a]
+            sigma[a][a] += max(square(error[a]) + square(own), floor)
         }
         return sigma
     }
@@ -75,7 +75,7 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
         val other = shot(rows[b])
         var value = square(told.whiteTolerance) * both * dot(whites[one], whites[other])
         if (patch(rows[a]) == patch(rows[b])) {
-            value += square(told.table.tolerance[patch(rows[a])]) * (
+            value += square(told.table.sharedTolerance[patch(rows[a])]) * (
                 relativePart * dot(relative[a], relative[b]) +
                     absolutePart * dot(absolute[one], absolute[other]) +
                     edgePart * dot(edges[a], edges[b])
@@ -99,7 +99,7 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
 
     private fun column(value: (Int) -> Double) = DoubleArray(rows.size) { value(3 * rows[it] + channel) }
 
-    private fun reflectance(patch: Int, at: Int): Double = told.table.values[patch * Grid.SIZE + at]
+    private fun reflectance(patch: Int, at: Int): Double = told.table.sharedValues[patch * Grid.SIZE + at]
 
     /** Central difference of R per nm, one-sided at the ends. */
     private fun slope(patch: Int, at: Int): Double {

@@ -1,12 +1,10 @@
 package org.camssf.evidence
 
-import org.camssf.ChartTable
-import org.camssf.MeasuredShot
-import org.camssf.Reason
 import org.camssf.Rules
-import org.camssf.Signals
-import org.camssf.Ssf
-import org.camssf.Verdict
+import org.camssf.curves.Ssf
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
@@ -29,7 +27,7 @@ internal class Case(
     fun each(): List<Surprise> {
         val fewest = Rules.shipped.whole("verdict.fewest")
         return shots.mapIndexed { j, shot ->
-            if (single[j].signals.used.count { it } < fewest) {
+            if (single[j].signals.sharedUsed.count { it } < fewest) {
                 Surprise(0.0, 0.0, fewest, emptyList())
             } else {
                 single[j].surprise(shot.pose, shot.means.white == null)
@@ -40,7 +38,7 @@ internal class Case(
 
 /** Patches of a shot that enter the fit. */
 internal fun used(signals: Signals, shot: Int): List<Int> =
-    (0 until signals.patches).filter { signals.used[shot * signals.patches + it] }
+    (0 until signals.patches).filter { signals.sharedUsed[shot * signals.patches + it] }
 
 /**
  * Evidence → verdict, by the numbered rules of docs/verdict.md, the same as in Python. RMSRE has no say: the same lamp
@@ -75,7 +73,7 @@ internal object Judge {
             reasons += Light.rivalled(case.rivals, case.shots.map { it.lamp.name }, found.weighted)
         }
         reasons += vague(told.ssf)
-        return Verdict(Status.of(reasons).word, reasons)
+        return Verdict(Status.of(reasons), reasons)
     }
 
     /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
@@ -119,7 +117,7 @@ internal object Judge {
 
     /** A band too wide to tell cameras apart. */
     private fun vague(ssf: Ssf): List<Reason> {
-        if (ssf.std == null) return emptyList()
+        if (ssf.sharedStd == null) return emptyList()
         val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
         return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
     }

@@ -1,7 +1,6 @@
 package org.camssf.evidence
 
 import org.camssf.Grid
-import org.camssf.Reason
 import org.camssf.Rules
 import kotlin.math.abs
 import kotlin.math.expm1
@@ -41,13 +40,15 @@ internal object Light {
         val patches = used(signals, 0)
         val curves = told.ssf
         val raw = DoubleArray(3) { channel ->
-            patches.sumOf { signals.white[3 * it + channel] - signals.dark[3 * it + channel] } / patches.size
+            patches.sumOf { signals.sharedWhite[3 * it + channel] - signals.sharedDark[3 * it + channel] } /
+                patches.size
         }
         fun seen(light: DoubleArray, channel: Int) =
-            (0 until Grid.SIZE).sumOf { light[it] * curves.values[3 * it + channel] }
+            (0 until Grid.SIZE).sumOf { light[it] * curves.sharedValues[3 * it + channel] }
         val off = foretold.minOfOrNull { neutral ->
             val ratio = DoubleArray(3) { channel ->
-                val expected = neutral.white[channel] * seen(curves.lamp, channel) / seen(neutral.light, channel)
+                val expected =
+                    neutral.white[channel] * seen(curves.sharedLamp, channel) / seen(neutral.light, channel)
                 ln(raw[channel] / expected)
             }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))

@@ -6,27 +6,8 @@ import org.camssf.FramesDiffer
 import org.camssf.Glare
 import org.camssf.LampUnfit
 import org.camssf.NotSensorRaw
-import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.UnevenLight
-import org.camssf.Verdict
-
-/** What a verdict says in one word, the same in Python and JSON. */
-internal enum class Status(val word: String) {
-    ACCEPTED("accepted"),
-    DOUBTFUL("doubtful"),
-    REFUSED("refused"),
-    ;
-
-    companion object {
-        /** Refused by one fatal reason, doubtful by any other. */
-        fun of(reasons: List<Reason>): Status = when {
-            reasons.any { it.fatal } -> REFUSED
-            reasons.isEmpty() -> ACCEPTED
-            else -> DOUBTFUL
-        }
-    }
-}
 
 /** Words and limits of rules.json → reasons. */
 internal object Reasons {

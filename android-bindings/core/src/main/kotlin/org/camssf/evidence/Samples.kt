@@ -1,12 +1,11 @@
 package org.camssf.evidence
 
-import org.camssf.ChartTable
-import org.camssf.FrameMeans
-import org.camssf.PatchMeans
-import org.camssf.Reason
 import org.camssf.Rules
-import org.camssf.Signals
 import org.camssf.median
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
@@ -35,7 +34,7 @@ internal class Samples(
         val level = (0..2).maxOf { channel ->
             (0 until patches).sumOf {
                 val i = 3 * (shot * patches + it) + channel
-                (signals.white[i] - signals.dark[i]) / (means.saturation - signals.dark[i])
+                (signals.sharedWhite[i] - signals.sharedDark[i]) / (means.saturation - signals.sharedDark[i])
             } / patches
         }
         return if (level < bound("dark_white")) because("dark_white", level, false, "level" to level) else null
@@ -45,7 +44,7 @@ internal class Samples(
     private fun darkestPatch(): Reason? {
         val patches = signals.patches
         val veil = (0..2).maxOf { channel ->
-            (0 until patches).minOf { signals.values[3 * (shot * patches + it) + channel] }
+            (0 until patches).minOf { signals.sharedValues[3 * (shot * patches + it) + channel] }
         }
         if (!(veil > bound("veil"))) return null
         return because("darkest_patch", veil, veil > bound("fog"), "share" to veil)
@@ -54,7 +53,7 @@ internal class Samples(
     private fun few(): Reason? {
         if (used.size >= Rules.shipped.whole("verdict.few_patches")) return null
         val unused = (0 until signals.patches).filter { it !in used }
-        val clipped = unused.any { i -> (0..2).any { chart.clipped[3 * i + it] > 0 } }
+        val clipped = unused.any { i -> (0..2).any { chart.sharedClipped[3 * i + it] > 0 } }
         val reason = if (clipped) "few_clipped" else "few_dark"
         return because(reason, used.size.toDouble(), false, "left" to used.size, "all" to signals.patches)
     }
@@ -69,7 +68,7 @@ internal class Samples(
     private fun greens(): Reason? {
         val differences = used.map { i ->
             val (first, second) = chart.greens[2 * i] to chart.greens[2 * i + 1]
-            abs(first - second) / max((first + second) / 2 - means.black[1], 1.0)
+            abs(first - second) / max((first + second) / 2 - means.sharedBlack[1], 1.0)
         }
         val share = median(differences.toDoubleArray())
         return if (share > bound("greens")) because("greens", share, false, "share" to share) else null
@@ -86,16 +85,16 @@ internal class Samples(
 
     /** Grain and texture: rule 6. */
     private fun noise(white: FrameMeans, dark: FrameMeans): Pair<Double, Double> {
-        fun variance(frame: FrameMeans, i: Int) = frame.standardError[i] * frame.standardError[i] * frame.count[i]
+        fun variance(frame: FrameMeans, i: Int) = frame.sharedError[i] * frame.sharedError[i] * frame.count[i]
         val at = used.flatMap { i -> (0..2).map { 3 * i + it } }
         val expected = DoubleArray(at.size) {
             val i = at[it]
-            val share = (chart.mean[i] - dark.mean[i]) / (white.mean[i] - dark.mean[i])
+            val share = (chart.sharedMean[i] - dark.sharedMean[i]) / (white.sharedMean[i] - dark.sharedMean[i])
             max(variance(dark, i) + (variance(white, i) - variance(dark, i)) * share, 1.0 / 12.0)
         }
         val grain = DoubleArray(at.size) { variance(chart, at[it]) / expected[it] }
         val texture = DoubleArray(at.size) {
-            val signal = max(chart.mean[at[it]] - dark.mean[at[it]], 1.0)
+            val signal = max(chart.sharedMean[at[it]] - dark.sharedMean[at[it]], 1.0)
             sqrt(max(variance(chart, at[it]) - expected[it], 0.0)) / signal
         }
         return median(grain) to median(texture)

@@ -1,12 +1,12 @@
 package org.camssf.evidence
 
-import org.camssf.ChartPose
-import org.camssf.ChartTable
-import org.camssf.Lamp
 import org.camssf.LeastSquares
 import org.camssf.Rules
-import org.camssf.Signals
-import org.camssf.Ssf
+import org.camssf.curves.Ssf
+import org.camssf.photo.ChartPose
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.pow
@@ -79,7 +79,7 @@ internal class Told(
     private val n = signals.patches
 
     /** Used signals, shot by shot: index into (k, n). */
-    private val rows = signals.used.indices.filter { signals.used[it] }.toIntArray()
+    private val rows = signals.sharedUsed.indices.filter { signals.sharedUsed[it] }.toIntArray()
 
     /** The parts of the answer to shot j alone that concern that shot. */
     fun only(j: Int, answer: Ssf): Told = Told(
@@ -93,11 +93,11 @@ internal class Told(
 
     /** Suspects are questioned where the pose of one shot is given. */
     fun surprise(pose: ChartPose? = null, whiteIsPatch: Boolean = false): Surprise {
-        val residuals = List(3) { channel -> column(channel) { signals.values[it] - ssf.predicted[it] } }
+        val residuals = List(3) { channel -> column(channel) { signals.sharedValues[it] - ssf.sharedPredicted[it] } }
         val precision = List(3) { channel -> Symmetric.inverse(Covariance(this, rows, channel).matrix()) }
         val weighed = List(3) { channel -> times(precision[channel], residuals[channel]) }
         val residual = (0..2).sumOf { channel -> dot(residuals[channel], weighed[channel]) }
-        val prior = if (ssf.std != null) ssf.code.sumOf { it * it } else 0.0
+        val prior = if (ssf.sharedStd != null) ssf.sharedCode.sumOf { it * it } else 0.0
         val suspects = if (pose == null) emptyList() else Questioning(precision, weighed).suspects(pose, whiteIsPatch)
         return Surprise(residual, prior, 3 * rows.size, suspects)
     }
@@ -111,7 +111,7 @@ internal class Told(
         private val precision: List<Array<DoubleArray>>,
         private val weighed: List<DoubleArray>,
     ) {
-        private val signal = List(3) { channel -> column(channel) { signals.values[it] } }
+        private val signal = List(3) { channel -> column(channel) { signals.sharedValues[it] } }
 
         /** One direction: how every signal would move, a column a channel. */
         private fun way(value: (Int, Int) -> Double): List<DoubleArray> =
@@ -168,7 +168,9 @@ internal class Told(
     /** X, Y of the used patches. */
     private fun places(pose: ChartPose): List<DoubleArray> {
         val centres = List(2) { axis ->
-            DoubleArray(rows.size) { row -> (0..3).sumOf { pose.quads[8 * (rows[row] % n) + 2 * it + axis] } / 4 }
+            DoubleArray(rows.size) { row ->
+                (0..3).sumOf { pose.sharedQuads[8 * (rows[row] % n) + 2 * it + axis] } / 4
+            }
         }
         val size = max(centres.maxOf { it.max() - it.min() }, 1.0)
         return centres.map { axis ->

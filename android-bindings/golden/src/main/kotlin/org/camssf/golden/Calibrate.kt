@@ -1,15 +1,16 @@
 package org.camssf.golden
 
 import org.camssf.CalibrationException
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.Frame
-import org.camssf.Lamp
-import org.camssf.LensShading
 import org.camssf.Refused
 import org.camssf.Settings
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.LensShading
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.Closeable
 import java.io.File
 import kotlin.system.exitProcess
@@ -88,11 +89,11 @@ public class Calibrate private constructor() : Closeable {
             val corners = requireNotNull(own("--corners")) { "give corners a photo" }
             val lamp = lamp(requireNotNull(own("--lamp")) { "give a lamp a photo" })
             Shot(
-                Frame.of(File(photo)),
+                PhotoSource.of(File(photo)),
                 own("--lamp-tolerance")?.let { lamp.withTolerance(it) } ?: lamp,
-                corners.split(",").map { it.toDouble() }.toDoubleArray(),
-                own("--white")?.let { Frame.of(File(it)) },
-                own("--dark")?.let { Frame.of(File(it)) },
+                Corners.of(*corners.split(",").map { it.toDouble() }.toDoubleArray()),
+                own("--white")?.let { PhotoSource.of(File(it)) },
+                own("--dark")?.let { PhotoSource.of(File(it)) },
                 LensShading.of(one("--lens-shading") ?: LensShading.AS_STORED.word),
             )
         }

@@ -9,7 +9,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
-import org.camssf.Tensor
+import org.camssf.curves.Tensor
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.max

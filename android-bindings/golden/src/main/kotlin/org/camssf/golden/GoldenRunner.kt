@@ -12,27 +12,27 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
-import org.camssf.ChartPose
-import org.camssf.ChartTable
-import org.camssf.Engine
-import org.camssf.Evidence
-import org.camssf.FrameMeans
 import org.camssf.Grid
-import org.camssf.Lamp
-import org.camssf.LensShading
-import org.camssf.MeasuredCapture
-import org.camssf.MeasuredShot
-import org.camssf.ModelInputs
-import org.camssf.OnnxEngine
-import org.camssf.PatchMeans
-import org.camssf.Penalties
-import org.camssf.Photo
-import org.camssf.Recover
 import org.camssf.Settings
-import org.camssf.Signals
 import org.camssf.Solve
-import org.camssf.Tensor
+import org.camssf.curves.Engine
+import org.camssf.curves.Evidence
+import org.camssf.curves.ModelInputs
+import org.camssf.curves.OnnxEngine
+import org.camssf.curves.Penalties
+import org.camssf.curves.Recover
+import org.camssf.curves.Tensor
 import org.camssf.evidence.Reasons
+import org.camssf.evidence.Status
+import org.camssf.photo.ChartPose
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Normalise
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.Closeable
 import java.io.File
 import java.security.MessageDigest
@@ -170,7 +170,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val n = case.inputs.getValue("patches").jsonPrimitive.int
         val white = case.inputs.getValue("white").jsonPrimitive.int
         val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
-        val found = Signals.normalise(shots, List(n) { "patch ${it + 1}" }, white)
+        val found = Normalise.all(shots, List(n) { "patch ${it + 1}" }, white)
         return mapOf(
             "signals" to Tensor(found.values, shots.size, n, 3),
             "standard_error" to Tensor(found.standardError, shots.size, n, 3),
@@ -296,7 +296,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
         val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
         val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
-        if (done.verdict.status == "refused") throw Reasons.refusal(done.verdict)
+        if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
             val channels = List(3) { of(it) }

@@ -5,17 +5,18 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.ChartPose
-import org.camssf.ChartTable
-import org.camssf.DngReader
-import org.camssf.DngSource
-import org.camssf.FrameMeans
-import org.camssf.GainMap
-import org.camssf.LensShading
-import org.camssf.Mosaic
-import org.camssf.PatchMeans
-import org.camssf.Region
-import org.camssf.Tensor
+import org.camssf.curves.Tensor
+import org.camssf.photo.ChartPose
+import org.camssf.photo.Corners
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.GainMap
+import org.camssf.photo.LensShading
+import org.camssf.photo.Mosaic
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Region
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
 import java.security.MessageDigest
 
 /** The stages that begin with a DNG of golden/dng. */
@@ -85,9 +86,9 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
     fun pose(case: GoldenCase): Map<String, Any?> {
         val chart = ChartTable.read(case.inputs.text("table"))
         val corners = forms.resolve(case.inputs.getValue("corners")).values
-        val found = ChartPose.refine(read(case.inputs.text("dng")), corners, chart)
+        val found = ChartPose.refine(read(case.inputs.text("dng")), Corners.of(*corners), chart)
         return mapOf(
-            "corners" to Tensor(found.corners, 4, 2),
+            "corners" to Tensor(found.outline.toArray(), 4, 2),
             "quads" to Tensor(found.quads, found.quads.size / 8, 4, 2),
             "quarter_turns" to found.quarterTurns,
             "score" to Tensor.scalar(found.score),

@@ -2,8 +2,8 @@ package org.camssf.golden
 
 import kotlinx.serialization.json.JsonElement
 import kotlinx.serialization.json.JsonObject
-import org.camssf.FrameMeans
-import org.camssf.PatchMeans
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.PatchMeans
 
 /** Patch statistics as cases give them. */
 internal class Statistics(private val forms: Forms) {

@@ -11,21 +11,21 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.ChartPose
-import org.camssf.ChartTable
 import org.camssf.Grid
-import org.camssf.Lamp
-import org.camssf.LensShading
-import org.camssf.MeasuredShot
-import org.camssf.Photo
-import org.camssf.Signals
-import org.camssf.Ssf
-import org.camssf.Tensor
+import org.camssf.curves.Ssf
+import org.camssf.curves.Tensor
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
 import org.camssf.evidence.Rival
 import org.camssf.evidence.Told
+import org.camssf.photo.ChartPose
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 
 /** The stage verdict: the judge, and the numbers of its rules 1 to 3. */
 internal class Weighing(private val forms: Forms, private val frames: Statistics) {
@@ -111,7 +111,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val each = case.each()
         fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
         return mapOf(
-            "status" to verdict.status,
+            "status" to verdict.outcome.word,
             "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
             "messages" to JsonArray(verdict.reasons.map { JsonPrimitive(it.message) }),
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),

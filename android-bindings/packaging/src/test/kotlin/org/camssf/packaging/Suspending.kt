@@ -1,20 +1,21 @@
 package org.camssf.packaging
 
 import kotlinx.coroutines.runBlocking
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.Frame
-import org.camssf.Lamp
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.File
 
 /** An app's coroutine, for the shrunk jar: `DNG x,y,x,y,x,y,x,y OUTPUT`. */
 internal object Suspending {
     @JvmStatic
     fun main(words: Array<String>) {
-        val corners = words[1].split(",").map { it.toDouble() }.toDoubleArray()
-        val shot = Shot(Frame.of(File(words[0])), Lamp.read("D55"), corners)
+        val corners = Corners.of(*words[1].split(",").map { it.toDouble() }.toDoubleArray())
+        val shot = Shot(PhotoSource.of(File(words[0])), Lamp.read("D55"), corners)
         val capture = Capture(shot, ChartTable.read("classic24"))
         val found = SsfCalibrator.open().use { runBlocking { it.calibrateSuspending(capture) } }
         File(words[2]).writeText(found.toJson())

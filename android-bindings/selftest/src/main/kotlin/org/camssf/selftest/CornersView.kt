@@ -7,7 +7,8 @@ import android.graphics.Color
 import android.graphics.Paint
 import android.view.MotionEvent
 import android.view.View
-import org.camssf.Mosaic
+import org.camssf.photo.Corners
+import org.camssf.photo.Mosaic
 
 /** A grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
 internal class CornersView(context: Context) : View(context) {
@@ -15,10 +16,10 @@ internal class CornersView(context: Context) : View(context) {
     private var picture: Bitmap? = null
     private var step = 1
     private val taps = ArrayList<Double>()
-    private var then: (DoubleArray) -> Unit = {}
+    private var then: (Corners) -> Unit = {}
 
-    /** Shows the mosaic and calls `then` with x, y of four corners; the order of the taps does not matter to camssf. */
-    fun ask(mosaic: Mosaic, then: (DoubleArray) -> Unit) {
+    /** Shows the mosaic and calls `then` with the four corners; the order of the taps does not matter to camssf. */
+    fun ask(mosaic: Mosaic, then: (Corners) -> Unit) {
         step = maxOf(1, mosaic.width / SIDE)
         picture = thumbnail(mosaic, step)
         taps.clear()
@@ -64,10 +65,10 @@ internal class CornersView(context: Context) : View(context) {
         private const val SIDE = 600
 
         /** Clockwise about their middle, whatever their order was. */
-        fun ordered(taps: List<Double>): DoubleArray {
+        fun ordered(taps: List<Double>): Corners {
             val points = taps.chunked(2)
             val (x, y) = points.sumOf { it[0] } / points.size to points.sumOf { it[1] } / points.size
-            return points.sortedBy { Math.atan2(it[1] - y, it[0] - x) }.flatten().toDoubleArray()
+            return Corners.of(*points.sortedBy { Math.atan2(it[1] - y, it[0] - x) }.flatten().toDoubleArray())
         }
 
         /** Green samples, every so many, with a gamma that shows the dark patches. */

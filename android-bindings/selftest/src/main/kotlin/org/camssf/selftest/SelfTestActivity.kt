@@ -14,18 +14,19 @@ import android.widget.TextView
 import org.camssf.Calibrated
 import org.camssf.Calibration
 import org.camssf.CalibrationException
-import org.camssf.Capture
-import org.camssf.ChartTable
-import org.camssf.DngReader
-import org.camssf.Frame
-import org.camssf.Lamp
 import org.camssf.Refused
-import org.camssf.Shot
 import org.camssf.SsfCalibrator
 import org.camssf.camera2.Photos
 import org.camssf.golden.GoldenFiles
 import org.camssf.golden.GoldenRunner
 import org.camssf.golden.Outcome
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.IOException
 import java.util.concurrent.Executors
 
@@ -103,12 +104,12 @@ public class SelfTestActivity : Activity() {
         }
     }
 
-    private fun calibrate(uri: Uri, corners: DoubleArray) {
+    private fun calibrate(uri: Uri, corners: Corners) {
         val lamp = lamps.selectedItem as String
         val chart = charts.selectedItem as String
         work("Calibrating …") {
             val start = System.nanoTime()
-            val photo = Frame.dng { Nameless(Photos.open(contentResolver, uri)) }
+            val photo = PhotoSource.dng { Nameless(Photos.open(contentResolver, uri)) }
             val capture = Capture(Shot(photo, Lamp.read(lamp), corners), ChartTable.read(chart))
             val found = SsfCalibrator.open().use { it.calibrate(capture) { stage, _ -> tell(stage) } }
             val time = (System.nanoTime() - start) / 1_000_000
@@ -123,7 +124,7 @@ public class SelfTestActivity : Activity() {
 
     private fun words(found: Calibration, time: Long): String {
         val head = when (found) {
-            is Calibrated -> "${found.verdict.status}, $time ms"
+            is Calibrated -> "${found.verdict.outcome.word}, $time ms"
             is Refused -> "refused, $time ms"
         }
         val reasons = found.verdict.reasons.map { "${it.code}: ${it.message} ${it.advice}" }

@@ -9,10 +9,10 @@ import android.view.View
 import android.view.ViewGroup
 import android.widget.Button
 import android.widget.TextView
-import org.camssf.Mosaic
-import org.camssf.Region
 import org.camssf.golden.GoldenFiles
 import org.camssf.golden.GoldenRunner
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Region
 import org.json.JSONObject
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
@@ -124,14 +124,15 @@ class SelfTestActivityTest {
         val corners = doubleArrayOf(10.0, 20.0, 110.0, 22.0, 108.0, 90.0, 12.0, 88.0)
         for (order in listOf(listOf(0, 1, 2, 3), listOf(3, 1, 0, 2), listOf(2, 0, 3, 1))) {
             val taps = order.flatMap { listOf(corners[2 * it], corners[2 * it + 1]) }
-            assertArrayEquals(corners, CornersView.ordered(taps), 0.0)
+            assertArrayEquals(corners, CornersView.ordered(taps).toArray(), 0.0)
         }
     }
 
     @Test
     fun `the picture shows green from black to white`() {
         val samples = ShortArray(16) { if (it % 4 < 2) 64 else 1023 }
-        val mosaic = Mosaic("m", 4, 4, Region(0, 0, 4, 4), samples, "GRBG", DoubleArray(4) { 64.0 }, 1023.0)
+        val sensor = Mosaic.Sensor("GRBG", DoubleArray(4) { 64.0 }, 1023.0)
+        val mosaic = Mosaic(Mosaic.Origin("m"), 4, 4, Region(0, 0, 4, 4), samples, sensor)
         val picture = CornersView.thumbnail(mosaic, 2)
         assertEquals(listOf(2, 2), listOf(picture.width, picture.height))
         assertEquals(0xff000000.toInt(), picture.getPixel(0, 0))

@@ -1,0 +1,184 @@
+package org.camssf.curves
+
+import ai.onnxruntime.OnnxTensor
+import ai.onnxruntime.OrtException
+import ai.onnxruntime.OrtLoggingLevel
+import ai.onnxruntime.OrtSession
+import org.camssf.InvalidArgument
+import org.camssf.model.Models
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import java.nio.DoubleBuffer
+
+/**
+ * ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same.
+ *
+ * Java's ONNX Runtime takes no value for an input that has a default (`nonnegative`), so the other value of it
+ * is a second session, opened when first asked for.
+ */
+internal class OnnxEngine private constructor(override val basis: String, private val content: ByteArray) : Engine {
+    private class Session(
+        val options: OrtSession.SessionOptions,
+        val override: OnnxTensor?,
+        val session: OrtSession,
+    ) {
+        /** Options outlive their session. */
+        fun close() {
+            session.close()
+            options.close()
+            override?.close()
+        }
+    }
+
+    private val environment = OnnxLibrary.environment()
+    private val sessions = HashMap<Boolean, Session>()
+    private var open = true
+
+    override val sha256: String = Models.sha256(content)
+    override val metadata: Map<String, String>
+
+    init {
+        val usual = start(null)
+        metadata = try {
+            usual.session.metadata.customMetadata
+        } catch (error: Throwable) {
+            usual.close()
+            throw error
+        }
+        sessions[basis == PAPER] = usual
+    }
+
+    private fun start(nonnegative: Boolean?): Session {
+        val options = OrtSession.SessionOptions()
+        var override: OnnxTensor? = null
+        try {
+            options.setIntraOpNumThreads(1)
+            options.setInterOpNumThreads(1)
+            options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
+            // The graph that was checked is the graph that runs; it also loads in half the time.
+            options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
+            options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
+            options.addConfigEntry("session.intra_op.allow_spinning", "0")
+            options.addConfigEntry("mlas.disable_kleidiai", "1")
+            if (nonnegative != null) {
+                override = tensor(Tensor.scalar(if (nonnegative) 1.0 else 0.0))
+                options.addInitializer("nonnegative", override)
+            }
+            return Session(options, override, environment.createSession(content, options))
+        } catch (error: Throwable) {
+            options.close()
+            override?.close()
+            throw error
+        }
+    }
+
+    @Synchronized
+    override fun run(inputs: ModelInputs): ModelOutputs {
+        check(open) { "This SsfCalibrator was closed. Open another." }
+        try {
+            return run(sessions.getOrPut(inputs.nonnegative) { start(inputs.nonnegative) }.session, inputs)
+        } catch (error: OrtException) {
+            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
+        }
+    }
+
+    private fun run(session: OrtSession, inputs: ModelInputs): ModelOutputs {
+        val given = linkedMapOf(
+            "chart" to inputs.chart,
+            "white" to inputs.white,
+            "dark" to inputs.dark,
+            "standard_error" to inputs.standardError,
+            "reflectance" to inputs.reflectance,
+            "chart_tolerance" to inputs.chartTolerance,
+            "white_reflectance" to inputs.whiteReflectance,
+            "white_tolerance" to Tensor.scalar(inputs.whiteTolerance),
+            "lamp" to inputs.lamp,
+            "lamp_tolerance" to inputs.lampTolerance,
+            "lamp_modes" to inputs.lampModes,
+            "l2" to Tensor.scalar(inputs.l2),
+            "gamma" to Tensor.scalar(inputs.gamma),
+        )
+        val tensors = LinkedHashMap<String, OnnxTensor>()
+        try {
+            given.mapValuesTo(tensors) { tensor(it.value) }
+            session.run(tensors).use { result ->
+                fun out(name: String): DoubleArray {
+                    val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
+                    return DoubleArray(buffer.remaining()).also { buffer.get(it) }
+                }
+                return ModelOutputs(
+                    out("ssf"),
+                    out("ssf_std"),
+                    out("code"),
+                    out("signals"),
+                    out("predicted"),
+                    out("gap"),
+                    out("channel_gain"),
+                    out("lamp_estimate"),
+                )
+            }
+        } finally {
+            tensors.values.forEach { it.close() }
+        }
+    }
+
+    private fun tensor(value: Tensor): OnnxTensor {
+        val bytes = ByteBuffer.allocateDirect(8 * value.values.size).order(ByteOrder.nativeOrder())
+        val buffer: DoubleBuffer = bytes.asDoubleBuffer()
+        buffer.put(value.values)
+        buffer.rewind()
+        return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
+    }
+
+    /** A second call does nothing; the process's environment stays. */
+    @Synchronized
+    override fun close() {
+        if (!open) return
+        open = false
+        sessions.values.forEach { it.close() }
+        sessions.clear()
+    }
+
+    companion object {
+        const val PAPER = "gaussian"
+        private const val VOCABULARY = "1"
+        private const val GRID = "380 to 720 nm every 0.5 nm"
+        private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
+
+        /**
+         * The shipped model of a basis; its file's hash, basis, grid and vocabulary are checked.
+         *
+         * @throws InvalidArgument if there is no such model, or it is not the one that this version belongs to.
+         */
+        fun load(basis: String): OnnxEngine {
+            if (basis !in SHIPPED_BASES) {
+                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${SHIPPED_BASES.joinToString()}.")
+            }
+            val name = "camssf-$basis.onnx"
+            val content = try {
+                Models.read(name)
+            } catch (error: IllegalStateException) {
+                throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            }
+            return open(basis, name, content)
+        }
+
+        internal fun open(basis: String, name: String, content: ByteArray): OnnxEngine {
+            val engine = try {
+                OnnxEngine(basis, content)
+            } catch (error: OrtException) {
+                throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+            }
+            val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
+            val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }
+            if (differs.isNotEmpty()) {
+                engine.close()
+                throw InvalidArgument(
+                    "The model $name differs from this version in ${differs.keys.joinToString()}.",
+                    ADVICE,
+                )
+            }
+            return engine
+        }
+    }
+}

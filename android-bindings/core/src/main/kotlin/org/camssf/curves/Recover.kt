@@ -1,0 +1,223 @@
+package org.camssf.curves
+
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.LampUnfit
+import org.camssf.NotConverged
+import org.camssf.Rules
+import kotlin.math.abs
+import kotlin.math.exp
+import kotlin.math.ln
+import kotlin.math.max
+
+/** Penalties and sign of a fit; null takes the basis' default. */
+internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegative: Boolean?)
+
+/** Chart, white and dark, each (k, n, 3) DN, that the signals came from. */
+internal class Frames(val chart: Tensor, val white: Tensor, val dark: Tensor)
+
+/**
+ * What a fit takes: signals (k, n, 3), their standard error, reflectance (n, 681), chart tolerance (n), white
+ * reflectance (681) and its tolerance, lamp (k, 681), its tolerance (k) and its modes (k, q, 681).
+ */
+internal class Evidence(
+    val signals: Tensor,
+    val standardError: Tensor,
+    val reflectance: Tensor,
+    val chartTolerance: Tensor,
+    val whiteReflectance: Tensor,
+    val whiteTolerance: Double,
+    val lamp: Tensor,
+    val lampTolerance: Tensor,
+    val lampModes: Tensor,
+)
+
+/** Signals → curves, by the model, with the checks of the Python reference before and after it. */
+internal object Recover {
+    /** The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser. */
+    val L2 get() = Rules.shipped.number("calibration.l2")
+    val GAMMA get() = Rules.shipped.number("calibration.gamma")
+
+    /** Relative duality gap above which there is no answer. */
+    const val LARGEST_GAP = 1e-6
+
+    /**
+     * The curves that explain the signals.
+     *
+     * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
+     *
+     * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
+     * @throws InvalidArgument shapes or values that do not fit.
+     * @throws LampUnfit a lamp without power on the grid.
+     * @throws NotConverged a relative duality gap above 1e-6, or curves that do not see white.
+     */
+    fun recover(engine: Engine, evidence: Evidence, frames: Frames?, penalties: Penalties): Ssf {
+        check(evidence, engine.basis)
+        val paper = engine.basis == OnnxEngine.PAPER
+        val y = evidence.signals
+        if (frames != null) {
+            for (frame in listOf(frames.chart, frames.white, frames.dark)) fits("frames", frame, *y.shape)
+        }
+        val positive = penalties.nonnegative ?: paper
+        val weight = penalties.l2 ?: if (paper) 0.0 else L2
+        val chart = frames?.chart ?: y
+        val white = frames?.white ?: Tensor.full(1.0, *y.shape)
+        val dark = frames?.dark ?: Tensor.full(0.0, *y.shape)
+        val modes = evidence.lampModes.takeIf { it.shape[1] > 0 } ?: Tensor.full(0.0, y.shape[0], 1, Grid.SIZE)
+
+        fun run(gamma: Double): ModelOutputs = engine.run(
+            ModelInputs(
+                chart, white, dark, evidence.standardError, evidence.reflectance, evidence.chartTolerance,
+                evidence.whiteReflectance, evidence.whiteTolerance, evidence.lamp, evidence.lampTolerance, modes,
+                weight, gamma, positive,
+            ),
+        )
+        checkPenalties(weight, penalties.gamma)
+        val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
+            ?: if (paper) Discrepancy(evidence, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
+        checkPenalties(weight, gamma)
+        // The model takes one γ a call, so channels that differ in γ take a call each.
+        val answers = gamma.distinct().associateWith { run(it) }
+        fun pick(of: (ModelOutputs) -> DoubleArray): DoubleArray {
+            val columns = gamma.map { of(answers.getValue(it)) }
+            return DoubleArray(columns[0].size) { columns[it % 3][it] }
+        }
+        val gap = pick { it.gap }
+        believe(gap)
+        val ssf = pick { it.ssf }
+        respond(ssf)
+        return Ssf(
+            ssf,
+            if (paper) null else pick { it.ssfStd },
+            pick { it.code },
+            pick { it.predicted },
+            gap,
+            gamma,
+            weight,
+            pick { it.channelGain },
+            engine.basis,
+            answers.getValue(gamma[0]).lamp, // γ has no part in it
+        )
+    }
+
+    private fun checkPenalties(l2: Double, gamma: DoubleArray?) {
+        if (gamma != null && gamma.size != 1 && gamma.size != 3) {
+            throw InvalidArgument("gamma has ${gamma.size} values.", "Give one number, or one a channel.")
+        }
+        val values = gamma ?: doubleArrayOf(1.0)
+        if (!(l2 >= 0 && l2.isFinite() && values.all { it >= 0 && it.isFinite() })) {
+            throw InvalidArgument(
+                "the penalties l2 = $l2 and gamma = ${values.joinToString()} must be finite and not negative.",
+                "Leave them out to take the defaults.",
+            )
+        }
+        if (l2 == 0.0 && values.any { it == 0.0 }) {
+            throw InvalidArgument(
+                "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
+                "Give one of them a positive value, or leave them out to take the defaults.",
+            )
+        }
+    }
+
+    /** Refuses an answer without its proof; a gap that is NaN is none. */
+    private fun believe(gap: DoubleArray) {
+        if (gap.all { it <= LARGEST_GAP }) return
+        val worst = gap.max()
+        throw NotConverged(
+            "the solver's own proof failed: relative duality gap $worst.",
+            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
+            worst.takeIf { it.isFinite() },
+            LARGEST_GAP,
+        )
+    }
+
+    /** Refuses curves that do not see white. */
+    private fun respond(ssf: DoubleArray) {
+        for (c in 0..2) {
+            val peak = (0 until Grid.SIZE).maxOf { ssf[3 * it + c] }
+            if (!peak.isFinite() || peak <= 0) {
+                throw NotConverged(
+                    "a recovered curve has no response to white: the penalty gamma left nothing of it, or the " +
+                        "signals of a channel are empty.",
+                    "Take a smaller gamma, and check that the photo is exposed in all three channels.",
+                )
+            }
+        }
+    }
+
+    private fun check(evidence: Evidence, basis: String) {
+        val y = evidence.signals
+        if (y.rank != 3 || y.shape[2] != 3 || 0 in y.shape) {
+            throw InvalidArgument("signals have shape $y; (k, n, 3) is needed.", "Give every shot the same patches.")
+        }
+        finite("signals", y)
+        val (k, n) = y.shape
+        fits("reflectance", evidence.reflectance, n, Grid.SIZE)
+        val lamp = evidence.lamp
+        fits("lamp", lamp, k, Grid.SIZE)
+        for (j in 0 until k) {
+            val power = lamp.values.copyOfRange(j * Grid.SIZE, (j + 1) * Grid.SIZE)
+            if (power.any { it < 0 } || power.max() <= 0) {
+                throw LampUnfit(
+                    "the lamp has negative power, or none at all, between 380 and 720 nm.",
+                    "Give the spectrum of the light that fell on the chart, in nm and relative power.",
+                )
+            }
+        }
+        fits("standard_error", evidence.standardError, k, n, 3)
+        val rho = evidence.whiteReflectance
+        fits("white_reflectance", rho, Grid.SIZE)
+        val seen = (0 until k).map { j ->
+            (0 until Grid.SIZE).sumOf { rho.values[it] * lamp.values[j * Grid.SIZE + it] }
+        }
+        if (rho.values.any { it < 0 } || seen.any { !(it > 0) }) {
+            throw InvalidArgument(
+                "the white reference reflects nothing under the lamp.",
+                "Give its reflectance on the grid, 0 to 1.",
+            )
+        }
+        val modes = evidence.lampModes
+        if (modes.rank != 3 || modes.shape[0] != k || modes.shape[2] != Grid.SIZE) {
+            throw InvalidArgument(
+                "lamp_modes have shape $modes; ($k, q, ${Grid.SIZE}) is needed.",
+                "Give q modes a shot.",
+            )
+        }
+        finite("lamp_modes", modes)
+        tolerance("chart_tolerance", evidence.chartTolerance, n)
+        tolerance("white_tolerance", Tensor(doubleArrayOf(evidence.whiteTolerance), 1), 1)
+        tolerance("lamp_tolerance", evidence.lampTolerance, k)
+        if (evidence.standardError.values.any { it < 0 }) {
+            throw InvalidArgument("a standard error is negative.", "Give standard errors ≥ 0.")
+        }
+        if (basis == OnnxEngine.PAPER && k > 1) {
+            throw InvalidArgument(
+                "the $basis basis takes one shot, not $k: each shot's exposure would be a further unknown.",
+                "Give one photo, or take the basis cameras, whose rows are free of exposure.",
+            )
+        }
+    }
+
+    private fun fits(name: String, value: Tensor, vararg shape: Int) {
+        if (!value.hasShape(*shape)) {
+            throw InvalidArgument(
+                "$name has shape $value; ${shape.joinToString(", ", "(", ")")} is needed.",
+                "Put it on the 681-point grid, and give every shot the same patches.",
+            )
+        }
+        finite(name, value)
+    }
+
+    private fun finite(name: String, value: Tensor) {
+        if (!value.values.all { it.isFinite() }) {
+            throw InvalidArgument("$name holds NaN or infinity.", "Leave out what could not be measured.")
+        }
+    }
+
+    private fun tolerance(name: String, value: Tensor, size: Int) {
+        fits(name, value, size)
+        if (value.values.any { it < 0 }) {
+            throw InvalidArgument("$name must not be negative.", "Write 3 % as 0.03.")
+        }
+    }
+}

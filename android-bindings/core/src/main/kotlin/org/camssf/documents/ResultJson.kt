@@ -1,0 +1,187 @@
+package org.camssf.documents
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonObjectBuilder
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.buildJsonObject
+import org.camssf.Grid
+import org.camssf.evidence.Colour
+import org.camssf.evidence.Reason
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Assumption
+import org.camssf.photo.Begun
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+
+/** Results → "camssf-result/1" (Python's data/result.schema.json). It forms nothing anew: it writes what it is given. */
+internal object ResultJson {
+    private val pretty = Json {
+        prettyPrint = true
+    }
+
+    /**
+     * An answer.
+     *
+     * @param model SHA-256 of the model file.
+     */
+    fun of(solution: Solution, model: String): String {
+        val ssf = solution.ssf
+        val shots = solution.capture.shots
+        val begun = Begun(solution.capture.chart, shots.map { it.lamp }, shots)
+        val signals = shots.indices.map { solution.signals.only(it) }
+        val document = buildJsonObject {
+            head(begun, signals, solution.verdict, solution.assumptions, model) { j, i -> fitted(solution, j, i) }
+            text("basis", ssf.basis)
+            text("engine", "onnx")
+            put("ssf", curves(List(3) { ssf.curve(it) }))
+            put("ssf_std", if (ssf.sharedStd == null) JsonNull else curves(List(3) { ssf.deviation(it)!! }))
+            put("channel_gain", array(ssf.sharedGain))
+            put("gap", array(ssf.sharedGap))
+            put("gamma", array(ssf.sharedGamma))
+            put("l2", JsonPrimitive(ssf.l2))
+            put("uncertainty", uncertainty(solution))
+            put(
+                "scores",
+                buildJsonObject {
+                    put("rmsre_percent", array(solution.scores.sharedRmsre))
+                    put("rmse", JsonNull)
+                    put("delta_e00", JsonPrimitive(solution.scores.deltaE00))
+                    text("unseen", solution.scores.unseen)
+                },
+            )
+        }
+        return write(document)
+    }
+
+    /** A refusal. */
+    fun of(begun: Begun, verdict: Verdict): String = write(
+        buildJsonObject {
+            head(begun, begun.signals, verdict, emptyList(), null) { _, _ -> Fitted.NONE }
+            text("basis", "none")
+            text("engine", "none")
+        },
+    )
+
+    private fun write(document: JsonObject): String = pretty.encodeToString(JsonElement.serializer(), document) + "\n"
+
+    private fun fitted(solution: Solution, shot: Int, patch: Int): Fitted {
+        val at = shot * solution.signals.patches + patch
+        fun triple(values: DoubleArray) = values.copyOfRange(3 * at, 3 * at + 3)
+        return Fitted(
+            solution.signals.sharedUsed[at],
+            triple(solution.ssf.sharedPredicted),
+            triple(solution.unseen).takeIf { all -> all.all { it.isFinite() } },
+            triple(solution.scores.measuredSrgb),
+            triple(solution.scores.syntheticSrgb),
+        )
+    }
+
+    /** The part that needs no curves. */
+    private fun JsonObjectBuilder.head(
+        begun: Begun,
+        signals: List<Signals?>,
+        verdict: Verdict,
+        assumptions: List<Assumption>,
+        model: String?,
+        fitted: (Int, Int) -> Fitted,
+    ) {
+        val table = begun.chart
+        val photos = begun.shots.map { it.photo } + listOfNotNull(begun.inWork?.photo)
+        text("format", "camssf-result/1")
+        put(
+            "generator",
+            buildJsonObject {
+                text("name", "camssf")
+                text("version", VERSION)
+            },
+        )
+        put(
+            "camera",
+            buildJsonObject {
+                text("make", photos.firstOrNull()?.make.orEmpty())
+                text("model", photos.firstOrNull()?.model.orEmpty())
+            },
+        )
+        put(
+            "chart",
+            buildJsonObject {
+                text("name", table.name)
+                text("table", table.table)
+                text("layout", table.layout)
+                text("source", table.source)
+            },
+        )
+        val colours = Colour.reflectance(table)
+        val shots = begun.shots.mapIndexed { j, shot ->
+            ShotJson.of(shot, signals[j], table, colours) { fitted(j, it) }
+        }
+        put("shots", JsonArray(shots + listOfNotNull(begun.inWork?.let { ShotJson.of(it) })))
+        put(
+            "verdict",
+            buildJsonObject {
+                text("status", verdict.outcome.word)
+                put("reasons", JsonArray(verdict.reasons.map { reason(it) }))
+            },
+        )
+        put(
+            "assumptions",
+            JsonArray(
+                assumptions.map {
+                    buildJsonObject {
+                        text("code", it.code)
+                        text("message", it.message)
+                    }
+                },
+            ),
+        )
+        put(
+            "hashes",
+            buildJsonObject {
+                put("inputs", hashes(begun, photos))
+                put("model", JsonPrimitive(model))
+            },
+        )
+    }
+
+    private fun reason(reason: Reason): JsonObject = buildJsonObject {
+        text("code", reason.code)
+        text("message", reason.message)
+        text("advice", reason.advice)
+        put("value", JsonPrimitive(reason.value))
+        put("threshold", JsonPrimitive(reason.threshold))
+    }
+
+    private fun hashes(begun: Begun, photos: List<Photo>): JsonObject = buildJsonObject {
+        begun.chart.file?.let { text("chart table: ${it.name}", it.sha256) }
+        begun.lamps.forEachIndexed { j, lamp ->
+            lamp.file?.let { text("shot ${j + 1}, lamp: ${it.name}", it.sha256) }
+        }
+        photos.forEachIndexed { j, photo -> text("shot ${j + 1}, chart: ${photo.name}", photo.sha256) }
+        begun.shots.forEachIndexed { j, shot ->
+            shot.white?.let { text("shot ${j + 1}, white: ${it.name}", it.sha256) }
+            shot.dark?.let { text("shot ${j + 1}, dark: ${it.name}", it.sha256) }
+        }
+    }
+
+    /** How wide the band is, and would be with each shot alone; the budget by source is Python's only. */
+    private fun uncertainty(solution: Solution): JsonElement {
+        val alone = solution.alone ?: return JsonNull
+        return buildJsonObject {
+            put("half_width", JsonPrimitive(solution.ssf.halfWidth))
+            put("alone", array(alone.toDoubleArray()))
+            put("budget", JsonArray(emptyList()))
+        }
+    }
+
+    private fun curves(channels: List<DoubleArray>): JsonObject = buildJsonObject {
+        put("wavelength_nm", array(Grid.WAVELENGTHS))
+        listOf("red", "green", "blue").forEachIndexed { c, name -> put(name, array(channels[c])) }
+    }
+
+    /** Of camssf, the same as the Python package's. */
+    const val VERSION = "0.1.0"
+}

@@ -1,0 +1,47 @@
+package org.camssf.evidence
+
+import org.camssf.frozen
+
+/**
+ * How far an answer can be trusted.
+ *
+ * @property word the same in Python and JSON.
+ */
+public enum class Status(public val word: String) {
+    /** Nothing speaks against it. */
+    ACCEPTED("accepted"),
+
+    /** Usable, with reasons. */
+    DOUBTFUL("doubtful"),
+
+    /** No curves. */
+    REFUSED("refused"),
+    ;
+
+    internal companion object {
+        fun of(word: String): Status = values().first { it.word == word }
+
+        /** Refused by one fatal reason, doubtful by any other. */
+        fun of(reasons: List<Reason>): Status = when {
+            reasons.any { it.fatal } -> REFUSED
+            reasons.isEmpty() -> ACCEPTED
+            else -> DOUBTFUL
+        }
+    }
+}
+
+/**
+ * What the evidence says. Safe to pass between threads.
+ *
+ * @property outcome accepted, doubtful or refused.
+ */
+public class Verdict internal constructor(public val outcome: Status, reasons: List<Reason>) {
+    internal constructor(word: String, reasons: List<Reason>) : this(Status.of(word), reasons)
+
+    /** Empty only when accepted. */
+    public val reasons: List<Reason> = reasons.frozen()
+
+    /** The outcome's word: "accepted", "doubtful" or "refused". */
+    @Deprecated("The outcome is a type; its word is the same.", ReplaceWith("outcome.word"))
+    public val status: String get() = outcome.word
+}

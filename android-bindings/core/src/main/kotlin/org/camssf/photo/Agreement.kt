@@ -1,0 +1,57 @@
+package org.camssf.photo
+
+import org.camssf.Grid
+import org.camssf.spectra.ChartTable
+import kotlin.math.ln
+import kotlin.math.max
+import kotlin.math.pow
+import kotlin.math.sqrt
+
+/** How well colours of patches agree with a table's. */
+internal object Agreement {
+    /**
+     * Correlation of patch colours with what the table predicts, -1 to 1, whatever cast and exposure.
+     *
+     * From ln c each channel's mean over the patches is taken out (a free gain a channel); the rest is split into
+     * lightness, the mean over channels, and chroma, the difference from it, which counts double.
+     *
+     * @param measured (n, 3) DN above black; values below 0.2 % of the largest count as that.
+     * @param expected (n, 3) predicted signals, any scale.
+     */
+    fun of(measured: DoubleArray, expected: DoubleArray): Double {
+        val x = features(measured)
+        val y = features(expected)
+        val size = sqrt(x.sumOf { it * it }) * sqrt(y.sumOf { it * it })
+        return if (size > 0) x.indices.sumOf { x[it] * y[it] } / size else 0.0
+    }
+
+    private fun features(colours: DoubleArray): DoubleArray {
+        val least = max(2e-3 * colours.max(), 1e-12)
+        val logs = DoubleArray(colours.size) { ln(max(colours[it], least)) }
+        val n = logs.size / 3
+        for (c in 0..2) {
+            val middle = (0 until n).sumOf { logs[3 * it + c] } / n
+            for (i in 0 until n) logs[3 * i + c] -= middle
+        }
+        return DoubleArray(4 * n) {
+            val i = it / 4
+            val lightness = (logs[3 * i] + logs[3 * i + 1] + logs[3 * i + 2]) / 3
+            if (it % 4 == 0) lightness else 2 * (logs[3 * i + it % 4 - 1] - lightness)
+        }
+    }
+
+    /** (n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a flat lamp. */
+    fun expected(table: ChartTable): DoubleArray {
+        val grid = Grid.WAVELENGTHS
+        val curves = listOf(600.0, 540.0, 455.0).map { centre ->
+            val curve = DoubleArray(Grid.SIZE) { 2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) }
+            val total = curve.sum()
+            DoubleArray(Grid.SIZE) { curve[it] / total }
+        }
+        val values = table.sharedValues
+        return DoubleArray(3 * table.patches.size) { i ->
+            val from = i / 3 * Grid.SIZE
+            (0 until Grid.SIZE).sumOf { values[from + it] * curves[i % 3][it] }
+        }
+    }
+}

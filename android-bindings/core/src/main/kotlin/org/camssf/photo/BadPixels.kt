@@ -1,0 +1,26 @@
+package org.camssf.photo
+
+import org.camssf.frozen
+
+/**
+ * Samples that the file calls bad (DNG opcodes 4 and 5).
+ *
+ * @property list the opcode list that holds it: 1 refers to the stored picture, 2 to the active area.
+ * @property constant opcode 4: every sample of just this value is bad; null for a list of places.
+ * @param points opcode 5: (n, 2) row and column of single samples, else empty; copied.
+ * @param areas opcode 5: rectangles; copied.
+ */
+public class BadPixels(
+    public val list: Int,
+    public val constant: Int?,
+    points: IntArray,
+    areas: List<Region>,
+) {
+    private val ownPoints = points.copyOf()
+
+    /** Opcode 5: (n, 2) row and column of single samples, else empty; a copy at each call. */
+    public val points: IntArray get() = ownPoints.copyOf()
+
+    /** Opcode 5: rectangles. */
+    public val areas: List<Region> = areas.frozen()
+}

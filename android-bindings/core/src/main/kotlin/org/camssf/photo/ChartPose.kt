@@ -1,0 +1,128 @@
+package org.camssf.photo
+
+import org.camssf.ChartNotFound
+import org.camssf.InvalidArgument
+import org.camssf.frozen
+import org.camssf.spectra.ChartLayout
+import org.camssf.spectra.ChartTable
+import kotlin.math.max
+import kotlin.math.min
+
+/**
+ * Where the chart lies. Points are in pixels of the active area, where the centre of the first sample is (0, 0). Safe to
+ * pass between threads; arrays are copied at each call (24 patches: 1.5 kB).
+ *
+ * @property layout name of the [ChartLayout].
+ * @property quarterTurns how often 90° clockwise turns the chart as photographed from upright: 0 to 3.
+ * @property method "detected" or "by hand".
+ * @property score agreement with the chart's own colours, 0 to 1 (correlation).
+ */
+public class ChartPose internal constructor(
+    public val layout: String,
+    internal val sharedCorners: DoubleArray,
+    internal val sharedQuads: DoubleArray,
+    public val quarterTurns: Int,
+    public val method: String,
+    public val score: Double,
+    notes: List<String>,
+) {
+    /** What the user should know. */
+    public val notes: List<String> = notes.frozen()
+
+    /** Outer corners of the block of patches (outer borders of the corner patches), named as on the chart. */
+    public val outline: Corners get() = Corners.of(*sharedCorners)
+
+    /** Corners of each patch, on its borders, in the chart's reading order; made anew at each call. */
+    public val patches: List<Corners>
+        get() = List(sharedQuads.size / 8) { Corners.of(*sharedQuads.copyOfRange(8 * it, 8 * it + 8)) }
+
+    /** (4, 2) [outline] as numbers; a copy at each call. */
+    @Deprecated("Corners are a type.", ReplaceWith("outline.toArray()"))
+    public val corners: DoubleArray get() = sharedCorners.copyOf()
+
+    /** (n, 4, 2) [patches] as numbers; a copy at each call. */
+    public val quads: DoubleArray get() = sharedQuads.copyOf()
+
+    public companion object {
+        private const val SMALLEST = 64
+
+        /**
+         * The pose from four rough corners (taps, a viewfinder's overlay): turned by the colours, moved to the printed
+         * borders where these lie near, else kept, which `notes` says. The same rule as Python's
+         * `find_chart(mosaic, table, corners=...)`.
+         *
+         * @param mosaic the photo of the chart; its region must hold the part that [region] names.
+         * @param corners of the block of patches, one after the other around it from any of them, px of the active area,
+         *   off by half a patch at most.
+         * @throws ChartNotFound the colours inside the corners do not agree with the chart, or it is mirrored.
+         * @throws InvalidArgument the corners are no convex quadrilateral in the photo.
+         */
+        @JvmStatic
+        public fun refine(mosaic: Mosaic, corners: Corners, chart: ChartTable): ChartPose {
+            val layout = ChartLayout.of(chart.layout)
+            if (layout == null || chart.patches.size != layout.columns * layout.rows) {
+                throw InvalidArgument(
+                    "The chart table '${chart.table}' fits no layout that camssf knows.",
+                    "Use another.",
+                )
+            }
+            if (min(mosaic.width, mosaic.height) < SMALLEST) {
+                throw ChartNotFound(
+                    "${mosaic.name}: the photo has only ${mosaic.width} × ${mosaic.height} px.",
+                    "Give the RAW photo of the whole sensor.",
+                    min(mosaic.width, mosaic.height).toDouble(),
+                    SMALLEST.toDouble(),
+                )
+            }
+            val rough = corners.toArray()
+            check(rough, mosaic)
+            return PoseSearch(mosaic, layout, Agreement.expected(chart), rough).pose()
+        }
+
+        /** [refine] of corners (4, 2) as eight numbers. */
+        @Deprecated("Corners are a type.", ReplaceWith("refine(mosaic, Corners.of(*corners), chart)"))
+        @JvmStatic
+        public fun refine(mosaic: Mosaic, corners: DoubleArray, chart: ChartTable): ChartPose =
+            refine(mosaic, Corners.of(*corners), chart)
+
+        /** The part of a photo that [refine] looks at and that patches are measured in; it may reach beyond the photo. */
+        @JvmStatic
+        public fun region(corners: Corners): Region {
+            val (left, right) = reach(corners.points.map { it.x })
+            val (top, bottom) = reach(corners.points.map { it.y })
+            return Region(left, top, right, bottom)
+        }
+
+        /**
+         * [region] of corners (4, 2) as eight numbers.
+         *
+         * @throws InvalidArgument the corners are not four finite points.
+         */
+        @Deprecated("Corners are a type.", ReplaceWith("region(Corners.of(*corners))"))
+        @JvmStatic
+        public fun region(corners: DoubleArray): Region = region(Corners.of(*corners))
+
+        /** First and one behind the last pixel of the corners' box, 15 % and 8 px wider. */
+        private fun reach(places: List<Double>): Pair<Int, Int> {
+            val margin = 0.15 * (places.max() - places.min()) + 8
+            return max(places.min() - margin, 0.0).toInt() / 2 * 2 to max(places.max() + margin, 1.0).toInt()
+        }
+
+        private fun check(corners: DoubleArray, photo: Mosaic) {
+            val last = intArrayOf(photo.width - 1, photo.height - 1)
+            if (corners.indices.any { corners[it] < 0 || corners[it] > last[it % 2] }) {
+                throw outside(photo.name, photo.width, photo.height)
+            }
+            if (!Lattice.convex(corners)) {
+                throw InvalidArgument("The corners do not go around a convex quadrilateral.", Corners.ADVICE)
+            }
+        }
+    }
+}
+
+/** A corner of the chart, or the part around it, does not lie in the photo. */
+internal fun outside(name: String, width: Int, height: Int) = InvalidArgument(
+    "A corner lies outside $name, a photo of $width × $height px.",
+    "Give corners in pixels of the RAW photo, x from 0 to ${width - 1} and y from 0 to ${height - 1}: points on a " +
+        "preview must be scaled to it, and turned back where the preview is turned.",
+)

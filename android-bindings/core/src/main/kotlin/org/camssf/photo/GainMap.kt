@@ -1,0 +1,100 @@
+package org.camssf.photo
+
+/**
+ * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.
+ *
+ * It applies to the samples (y, x) with `y = top, top + rowPitch, ... < bottom` and
+ * `x = left, left + columnPitch, ... < right`, after black subtraction, the gain interpolated between the points.
+ *
+ * @property list the opcode list that holds it: 1 acts before linearisation, on the stored picture; 2 on the mosaic's
+ *   active area; 3 on the demosaiced picture.
+ * @property area the samples it applies to.
+ * @property plane first plane; a mosaic has plane 0, list 3 has R, G, B.
+ * @property planes number of planes.
+ * @property rowPitch step between rows.
+ * @property columnPitch step between columns.
+ * @property net the points and their gains.
+ */
+public class GainMap(
+    public val list: Int,
+    public val area: Region,
+    public val plane: Int,
+    public val planes: Int,
+    public val rowPitch: Int,
+    public val columnPitch: Int,
+    public val net: Net,
+) {
+    /**
+     * The points of a gain map and their gains.
+     *
+     * @property pointsV rows of the grid.
+     * @property pointsH columns of the grid.
+     * @property spacingV distance of the grid's rows, in parts of the picture's height.
+     * @property spacingH distance of the grid's columns, in parts of the picture's width.
+     * @property originV place of the first row, in parts of the picture's height.
+     * @property originH place of the first column, in parts of the picture's width.
+     * @property mapPlanes gains a point; plane i has the entry min(i, mapPlanes - 1).
+     * @param gains (pointsV, pointsH, mapPlanes) row-major; copied.
+     */
+    public class Net(
+        public val pointsV: Int,
+        public val pointsH: Int,
+        public val spacingV: Double,
+        public val spacingH: Double,
+        public val originV: Double,
+        public val originH: Double,
+        public val mapPlanes: Int,
+        gains: FloatArray,
+    ) {
+        internal val sharedGains: FloatArray = gains.copyOf()
+
+        /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
+        public val gains: FloatArray get() = sharedGains.copyOf()
+    }
+
+    /** Points and all in one list. */
+    @Deprecated("The net is a type: GainMap(list, area, ..., GainMap.Net(...)). Goes with the next release.")
+    public constructor(
+        list: Int,
+        area: Region,
+        plane: Int,
+        planes: Int,
+        rowPitch: Int,
+        columnPitch: Int,
+        pointsV: Int,
+        pointsH: Int,
+        spacingV: Double,
+        spacingH: Double,
+        originV: Double,
+        originH: Double,
+        mapPlanes: Int,
+        gains: FloatArray,
+    ) : this(
+        list, area, plane, planes, rowPitch, columnPitch,
+        Net(pointsV, pointsH, spacingV, spacingH, originV, originH, mapPlanes, gains),
+    )
+
+    /** Rows of the net. */
+    public val pointsV: Int get() = net.pointsV
+
+    /** Columns of the net. */
+    public val pointsH: Int get() = net.pointsH
+
+    /** Distance of the net's rows, in parts of the picture's height. */
+    public val spacingV: Double get() = net.spacingV
+
+    /** Distance of the net's columns, in parts of the picture's width. */
+    public val spacingH: Double get() = net.spacingH
+
+    /** Place of the first row, in parts of the picture's height. */
+    public val originV: Double get() = net.originV
+
+    /** Place of the first column, in parts of the picture's width. */
+    public val originH: Double get() = net.originH
+
+    /** Gains a point. */
+    public val mapPlanes: Int get() = net.mapPlanes
+
+    /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
+    public val gains: FloatArray get() = net.gains
+}

@@ -1,0 +1,226 @@
+package org.camssf.photo
+
+import org.camssf.LeastSquares
+import org.camssf.flatten
+import org.camssf.median
+import org.camssf.spectra.ChartLayout
+import kotlin.math.abs
+import kotlin.math.max
+import kotlin.math.min
+import kotlin.math.roundToInt
+import kotlin.math.sqrt
+
+/**
+ * The lattice of a chart's patches in a picture: the centre of patch (column i, row j) is (i, j), its borders lie
+ * sx/2, sy/2 away.
+ *
+ * @property map lattice coordinates → px.
+ * @property side patch edge (sx, sy) in pitches.
+ * @property locked share of borders that were seen within 0.05 pitch of where they should be.
+ */
+internal class Lattice(val layout: ChartLayout, val map: Homography, val side: DoubleArray, val locked: Double) {
+    /** (4, 2) outer corners of the block of patches, px. */
+    fun corners(): DoubleArray = map.map(block(layout, side))
+
+    /** (n, 4, 2) px corners of every patch. */
+    fun quads(): DoubleArray = List(layout.columns * layout.rows) { i ->
+        map.map(
+            DoubleArray(8) {
+                val centre = if (it % 2 == 0) i % layout.columns else i / layout.columns
+                centre + SQUARE[it] * side[it % 2] / 2
+            },
+        )
+    }.flatten()
+
+    /**
+     * Moves the lattice to the printed borders, by the numbered rule of Python's `refine_corners`; null if it was lost.
+     *
+     * @param image (height, width) brightness on which the patches are brighter than the gaps.
+     */
+    fun refine(image: DoubleArray, width: Int, height: Int): Lattice? {
+        var found = this
+        for (window in WINDOWS) {
+            found = found.step(Picture(image, width, height), window) ?: return null
+            val moved = found.corners()
+            if (!moved.all { it.isFinite() } || !convex(moved)) return null
+        }
+        return found
+    }
+
+    private fun step(picture: Picture, window: Double): Lattice? {
+        val borders = borders(picture, window)
+        if (borders.count { it.weight != 0.0 } < UNKNOWNS) return null
+        val robust = DoubleArray(borders.size) { 1.0 }
+        val rows = Array(borders.size) { borders[it].row() }
+        var solution = DoubleArray(UNKNOWNS)
+        var residual = DoubleArray(borders.size)
+        repeat(6) {
+            val root = DoubleArray(borders.size) { sqrt(borders[it].weight * robust[it]) }
+            solution = LeastSquares.solve(
+                Array(borders.size) { i -> DoubleArray(UNKNOWNS) { rows[i][it] * root[i] } },
+                DoubleArray(borders.size) { borders[it].right * root[it] },
+            ) ?: return null
+            for (j in 8..9) solution[j] = solution[j].coerceIn(0.6, 0.98)
+            residual = DoubleArray(borders.size) { i ->
+                abs((0 until UNKNOWNS).sumOf { rows[i][it] * solution[it] } - borders[i].right)
+            }
+            val seen = residual.filterIndexed { i, _ -> borders[i].weight > 0 }
+            val spread = max(0.01, 1.4826 * median(seen.toDoubleArray()))
+            for (i in robust.indices) {
+                val part = max(0.0, 1 - (residual[i] / (5 * spread)) * (residual[i] / (5 * spread)))
+                robust[i] = part * part
+            }
+        }
+        val s = solution
+        val correction = Homography(doubleArrayOf(1 + s[1], s[2], s[0], s[4], 1 + s[5], s[3], s[6], s[7], 1.0))
+        val back = correction.inverse() ?: return null
+        val inPlace = residual.indices.count { residual[it] < 0.05 && borders[it].weight > 0 }
+        return Lattice(layout, map * back, doubleArrayOf(s[8], s[9]), inPlace.toDouble() / borders.size)
+    }
+
+    /** A border as seen: lattice place (u, v), axis 0 for a vertical one, its patch's index there, side -1 or 1. */
+    private class Border(
+        val u: Double,
+        val v: Double,
+        val axis: Int,
+        val index: Int,
+        val sign: Int,
+        val weight: Double,
+    ) {
+        private val along get() = if (axis == 0) u else v
+        val right: Double get() = index - along
+
+        fun row(): DoubleArray {
+            val row = DoubleArray(UNKNOWNS)
+            row[3 * axis] = 1.0
+            row[3 * axis + 1] = u
+            row[3 * axis + 2] = v
+            row[6] = -along * u
+            row[7] = -along * v
+            row[8 + axis] = -sign / 2.0
+            return row
+        }
+    }
+
+    private class Picture(val image: DoubleArray, val width: Int, val height: Int) {
+        /** Bilinear sample; NaN outside. */
+        fun at(x: Double, y: Double): Double {
+            if (!(x >= 0 && x <= width - 1 && y >= 0 && y <= height - 1)) return Double.NaN
+            val i = min(y.toInt(), height - 2)
+            val j = min(x.toInt(), width - 2)
+            val q = y - i
+            val p = x - j
+            val from = i * width + j
+            val top = image[from] * (1 - p) + image[from + 1] * p
+            val bottom = image[from + width] * (1 - p) + image[from + width + 1] * p
+            return top * (1 - q) + bottom * q
+        }
+    }
+
+    /** Rules 1 and 2. */
+    private fun borders(picture: Picture, window: Double): List<Border> {
+        val reach = ((window + 0.08) / 0.02).roundToInt()
+        val offsets = DoubleArray(2 * reach + 1) { 0.02 * (it - reach) }
+        class Found(val i: Int, val axis: Int, val sign: Int, val place: Double, val height: Double)
+        val found = ArrayList<Found>()
+        for (axis in 0..1) {
+            for (sign in intArrayOf(-1, 1)) {
+                for (i in 0 until layout.columns * layout.rows) {
+                    val profile = DoubleArray(offsets.size) { profile(picture, i, axis, sign, offsets[it]) }
+                    val (place, height) = border(profile, offsets, window)
+                    found += Found(i, axis, sign, place, height)
+                }
+            }
+        }
+        val heights = found.map { it.height }.filter { it.isFinite() && it > 0 }
+        val usual = if (heights.isEmpty()) 1.0 else median(heights.toDoubleArray())
+        return found.map {
+            val weight = if (it.height.isFinite() && it.height > 0) it.height / (it.height + usual) else 0.0
+            val column = (it.i % layout.columns).toDouble()
+            val row = (it.i / layout.columns).toDouble()
+            val moved = it.sign * (side[it.axis] / 2 + it.place)
+            if (it.axis == 0) {
+                Border(column + moved, row, 0, it.i % layout.columns, it.sign, weight)
+            } else {
+                Border(column, row + moved, 1, it.i / layout.columns, it.sign, weight)
+            }
+        }
+    }
+
+    /** Mean over 9 places along a border of patch i, `offset` outwards of it. */
+    private fun profile(picture: Picture, i: Int, axis: Int, sign: Int, offset: Double): Double {
+        var total = 0.0
+        for (place in ALONG) {
+            val across = sign * (side[axis] / 2 + offset)
+            val along = place * side[1 - axis]
+            val u = i % layout.columns + if (axis == 0) across else along
+            val v = i / layout.columns + if (axis == 0) along else across
+            total += picture.at(map.x(u, v), map.y(u, v))
+        }
+        return total / ALONG.size
+    }
+
+    /** Where a profile falls most steeply, and by how much; a height that is not finite where nothing was seen. */
+    private fun border(profile: DoubleArray, offsets: DoubleArray, window: Double): Pair<Double, Double> {
+        val sums = DoubleArray(profile.size + 1)
+        for (i in profile.indices) sums[i + 1] = sums[i] + profile[i]
+        val fall = DoubleArray(profile.size - 8) {
+            val m = it + 4
+            val found = (sums[m] - sums[m - 4] - sums[m + 5] + sums[m + 1]) / 4
+            if (found.isFinite()) found else Double.NEGATIVE_INFINITY
+        }
+        var peak = 0
+        var best = Double.NEGATIVE_INFINITY
+        for (k in fall.indices) {
+            val t = offsets[k + 4]
+            val value = fall[k] * (1 - 0.5 * (t / window) * (t / window))
+            if (value > best) {
+                best = value
+                peak = k
+            }
+        }
+        val height = fall[peak]
+        val left = fall[max(peak - 1, 0)]
+        val right = fall[min(peak + 1, fall.size - 1)]
+        val bend = left - 2 * height + right
+        val step = if (bend.isFinite() && bend < 0) 0.5 * (left - right) / bend else 0.0
+        return offsets[peak + 4] + 0.02 * step.coerceIn(-1.0, 1.0) to height
+    }
+
+    companion object {
+        /** How far from the expected place each round looks for a border, in pitches. */
+        private val WINDOWS = doubleArrayOf(0.50, 0.25, 0.15, 0.10, 0.10)
+        private val ALONG = DoubleArray(9) { -0.3 + 0.6 * it / 8 }
+        private val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
+        private const val UNKNOWNS = 10
+
+        /** (4, 2) outer corners of the block of patches with edges `side`, in lattice coordinates. */
+        fun block(layout: ChartLayout, side: DoubleArray): DoubleArray = DoubleArray(8) {
+            val last = if (it % 2 == 0) layout.columns - 1 else layout.rows - 1
+            SQUARE[it] * side[it % 2] / 2 + if (SQUARE[it] > 0) last else 0
+        }
+
+        /** The lattice whose block has these corners (4, 2), px, with the layout's own gap; null if they are degenerate. */
+        fun of(layout: ChartLayout, corners: DoubleArray): Lattice? {
+            val side = doubleArrayOf(layout.sideX, layout.sideY)
+            val map = Homography.of(block(layout, side), corners) ?: return null
+            return Lattice(layout, map, side, 0.0)
+        }
+
+        fun convex(quad: DoubleArray): Boolean {
+            val turns = DoubleArray(4) { i ->
+                val j = (i + 1) % 4
+                val k = (i + 2) % 4
+                (quad[2 * j] - quad[2 * i]) * (quad[2 * k + 1] - quad[2 * j + 1]) -
+                    (quad[2 * j + 1] - quad[2 * i + 1]) * (quad[2 * k] - quad[2 * j])
+            }
+            return turns.all { it > 0 } || turns.all { it < 0 }
+        }
+
+        /** Signed; positive if the corners run clockwise as seen (y down). */
+        fun area(quad: DoubleArray): Double = (0..3).sumOf { i ->
+            val j = (i + 1) % 4
+            quad[2 * i] * quad[2 * j + 1] - quad[2 * j] * quad[2 * i + 1]
+        } / 2
+    }
+}

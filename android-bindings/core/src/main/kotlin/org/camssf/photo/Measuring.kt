@@ -1,0 +1,129 @@
+package org.camssf.photo
+
+import org.camssf.FramesDiffer
+import org.camssf.InvalidArgument
+import org.camssf.Tell
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+
+/** The shot whose photo was read when the measuring ended before its time. */
+internal class InWork(val lamp: Lamp, val photo: Photo, val saturation: Double, val pose: ChartPose?)
+
+/**
+ * What is known so far, for the evidence of a refusal.
+ *
+ * @property lamps of all shots, for the hashes of their files.
+ * @property shots that were finished.
+ * @property inWork the one that was not.
+ */
+internal class Begun(
+    val chart: ChartTable,
+    val lamps: List<Lamp>,
+    val shots: List<MeasuredShot>,
+    val inWork: InWork? = null,
+) {
+    /** Of each finished shot, null where they cannot be formed. */
+    val signals: List<Signals?> by lazy {
+        shots.mapIndexed { j, shot ->
+            when (val one = Normalise.one(shot.means, chart.patches, chart.white, j + 1)) {
+                is Normalised.Sound -> one.signals
+                is Normalised.Unsound -> null
+            }
+        }
+    }
+}
+
+/** Photos → measured capture, one shot after the other; one thread. */
+internal class Measuring(private val capture: Capture, private val tell: Tell) {
+    private val done = ArrayList<MeasuredShot>()
+    private var inWork: InWork? = null
+
+    /** What is known so far. */
+    fun begun(): Begun = Begun(capture.chart, capture.shots.map { it.lamp }, done.toList(), inWork)
+
+    /**
+     * All shots.
+     *
+     * @throws org.camssf.CalibrationException a photo carries no answer, or the call is wrong; see [begun].
+     */
+    fun run(): MeasuredCapture {
+        val k = capture.shots.size
+        if (k == 0) throw InvalidArgument("there is no photo.", "Give the DNG of at least one photo of the chart.")
+        if (k > MOST_SHOTS) throw InvalidArgument("there are $k photos.", "Give at most $MOST_SHOTS.")
+        check(capture.shots.map { it.white != null }, capture.whiteReflectance)
+        capture.shots.forEachIndexed { j, shot -> done += measure(shot, j) }
+        agree(done)
+        return MeasuredCapture(done, capture.chart, capture.whiteReflectance)
+    }
+
+    private fun measure(shot: Shot, j: Int): MeasuredShot {
+        val k = capture.shots.size
+        val at = if (k > 1) " ${j + 1} of $k" else ""
+        tell("reading photo$at", j.toDouble() / k)
+        val corners = shot.outline
+        val region = ChartPose.region(corners)
+        val photo = shot.photo.read(region)
+        val facts = Photo.of(photo)
+        inWork = InWork(shot.lamp, facts, photo.white, null)
+        tell("looking for the chart$at", (j + 0.4) / k)
+        val pose = ChartPose.refine(photo, corners, capture.chart)
+        inWork = InWork(shot.lamp, facts, photo.white, pose)
+        tell("measuring the patches$at", (j + 0.7) / k)
+        val white = shot.white?.read(region)
+        val dark = shot.dark?.read(region)
+        val means = PatchMeans.measure(photo, pose, white, dark, shot.lensShading)
+        val whiteFacts = white?.let(Photo::of)
+        val darkFacts = dark?.let(Photo::of)
+        inWork = null
+        return MeasuredShot(shot.lamp, facts, whiteFacts, darkFacts, pose, means, shot.lensShading)
+    }
+
+    companion object {
+        private const val MOST_SHOTS = 64
+
+        /** Shots that were measured one by one. */
+        fun joined(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture {
+            if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
+            check(shots.map { it.means.white != null }, whiteReflectance)
+            agree(shots)
+            return MeasuredCapture(shots, chart, whiteReflectance)
+        }
+
+        /** All shots have a white frame, or none; its card reflects what a card can. */
+        private fun check(framed: List<Boolean>, card: Double?) {
+            if (framed.toSet().size > 1) {
+                throw InvalidArgument(
+                    "some shots have a white frame and some have none.",
+                    "Give a white frame for all shots, or for none.",
+                )
+            }
+            if (card != null && card !in 0.05..1.2) {
+                throw InvalidArgument("a white card of reflectance $card is none.", "Write 95 % as 0.95.")
+            }
+            if (card != null && !framed[0]) {
+                throw InvalidArgument(
+                    "a white card's reflectance was given, but no white frame.",
+                    "Give the white frame, or leave it out.",
+                )
+            }
+        }
+
+        /** One camera took all shots, each another photo. */
+        private fun agree(shots: List<MeasuredShot>) {
+            val twin = shots.groupBy { it.photo.sha256 }.values.firstOrNull { it.size > 1 }
+            if (twin != null) {
+                throw InvalidArgument(
+                    "${twin[0].photo.name} was given ${twin.size} times: one photo is one piece of evidence.",
+                    "Give each photo once; a second shot is another photo, best under another lamp.",
+                )
+            }
+            val bodies = shots.map { "${it.photo.make} ${it.photo.model}" }.toSortedSet()
+            if (bodies.size > 1) {
+                throw FramesDiffer(
+                    "the photos come from different cameras: ${bodies.joinToString()}.",
+                    "Calibrate one camera at a time.",
+                )
+            }
+        }
+    }
+}

@@ -1,0 +1,285 @@
+package org.camssf.photo
+
+import org.camssf.InvalidArgument
+import org.camssf.frozen
+
+/**
+ * One RAW photo, neither demosaiced nor white-balanced. Pose and pixel positions refer to the active area.
+ *
+ * Its small arrays are copied in and out, so that nobody changes them. The samples are not, since they are large (24 MB
+ * for 12 megapixels): who makes a mosaic hands them over and must not write into them afterwards. Safe to pass between
+ * threads.
+ *
+ * @property origin of the photo: file, camera, exposure.
+ * @property width columns of the active area.
+ * @property height rows of the active area.
+ * @property region the part of the active area whose samples are here: all of it unless a part was asked for.
+ * @property samples (region.height, region.width) unsigned 16-bit DN, row-major, after the file's LinearizationTable,
+ *   before black subtraction; see [get]. The mosaic's own array, not a copy: do not write into it.
+ * @property sensor colour filters and levels.
+ * @property corrections that the file describes; none is applied to the samples.
+ * @property colours what the file says of the camera's colours.
+ * @throws InvalidArgument sizes that do not fit, other colour filters than Bayer's, levels that are no numbers.
+ */
+public class Mosaic(
+    public val origin: Origin,
+    public val width: Int,
+    public val height: Int,
+    public val region: Region,
+    public val samples: ShortArray,
+    public val sensor: Sensor,
+    public val corrections: Corrections = Corrections(),
+    public val colours: Colours = Colours(),
+) {
+    /**
+     * Where a photo came from and how it was taken.
+     *
+     * @property name of the file, for messages and results; no path.
+     * @property make of the camera, "" where unknown.
+     * @property model of the camera, "" where unknown.
+     * @property exposure seconds, null where unknown.
+     * @property iso sensitivity, null where unknown.
+     * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
+     * @property sha256 of the file, lower-case hex; "" where there was no file.
+     */
+    public class Origin @JvmOverloads constructor(
+        public val name: String,
+        public val make: String = "",
+        public val model: String = "",
+        public val exposure: Double? = null,
+        public val iso: Double? = null,
+        public val orientation: Int = 1,
+        public val sha256: String = "",
+    )
+
+    /**
+     * What the samples mean.
+     *
+     * @property cfa colours of the 2 × 2 cell at the active area's corner: RGGB, GRBG, GBRG or BGGR.
+     * @param black (2, 2) row-major black level of each position of that cell, DN; copied.
+     * @property white the white level (saturation), DN.
+     * @param noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null; copied.
+     * @param maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area); copied.
+     */
+    public class Sensor @JvmOverloads constructor(
+        public val cfa: String,
+        black: DoubleArray,
+        public val white: Double,
+        noiseProfile: DoubleArray? = null,
+        maskedAreas: List<Region> = emptyList(),
+    ) {
+        internal val sharedBlack: DoubleArray = black.copyOf()
+        private val ownProfile = noiseProfile?.copyOf()
+
+        /** (2, 2) row-major black level of each position of the cell, DN; a copy at each call. */
+        public val black: DoubleArray get() = sharedBlack.copyOf()
+
+        /** Pairs (S, O), or null; a copy at each call. */
+        public val noiseProfile: DoubleArray? get() = ownProfile?.copyOf()
+
+        /** Shielded parts of the sensor, in samples of the stored picture. */
+        public val maskedAreas: List<Region> = maskedAreas.frozen()
+    }
+
+    /**
+     * What the file would have done to the samples; nothing of it was.
+     *
+     * @param gainMaps lens-shading maps; copied.
+     * @param badPixels lists of bad samples, not repaired; copied.
+     * @param unknownOpcodes numbers of the file's other operations that it does not call optional; copied.
+     */
+    public class Corrections @JvmOverloads constructor(
+        gainMaps: List<GainMap> = emptyList(),
+        badPixels: List<BadPixels> = emptyList(),
+        unknownOpcodes: List<Int> = emptyList(),
+    ) {
+        /** Lens-shading maps of the file. */
+        public val gainMaps: List<GainMap> = gainMaps.frozen()
+
+        /** Lists of bad samples. */
+        public val badPixels: List<BadPixels> = badPixels.frozen()
+
+        /** Numbers of other operations that the file does not call optional. */
+        public val unknownOpcodes: List<Int> = unknownOpcodes.frozen()
+    }
+
+    /**
+     * What the file says of the camera's colours; arrays are copied.
+     *
+     * @param colorMatrix1 (3, 3) row-major XYZ to camera, or null.
+     * @param colorMatrix2 (3, 3) row-major XYZ to camera, or null.
+     * @param asShotNeutral (3) the camera's white, or null.
+     * @param asShotWhiteXY (2) the same as chromaticity x, y, or null.
+     * @param neutrals the camera's white under the light that each colour matrix was made for.
+     */
+    public class Colours @JvmOverloads constructor(
+        colorMatrix1: DoubleArray? = null,
+        colorMatrix2: DoubleArray? = null,
+        asShotNeutral: DoubleArray? = null,
+        asShotWhiteXY: DoubleArray? = null,
+        neutrals: List<Neutral> = emptyList(),
+    ) {
+        private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
+        private val ownNeutral = asShotNeutral?.copyOf()
+        private val ownWhite = asShotWhiteXY?.copyOf()
+
+        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
+        public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
+
+        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
+        public val colorMatrix2: DoubleArray? get() = ownMatrices[1]?.copyOf()
+
+        /** (3) the camera's white, or null; a copy at each call. */
+        public val asShotNeutral: DoubleArray? get() = ownNeutral?.copyOf()
+
+        /** (2) the same as chromaticity x, y, or null; a copy at each call. */
+        public val asShotWhiteXY: DoubleArray? get() = ownWhite?.copyOf()
+
+        /** The camera's white under the light that each colour matrix was made for. */
+        public val neutrals: List<Neutral> = neutrals.frozen()
+    }
+
+    /** All of it in one list. */
+    @Deprecated("Its parts are types: Mosaic.Origin, Mosaic.Sensor. Goes with the next release.")
+    public constructor(
+        name: String,
+        width: Int,
+        height: Int,
+        region: Region,
+        samples: ShortArray,
+        cfa: String,
+        black: DoubleArray,
+        white: Double,
+        make: String = "",
+        model: String = "",
+        exposure: Double? = null,
+        iso: Double? = null,
+        orientation: Int = 1,
+        gainMaps: List<GainMap> = emptyList(),
+        badPixels: List<BadPixels> = emptyList(),
+        unknownOpcodes: List<Int> = emptyList(),
+        colorMatrix1: DoubleArray? = null,
+        colorMatrix2: DoubleArray? = null,
+        asShotNeutral: DoubleArray? = null,
+        asShotWhiteXY: DoubleArray? = null,
+        noiseProfile: DoubleArray? = null,
+        maskedAreas: List<Region> = emptyList(),
+        sha256: String = "",
+        neutrals: List<Neutral> = emptyList(),
+    ) : this(
+        Origin(name, make, model, exposure, iso, orientation, sha256),
+        width,
+        height,
+        region,
+        samples,
+        Sensor(cfa, black, white, noiseProfile, maskedAreas),
+        Corrections(gainMaps, badPixels, unknownOpcodes),
+        Colours(colorMatrix1, colorMatrix2, asShotNeutral, asShotWhiteXY, neutrals),
+    )
+
+    /** See [Origin]. */
+    public val name: String get() = origin.name
+
+    /** See [Origin]. */
+    public val make: String get() = origin.make
+
+    /** See [Origin]. */
+    public val model: String get() = origin.model
+
+    /** See [Origin]. */
+    public val exposure: Double? get() = origin.exposure
+
+    /** See [Origin]. */
+    public val iso: Double? get() = origin.iso
+
+    /** See [Origin]. */
+    public val orientation: Int get() = origin.orientation
+
+    /** See [Origin]. */
+    public val sha256: String get() = origin.sha256
+
+    /** See [Sensor]. */
+    public val cfa: String get() = sensor.cfa
+
+    /** See [Sensor]; a copy at each call. */
+    public val black: DoubleArray get() = sensor.black
+
+    /** See [Sensor]. */
+    public val white: Double get() = sensor.white
+
+    /** See [Sensor]; a copy at each call. */
+    public val noiseProfile: DoubleArray? get() = sensor.noiseProfile
+
+    /** See [Sensor]. */
+    public val maskedAreas: List<Region> get() = sensor.maskedAreas
+
+    /** See [Corrections]. */
+    public val gainMaps: List<GainMap> get() = corrections.gainMaps
+
+    /** See [Corrections]. */
+    public val badPixels: List<BadPixels> get() = corrections.badPixels
+
+    /** See [Corrections]. */
+    public val unknownOpcodes: List<Int> get() = corrections.unknownOpcodes
+
+    /** See [Colours]; a copy at each call. */
+    public val colorMatrix1: DoubleArray? get() = colours.colorMatrix1
+
+    /** See [Colours]; a copy at each call. */
+    public val colorMatrix2: DoubleArray? get() = colours.colorMatrix2
+
+    /** See [Colours]; a copy at each call. */
+    public val asShotNeutral: DoubleArray? get() = colours.asShotNeutral
+
+    /** See [Colours]; a copy at each call. */
+    public val asShotWhiteXY: DoubleArray? get() = colours.asShotWhiteXY
+
+    /** See [Colours]. */
+    public val neutrals: List<Neutral> get() = colours.neutrals
+
+    init {
+        val whole = region.left >= 0 && region.top >= 0 && region.right <= width && region.bottom <= height
+        if (!whole || region.width < 1 || region.height < 1) {
+            throw InvalidArgument("$region is no part of $width × $height samples.", "Ask for a part of the photo.")
+        }
+        if (samples.size.toLong() != region.width.toLong() * region.height) {
+            throw InvalidArgument("$name: ${samples.size} samples for $region.", "Give one sample for each place.")
+        }
+        if (sensor.cfa !in CFA_ORDERS || sensor.sharedBlack.size != 4) {
+            throw InvalidArgument(
+                "$name: colour filters ${sensor.cfa} and ${sensor.sharedBlack.size} black levels.",
+                "Give one of the orders ${CFA_ORDERS.joinToString()} and four black levels.",
+            )
+        }
+        if (!(white > 0 && white.isFinite()) || !sensor.sharedBlack.all { it.isFinite() }) {
+            throw InvalidArgument(
+                "$name: a white level of $white over black levels of ${sensor.sharedBlack.joinToString()}.",
+                "Give them in DN, as the sensor's characteristics or the file have them.",
+            )
+        }
+        if (orientation !in 1..8) {
+            throw InvalidArgument("$name: an orientation of $orientation.", "Give TIFF's, 1 to 8; 1 where unknown.")
+        }
+    }
+
+    /**
+     * The sample at column x and row y of the active area, 0 to 65535.
+     *
+     * @throws InvalidArgument outside [region].
+     */
+    public operator fun get(x: Int, y: Int): Int {
+        if (!region.contains(x, y)) {
+            throw InvalidArgument("$name: the sample ($x, $y) lies outside $region.", "Read that part too.")
+        }
+        return samples[(y - region.top) * region.width + x - region.left].toInt() and 0xffff
+    }
+
+    /** The colour filter over column x and row y of the active area: 'R', 'G' or 'B'. */
+    public fun color(x: Int, y: Int): Char = cfa[(y and 1) * 2 + (x and 1)]
+
+    public companion object {
+        /** The Bayer orders that camssf reads. */
+        @JvmField
+        public val CFA_ORDERS: List<String> = listOf("RGGB", "GRBG", "GBRG", "BGGR")
+    }
+}

@@ -1,0 +1,177 @@
+package org.camssf.photo
+
+import org.camssf.CalibrationException
+import org.camssf.InvalidArgument
+import org.camssf.Overexposed
+import org.camssf.Rules
+import org.camssf.Underexposed
+import org.camssf.flatten
+import org.camssf.percent
+import kotlin.math.hypot
+import kotlin.math.sqrt
+
+/** What came of one shot's patch means. */
+internal sealed class Normalised {
+    /** Signals of k = 1. */
+    class Sound(val signals: Signals) : Normalised()
+
+    /** Why there are none. */
+    class Unsound(val error: CalibrationException) : Normalised()
+}
+
+/** Patch means → signals: every patch is divided by the white at its own place. */
+internal object Normalise {
+    /** Share of clipped samples from which a patch, or a white frame, is no measurement. */
+    private val CLIPPED get() = Rules.shipped.number("signals.clipped")
+
+    /** Part of the sensor's range that the white signal must reach in every channel. */
+    private val FAINT get() = Rules.shipped.number("signals.faint")
+
+    /** Largest relative standard error of the white signal. */
+    private val NOISY get() = Rules.shipped.number("signals.noisy")
+
+    /** A patch whose signal is below this many of its standard errors in some channel is lost in noise. */
+    private val LOST get() = Rules.shipped.number("signals.lost")
+
+    /** Patches that must be left in every shot. */
+    private val FEWEST get() = Rules.shipped.whole("signals.fewest")
+
+    /**
+     * Signals of all shots.
+     *
+     * Standard errors, with b = W - D: se_y² = (se_C² + y² se_W² + (y - 1)² se_D²) / b². Fallbacks, each named in
+     * `assumptions`: no dark frame: D is the file's black level, se_D = 0; no white frame: the chart's white patch
+     * w stands in, b = C_w - D_w, its own row is not used, and se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b².
+     *
+     * @param names of the chart's n patches.
+     * @param white index of its white patch.
+     * @throws InvalidArgument no shot, or another number of patches than the table has.
+     * @throws Overexposed the white is clipped, or clipping leaves fewer than 6 patches.
+     * @throws Underexposed the white lies hardly above the dark, or noise leaves fewer than 6 patches.
+     */
+    fun all(shots: List<PatchMeans>, names: List<String>, white: Int): Signals {
+        if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
+        val found = shots.mapIndexed { j, shot ->
+            when (val one = one(shot, names, white, j + 1)) {
+                is Normalised.Sound -> one.signals
+                is Normalised.Unsound -> throw one.error
+            }
+        }
+        fun joined(of: (Signals) -> DoubleArray) = found.map(of).flatten()
+        return Signals(
+            shots.size,
+            names.size,
+            joined { it.sharedValues },
+            joined { it.sharedError },
+            joined { it.sharedChart },
+            joined { it.sharedWhite },
+            joined { it.sharedDark },
+            BooleanArray(shots.size * names.size) { found[it / names.size].sharedUsed[it % names.size] },
+            found.flatMap { it.assumptions },
+        )
+    }
+
+    /** One shot, `number` of its capture from 1; its error is that which [all] throws. */
+    fun one(means: PatchMeans, names: List<String>, w: Int, number: Int): Normalised {
+        val patches = names.size
+        val size = 3 * patches
+        val c = means.chart.sharedMean
+        if (c.size != size) {
+            return Normalised.Unsound(
+                InvalidArgument(
+                    "Shot $number has ${c.size / 3} patches, the table has $patches.",
+                    "Use the pose and the table of the same chart.",
+                ),
+            )
+        }
+        val seC = means.chart.sharedError
+        val d = means.dark?.sharedMean ?: DoubleArray(size) { means.sharedBlack[it % 3] }
+        val seD = means.dark?.sharedError ?: DoubleArray(size)
+        val frame = means.white
+        val b = frame?.sharedMean ?: DoubleArray(size) { c[3 * w + it % 3] - d[3 * w + it % 3] + d[it] }
+        val seW = frame?.sharedError ?: DoubleArray(size) { hypot(seC[3 * w + it % 3], seD[3 * w + it % 3]) }
+        val share = means.chart.sharedClipped
+        val ceiling = frame?.sharedClipped ?: share.copyOfRange(3 * w, 3 * w + 3)
+        unfitWhite(DoubleArray(size) { b[it] - d[it] }, seW, ceiling, means, number)
+            ?.let { return Normalised.Unsound(it) }
+        val y = DoubleArray(size) { (c[it] - d[it]) / (b[it] - d[it]) }
+        val error = DoubleArray(size) {
+            val weight = if (frame == null) 1.0 else (y[it] - 1) * (y[it] - 1)
+            sqrt(seC[it] * seC[it] + y[it] * y[it] * (seW[it] * seW[it]) + weight * (seD[it] * seD[it])) /
+                (b[it] - d[it])
+        }
+        val clipped = BooleanArray(patches) { i -> (0..2).any { share[3 * i + it] > CLIPPED } }
+        val lost = BooleanArray(patches) { i ->
+            (3 * i..3 * i + 2).any { LOST * hypot(seC[it], seD[it]) > c[it] - d[it] }
+        }
+        val used = BooleanArray(patches) { !clipped[it] && !lost[it] && !(frame == null && it == w) }
+        tooFew(used.count { it }, clipped.count { it }, lost.count { it }, patches, number)
+            ?.let { return Normalised.Unsound(it) }
+        val fallbacks = fallbacks(means, names[w.coerceIn(0, patches - 1)], number)
+        return Normalised.Sound(Signals(1, patches, y, error, c.copyOf(), b.copyOf(), d.copyOf(), used, fallbacks))
+    }
+
+    private fun fallbacks(shot: PatchMeans, white: String, number: Int): List<Assumption> = listOfNotNull(
+        Assumption(
+            "white_from_patch",
+            "shot $number: no white frame: the chart's patch '$white' stands in, " +
+                "so light that falls off across the chart is not corrected.",
+        ).takeIf { shot.white == null },
+        Assumption(
+            "dark_from_black_level",
+            "shot $number: no dark frame: the black level in the file stands in.",
+        ).takeIf { shot.dark == null },
+    )
+
+    /** What is wrong with the white, or null. */
+    private fun unfitWhite(
+        signal: DoubleArray,
+        standardError: DoubleArray,
+        clipped: DoubleArray,
+        shot: PatchMeans,
+        number: Int,
+    ): CalibrationException? {
+        val black = shot.sharedBlack
+        val word = if (shot.white == null) "white patch" else "white frame"
+        val share = clipped.max()
+        if (share > CLIPPED) {
+            return Overexposed(
+                "Shot $number: up to ${percent(share, 1)} of a patch's samples are at the ceiling in the $word.",
+                "Take chart and white again with less exposure: white below 80 % in its brightest channel.",
+                share,
+                CLIPPED,
+            )
+        }
+        val level = signal.indices.minOf { signal[it] / (shot.saturation - black[it % 3]) }
+        if (!(level >= FAINT)) {
+            return Underexposed(
+                "Shot $number: in one channel the $word lies only ${percent(level, 2)} of the range above dark.",
+                "Expose longer or use more light, and check that white and dark frame are not swapped.",
+                level,
+                FAINT,
+            )
+        }
+        val noise = signal.indices.maxOf { standardError[it] / signal[it] }
+        if (noise > NOISY) {
+            return Underexposed(
+                "Shot $number: the $word is known to ${percent(noise, 0)} only.",
+                "Expose longer or use more light; fill the frame with the chart.",
+                noise,
+                NOISY,
+            )
+        }
+        return null
+    }
+
+    /** Fewer than 6 patches, for the reason that took more of them; null where enough are left. */
+    private fun tooFew(left: Int, over: Int, under: Int, patches: Int, number: Int): CalibrationException? {
+        if (left >= FEWEST) return null
+        val message = "Shot $number: only $left of $patches patches are usable ($over clipped, $under " +
+            "lost in noise), $FEWEST are needed."
+        val threshold = FEWEST.toDouble()
+        if (over >= under) {
+            return Overexposed(message, "Take the photo again with less exposure.", left.toDouble(), threshold)
+        }
+        return Underexposed(message, "Take the photo again with more exposure or light.", left.toDouble(), threshold)
+    }
+}

@@ -1,0 +1,134 @@
+package org.camssf.photo
+
+import org.camssf.ChartNotFound
+import org.camssf.Rules
+import kotlin.math.abs
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/**
+ * One frame's statistics of one position of the CFA cell in one patch: rules 3 to 5 of docs/patches.md.
+ *
+ * @property mean DN.
+ * @property error of the mean, DN.
+ * @property count samples that entered.
+ * @property change of the fitted plane from edge to edge, DN.
+ * @property clipped of `all`, at or above the white level.
+ * @property rejected of `all`, as dust or hot pixels.
+ * @property all samples of the position in the patch.
+ */
+internal class PatchSample(
+    val mean: Double,
+    val error: Double,
+    val count: Int,
+    val change: Double,
+    val clipped: Int,
+    val rejected: Int,
+    val all: Int,
+) {
+    companion object {
+        /** Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels. */
+        private val REJECT get() = Rules.shipped.whole("patches.reject")
+
+        /** DN that are always allowed: whole numbers have a MAD of zero where there is no noise. */
+        private val FLOOR get() = Rules.shipped.whole("patches.floor")
+
+        /**
+         * Of one position of the CFA cell in one patch, for each frame of a shot: they share one mask.
+         *
+         * @param quad (4, 2) the patch's corners, px.
+         * @param cell the position, index in the 2 × 2 cell.
+         * @param patch its number, from 1, for messages.
+         * @throws ChartNotFound the patch leaves the photo, or holds fewer than 16 good samples of the position.
+         */
+        fun of(frames: List<Mosaic>, quad: DoubleArray, cell: Int, patch: Int): List<PatchSample> {
+            val places = PatchSamples.select(quad, cell, frames[0].width, frames[0].height, patch)
+            val n = places.size / 2
+            if (n < PatchSamples.FEWEST) throw PatchSamples.tooSmall(frames[0], patch, n)
+            val values = frames.map { frame -> IntArray(n) { frame[places[2 * it], places[2 * it + 1]] } }
+            val kept = values.map { kept(it) }
+            val joint = indicesOf(n) { i -> kept.all { it[i] } }
+            if (joint.size < PatchSamples.FEWEST) throw PatchSamples.tooSmall(frames[0], patch, joint.size)
+            val left = joint.minOf { places[2 * it] / 2 }
+            val top = joint.minOf { places[2 * it + 1] / 2 }
+            val x = IntArray(joint.size) { places[2 * joint[it]] / 2 - left }
+            val y = IntArray(joint.size) { places[2 * joint[it] + 1] / 2 - top }
+            return frames.indices.map { f ->
+                val v = IntArray(joint.size) { values[f][joint[it]] }
+                val clipped = values[f].count { it >= frames[f].white }
+                mean(v, x, y, clipped, kept[f].count { !it }, n)
+            }
+        }
+
+        private inline fun indicesOf(n: Int, holds: (Int) -> Boolean): IntArray {
+            val found = IntArray(n)
+            var size = 0
+            for (i in 0 until n) if (holds(i)) found[size++] = i
+            return found.copyOf(size)
+        }
+
+        /** The two values in the middle, found by counting: a patch's values lie close together. */
+        private fun twiceMedian(values: IntArray): Int {
+            val least = values.min()
+            val counts = IntArray(values.max() - least + 1)
+            for (value in values) counts[value - least]++
+            var below = 0
+            var lower = -1
+            for (at in counts.indices) {
+                below += counts[at]
+                if (lower < 0 && below > (values.size - 1) / 2) lower = at
+                if (below > values.size / 2) return lower + at + 2 * least
+            }
+            error("no value")
+        }
+
+        /** False for dust and hot pixels: rule 3. */
+        private fun kept(values: IntArray): BooleanArray {
+            val middle = twiceMedian(values)
+            val deviation = IntArray(values.size) { abs(2 * values[it] - middle) }
+            val limit = REJECT * twiceMedian(deviation) + 4 * FLOOR
+            return BooleanArray(values.size) { 2 * deviation[it] <= limit }
+        }
+
+        /** Mean, standard error about the plane, and change from edge to edge: rule 5. */
+        private fun mean(v: IntArray, x: IntArray, y: IntArray, clipped: Int, rejected: Int, all: Int): PatchSample {
+            val n = v.size
+            var total = 0L
+            for (value in v) total += value
+            val level = total / n
+            val sums = Array(4) { LongArray(4) } // over 1, X, Y, e: whole numbers, exact in any order
+            for (i in 0 until n) {
+                val e = v[i] - level
+                val right = x[i].toLong()
+                val down = y[i].toLong()
+                sums[0][1] += right
+                sums[0][2] += down
+                sums[0][3] += e
+                sums[1][1] += right * right
+                sums[1][2] += right * down
+                sums[1][3] += right * e
+                sums[2][2] += down * down
+                sums[2][3] += down * e
+                sums[3][3] += e * e
+            }
+            fun c(a: Int, b: Int): Double = sums[a][b] - sums[0][a].toDouble() * sums[0][b] / n
+            val determinant = c(1, 1) * c(2, 2) - c(1, 2) * c(1, 2)
+            var a = 0.0
+            var b = 0.0
+            if (determinant > 0) {
+                a = (c(2, 2) * c(1, 3) - c(1, 2) * c(2, 3)) / determinant
+                b = (c(1, 1) * c(2, 3) - c(1, 2) * c(1, 3)) / determinant
+            }
+            val variance = max(0.0, c(3, 3) - a * c(1, 3) - b * c(2, 3)) / (n - 3) + 1.0 / 12
+            return PatchSample(
+                total.toDouble() / n,
+                sqrt(variance / n),
+                n,
+                abs(a) * x.max() + abs(b) * y.max(),
+                clipped,
+                rejected,
+                all,
+            )
+        }
+    }
+}

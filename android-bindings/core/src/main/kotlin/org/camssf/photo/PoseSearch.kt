@@ -1,0 +1,140 @@
+package org.camssf.photo
+
+import org.camssf.ChartNotFound
+import org.camssf.InvalidArgument
+import org.camssf.fixed
+import org.camssf.spectra.ChartLayout
+import kotlin.math.abs
+import kotlin.math.hypot
+import kotlin.math.max
+import kotlin.math.min
+import kotlin.math.sqrt
+
+/** A lattice named by its colours. */
+private class Match(val corners: DoubleArray, val score: Double, val mirrored: Boolean)
+
+/**
+ * From four rough corners to the pose: turned by the colours, moved to the printed borders.
+ *
+ * @param expected (n, 3) plain signals of the table, see [Agreement].
+ * @param corners (4, 2) px, convex and inside the photo.
+ */
+internal class PoseSearch(
+    private val mosaic: Mosaic,
+    private val layout: ChartLayout,
+    private val expected: DoubleArray,
+    private val corners: DoubleArray,
+) {
+    private val view = ChartView.of(
+        mosaic,
+        40 * max(layout.columns, layout.rows),
+        ChartPose.region(Corners.of(*corners)).let {
+            Region(it.left, it.top, min(it.right, mosaic.width), min(it.bottom, mosaic.height))
+        },
+    )
+
+    fun pose(): ChartPose {
+        // Clockwise as seen, so that only a real mirror mirrors.
+        val around = if (Lattice.area(corners) > 0) corners else DoubleArray(8) { corners[6 - it + 2 * (it % 2)] }
+        val tries = listOf(0, 1).map { name(lattice(view.fromMosaic(from(around, it)))) }
+        val start = if (tries[1].score > tries[0].score) tries[1] else tries[0]
+        var found = start
+        var lattice = lattice(start.corners)
+        val refined = lattice.refine(view.brightness(), view.width, view.height)
+        val notes = ArrayList<String>()
+        if (refined != null && refined.locked >= LOCKED && moved(refined.corners(), start.corners) <= NEAR) {
+            lattice = refined
+            val named = name(refined)
+            found = Match(refined.corners(), named.score, start.mirrored)
+        } else {
+            notes += "No patch borders lie near the corners given by hand: they were kept as they are."
+        }
+        if (found.score < ACCEPT) {
+            throw ChartNotFound(
+                "${mosaic.name}: the colours inside the corners given by hand do not agree with the chart.",
+                "Give the outer corners of the block of patches, one after the other, and check the chart's name.",
+                found.score,
+                ACCEPT,
+            )
+        }
+        if (found.mirrored) {
+            throw ChartNotFound(
+                "${mosaic.name}: the chart is mirrored (its colours agree as seen in a mirror, " +
+                    "${fixed(found.score, 2)}).",
+                "Photograph the chart itself, not its mirror image.",
+            )
+        }
+        return finished(view.toMosaic(found.corners), lattice.side, found.score, notes)
+    }
+
+    private fun finished(corners: DoubleArray, side: DoubleArray, score: Double, notes: List<String>): ChartPose {
+        val map = Homography.of(Lattice.block(layout, side), corners)!!
+        return ChartPose(
+            layout.name,
+            corners,
+            Lattice(layout, map, side, 0.0).quads(),
+            Corners.of(*corners).quarterTurns,
+            "by hand",
+            score.coerceIn(0.0, 1.0),
+            notes,
+        )
+    }
+
+    private fun lattice(corners: DoubleArray): Lattice = Lattice.of(layout, corners)
+        ?: throw InvalidArgument("The corners do not go around a convex quadrilateral.", Corners.ADVICE)
+
+    /** Largest way of a corner, in pitches of where it came from. */
+    private fun moved(now: DoubleArray, before: DoubleArray): Double {
+        val pitch = sqrt(abs(Lattice.area(before)) / (layout.columns * layout.rows))
+        return (0..3).maxOf { hypot(now[2 * it] - before[2 * it], now[2 * it + 1] - before[2 * it + 1]) } / pitch
+    }
+
+    /** Which way up the lattice is, by its colours. A quarter turn is another lattice: the caller tries both. */
+    private fun name(lattice: Lattice): Match {
+        val n = layout.columns * layout.rows
+        val seen = DoubleArray(3 * n)
+        for (i in 0 until n) {
+            for (dy in SPAN) {
+                for (dx in SPAN) {
+                    val u = i % layout.columns + dx * lattice.side[0]
+                    val v = i / layout.columns + dy * lattice.side[1]
+                    val x = Math.rint(lattice.map.x(u, v)).coerceIn(0.0, view.width - 1.0).toInt()
+                    val y = Math.rint(lattice.map.y(u, v)).coerceIn(0.0, view.height - 1.0).toInt()
+                    for (c in 0..2) seen[3 * i + c] += view.colours[3 * (y * view.width + x) + c].toDouble()
+                }
+            }
+        }
+        for (i in seen.indices) seen[i] /= SPAN.size * SPAN.size.toDouble()
+        val corners = lattice.corners()
+        var best = Match(corners, -2.0, false)
+        for (turned in listOf(false, true)) {
+            for (mirrored in listOf(false, true)) {
+                val named = DoubleArray(3 * n) {
+                    val place = if (turned) n - 1 - it / 3 else it / 3
+                    val row = place / layout.columns
+                    val column = place % layout.columns
+                    val from = if (mirrored) layout.columns - 1 - column else column
+                    seen[3 * (row * layout.columns + from) + it % 3]
+                }
+                val score = Agreement.of(named, expected)
+                if (score > best.score) best = Match(if (turned) from(corners, 2) else corners, score, mirrored)
+            }
+        }
+        return best
+    }
+
+    private companion object {
+        /** Correlation with the table's colours from which a grid of patches is taken for the chart. */
+        const val ACCEPT = 0.6
+
+        /** How far a corner may move, in pitches. */
+        const val NEAR = 0.55
+
+        /** Share of patch borders that must lie where the lattice says. */
+        const val LOCKED = 0.6
+        val SPAN = DoubleArray(5) { -0.2 + it * 0.1 }
+
+        /** `points` (4, 2) beginning with the one at `first`. */
+        fun from(points: DoubleArray, first: Int): DoubleArray = DoubleArray(8) { points[(it + 2 * first) % 8] }
+    }
+}

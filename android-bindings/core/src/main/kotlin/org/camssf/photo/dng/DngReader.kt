@@ -1,0 +1,125 @@
+package org.camssf.photo.dng
+
+import org.camssf.InvalidArgument
+import org.camssf.NotSensorRaw
+import org.camssf.RawError
+import org.camssf.UnreadableRaw
+import org.camssf.UnsupportedRaw
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Region
+import org.camssf.photo.outside
+import java.security.MessageDigest
+
+/**
+ * DNG → mosaic: the sensor's samples as stored, and what the file says about them.
+ *
+ * Reads classic TIFF of either byte order; colour filter mosaics in strips or tiles; 8 to 16 bits; uncompressed,
+ * lossless JPEG and deflate. It trusts no number in the file: a damaged or hostile file gets a [RawError] in time and
+ * memory that its own length bounds. Stateless, any thread.
+ */
+public object DngReader {
+    /**
+     * Reads the raw frame of a DNG file.
+     *
+     * The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white level
+     * are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
+     * (tags 50713 to 50716), is averaged for each cell position.
+     *
+     * @param source stays open; read by one thread.
+     * @param region decode only this part of the active area, as far as it lies inside: the strips and tiles that it
+     *   touches. Damage elsewhere then goes unseen.
+     * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
+     * @throws UnsupportedRaw a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
+     * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
+     * @throws InvalidArgument `region` is empty or lies outside the active area.
+     */
+    @JvmStatic
+    @JvmOverloads
+    public fun read(source: DngSource, region: Region? = null): Mosaic {
+        try {
+            return mosaic(Tiff(source), region)
+        } catch (error: OutOfMemoryError) {
+            throw UnsupportedRaw(
+                "${source.name} needs more memory than there is.",
+                if (region == null) "Ask for the part around the chart." else MEMORY,
+                cause = error,
+            )
+        }
+    }
+
+    private fun mosaic(tiff: Tiff, region: Region?): Mosaic {
+        val raw = rawDirectory(tiff)
+        val picture = storedPicture(tiff, raw)
+        val area = picture.area
+        val cfa = cfa(tiff, raw)
+        val black = black(tiff, raw, area)
+        val white = white(tiff, raw, picture.bits)
+        val first = tiff.main[0]
+        val exif = tiff.exif()
+        val orientation = tiff.one(first, Tag.ORIENTATION, 1)
+        val opcodes = Opcodes(tiff, raw)
+        val part = part(tiff, region, area)
+        val wanted =
+            Region(area.left + part.left, area.top + part.top, area.left + part.right, area.top + part.bottom)
+        val samples = decode(tiff, picture, wanted, linearization(tiff, raw), before11(tiff))
+        val origin = Mosaic.Origin(
+            name = tiff.name,
+            make = tiff.text(first, Tag.MAKE),
+            model = tiff.text(first, Tag.MODEL).ifEmpty { tiff.text(first, Tag.UNIQUE_MODEL) },
+            exposure = positive(tiff, listOf(first, raw, exif), Tag.EXPOSURE),
+            iso = positive(tiff, listOf(first, raw, exif), Tag.ISO),
+            orientation = if (orientation in 1..8) orientation.toInt() else 1,
+            sha256 = sha256(tiff),
+        )
+        val colours = Mosaic.Colours(
+            colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),
+            colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
+            asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
+            asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
+            neutrals = neutrals(tiff, first),
+        )
+        return Mosaic(
+            origin,
+            area.width,
+            area.height,
+            part,
+            samples,
+            Mosaic.Sensor(cfa, black, white, noiseProfile(tiff, raw), maskedAreas(tiff, raw, picture)),
+            Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels, opcodes.unknown),
+            colours,
+        )
+    }
+
+    private fun part(tiff: Tiff, region: Region?, area: Region): Region {
+        if (region == null) return Region(0, 0, area.width, area.height)
+        if (region.left >= region.right || region.top >= region.bottom) {
+            throw InvalidArgument("The part asked of ${tiff.name} is empty.", "Ask for one sample at least.")
+        }
+        val part = Region(
+            maxOf(region.left, 0), maxOf(region.top, 0),
+            minOf(region.right, area.width), minOf(region.bottom, area.height),
+        )
+        if (part.width < 1 || part.height < 1) throw outside(tiff.name, area.width, area.height)
+        return part
+    }
+
+    private const val MEMORY =
+        "Close other photos and bitmaps, measure the shots one after the other, or give the app a large heap " +
+            "(android:largeHeap in its manifest)."
+
+    /** DNG 1.0 wrote 16 more bits behind category 16 of lossless JPEG. */
+    private fun before11(tiff: Tiff): Boolean = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 2).getOrElse(1) { 0 } < 1
+
+    private fun sha256(tiff: Tiff): String {
+        val digest = MessageDigest.getInstance("SHA-256")
+        val chunk = ByteArray(1 shl 16)
+        var at = 0L
+        while (at < tiff.size) {
+            val count = minOf(tiff.size - at, chunk.size.toLong()).toInt()
+            tiff.read(at, chunk, 0, count)
+            digest.update(chunk, 0, count)
+            at += count
+        }
+        return digest.digest().joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
+    }
+}

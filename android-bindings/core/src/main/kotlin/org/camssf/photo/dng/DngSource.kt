@@ -1,0 +1,147 @@
+package org.camssf.photo.dng
+
+import org.camssf.UnreadableRaw
+import org.camssf.UnsupportedRaw
+import java.io.ByteArrayOutputStream
+import java.io.Closeable
+import java.io.EOFException
+import java.io.File
+import java.io.FileInputStream
+import java.io.IOException
+import java.io.InputStream
+import java.nio.ByteBuffer
+import java.nio.channels.FileChannel
+
+/**
+ * Where a DNG's bytes come from: random access, any number of reads, one thread at a time.
+ *
+ * Whoever opens a source closes it. On Android a `Uri` gives a descriptor, and `FileInputStream(descriptor).channel`
+ * goes into [of]; where a provider only streams, the stream does.
+ */
+public interface DngSource : Closeable {
+    /** Of the file, for messages and results; no path. */
+    public val name: String
+
+    /** Bytes. */
+    public val size: Long
+
+    /**
+     * Reads `length` bytes from byte `at` into `into`, beginning at `offset`.
+     *
+     * @throws IOException where the bytes do not come, all of them.
+     */
+    @Throws(IOException::class)
+    public fun read(at: Long, into: ByteArray, offset: Int, length: Int)
+
+    public companion object {
+        /** Largest stream that [of] takes, unless told otherwise, bytes. */
+        public const val STREAM_LIMIT: Long = 256L shl 20
+
+        /** Bytes in memory, not copied. */
+        @JvmStatic
+        public fun of(bytes: ByteArray, name: String): DngSource = BytesSource(bytes, bytes.size, name)
+
+        /**
+         * A file, opened here.
+         *
+         * @throws UnreadableRaw where it is missing, a folder, or not to be opened.
+         */
+        @JvmStatic
+        public fun of(file: File): DngSource {
+            if (file.isDirectory) throw UnreadableRaw("${file.name} is a folder.", "Name a DNG file.")
+            if (!file.exists()) throw UnreadableRaw("There is no file ${file.name}.", "Check the path.")
+            val stream = try {
+                FileInputStream(file)
+            } catch (error: IOException) {
+                throw UnreadableRaw("${file.name} cannot be opened.", "Check its permissions.", cause = error)
+            }
+            try {
+                return of(stream.channel, file.name)
+            } catch (error: UnreadableRaw) {
+                stream.close()
+                throw error
+            }
+        }
+
+        /**
+         * An open channel, which closing the source closes; its position is neither used nor changed.
+         *
+         * @throws UnreadableRaw where it has no size, as a pipe has none.
+         */
+        @JvmStatic
+        public fun of(channel: FileChannel, name: String): DngSource {
+            val size = try {
+                channel.size()
+            } catch (error: IOException) {
+                throw UnreadableRaw("$name cannot be read in any order.", "Open it as a stream.", cause = error)
+            }
+            return ChannelSource(channel, size, name)
+        }
+
+        /**
+         * A stream, read to its end here and left open.
+         *
+         * @param limit bytes that are accepted at most.
+         * @throws UnreadableRaw where it fails.
+         * @throws UnsupportedRaw where it is longer than `limit`.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun of(stream: InputStream, name: String, limit: Long = STREAM_LIMIT): DngSource {
+            val found = Grown()
+            val chunk = ByteArray(1 shl 16)
+            try {
+                while (true) {
+                    val count = stream.read(chunk)
+                    if (count < 0) break
+                    if (found.size() + count > limit) {
+                        throw UnsupportedRaw("$name is longer than $limit bytes.", "Open it as a file, not a stream.")
+                    }
+                    found.write(chunk, 0, count)
+                }
+            } catch (error: IOException) {
+                throw UnreadableRaw("$name cannot be read.", "Copy it to the device and try again.", cause = error)
+            }
+            return BytesSource(found.bytes(), found.size(), name)
+        }
+    }
+}
+
+/** Gives its bytes away without a copy. */
+private class Grown : ByteArrayOutputStream(1 shl 20) {
+    fun bytes(): ByteArray = buf
+}
+
+private class BytesSource(private val bytes: ByteArray, length: Int, override val name: String) : DngSource {
+    override val size = length.toLong()
+
+    override fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
+        if (at < 0 || at + length > size) throw EOFException("byte ${at + length} of $size")
+        System.arraycopy(bytes, at.toInt(), into, offset, length)
+    }
+
+    override fun close() = Unit
+}
+
+private class ChannelSource(
+    private val channel: FileChannel,
+    override val size: Long,
+    override val name: String,
+) : DngSource {
+    override fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
+        if (at < 0) throw EOFException("byte $at")
+        var done = 0
+        while (done < length) {
+            // in steps: the runtime copies through a buffer as large as what is asked for
+            val count = channel.read(ByteBuffer.wrap(into, offset + done, minOf(length - done, STEP)), at + done)
+            if (count < 0) throw EOFException("byte ${at + done} of $size")
+            done += count
+        }
+    }
+
+    override fun close() = channel.close()
+
+    private companion object {
+        const val STEP = 1 shl 18
+    }
+}

@@ -1,0 +1,209 @@
+package org.camssf.photo.dng
+
+import org.camssf.photo.Region
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import java.util.zip.DataFormatException
+import java.util.zip.Inflater
+
+private const val CHUNK = 1 shl 18
+
+/**
+ * Decodes the strips or tiles that the wanted part touches, and no others.
+ *
+ * @param wanted part of the stored picture.
+ * @param extraBits category 16 of lossless JPEG is followed by 16 bits, as DNG before 1.1 wrote it.
+ * @return (wanted.height, wanted.width) row-major unsigned 16 bit.
+ */
+internal fun decode(
+    tiff: Tiff,
+    picture: StoredPicture,
+    wanted: Region,
+    table: ShortArray?,
+    extraBits: Boolean,
+): ShortArray {
+    val window = Window(wanted, table)
+    val jpeg = LosslessJpeg(tiff, extraBits)
+    val bytes = Scratch()
+    for (number in picture.offsets.indices) {
+        val left = number % picture.across * picture.pieceWidth
+        val top = number / picture.across * picture.pieceHeight
+        val rows = window.rows(left, top, picture.pieceWidth, picture.rows(number))
+        if (rows.isEmpty()) continue
+        val piece = Piece(tiff, picture, number, left, top, rows, window)
+        when (picture.compression) {
+            UNCOMPRESSED -> piece.plain(bytes)
+            LOSSLESS_JPEG -> piece.jpeg(jpeg, bytes)
+            else -> piece.inflate(bytes)
+        }
+    }
+    return window.samples
+}
+
+/** Room that grows and is used again. */
+internal class Scratch {
+    private var bytes = ByteArray(0)
+
+    fun of(size: Int): ByteArray {
+        if (bytes.size < size) bytes = ByteArray(size)
+        return bytes
+    }
+}
+
+/** One strip or tile at (left, top) of the stored picture, of which `rows` are wanted. */
+private class Piece(
+    private val tiff: Tiff,
+    private val picture: StoredPicture,
+    private val number: Int,
+    private val left: Int,
+    private val top: Int,
+    private val rows: IntRange,
+    private val window: Window,
+) {
+    private val at = picture.offsets[number]
+    private val length = picture.counts[number].toInt()
+    private val width = minOf(picture.pieceWidth, picture.width - left)
+    private val order = if (picture.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
+
+    fun plain(scratch: Scratch) {
+        val some = maxOf(1, CHUNK / picture.rowBytes)
+        val bytes = scratch.of(some * picture.rowBytes + Packed.SLACK)
+        val packed = Packed(bytes, picture.bits, order)
+        for (first in rows step some) {
+            val count = minOf(some, rows.last + 1 - first)
+            tiff.read(at + first.toLong() * picture.rowBytes, bytes, 0, count * picture.rowBytes)
+            for (row in 0 until count) {
+                packed.start = row * picture.rowBytes
+                window.put(left, top + first + row, width, packed)
+            }
+        }
+    }
+
+    fun jpeg(jpeg: LosslessJpeg, scratch: Scratch) {
+        val bytes = scratch.of(length + LosslessJpeg.SLACK)
+        tiff.read(at, bytes, 0, length)
+        val samples = picture.pieceWidth.toLong() * picture.rows(number)
+        jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * (rows.last + 1), ::put)
+    }
+
+    /** Lays `line`, which begins at sample `from` of the piece, over the piece's rows. */
+    private fun put(line: LosslessJpeg.Line, from: Long) {
+        var row = (from / picture.pieceWidth).toInt()
+        var column = (from % picture.pieceWidth).toInt()
+        line.start = 0
+        while (line.start < line.size) {
+            val count = minOf(line.size - line.start, picture.pieceWidth - column)
+            window.put(left + column, top + row, minOf(count, width - column), line)
+            line.start += count
+            column = 0
+            row++
+        }
+    }
+
+    fun inflate(scratch: Scratch) {
+        val row = ShortArray(picture.pieceWidth)
+        val bytes = scratch.of(picture.rowBytes + Packed.SLACK)
+        val packed = Packed(bytes, picture.bits, order)
+        val stream = Inflated(tiff, at, length)
+        try {
+            for (y in 0..rows.last) {
+                stream.read(bytes, picture.rowBytes)
+                if (y < rows.first) continue
+                packed.copy(0, row.size, row, 0)
+                if (picture.differences) accumulate(row)
+                window.put(left, top + y, width) { from, count, into, at ->
+                    System.arraycopy(row, from, into, at, count)
+                }
+            }
+            if (rows.last == picture.rows(number) - 1) stream.finish()
+        } finally {
+            stream.close()
+        }
+    }
+
+    /** Undoes the horizontal difference, modulo the sample's size. TIFF 6.0, section 14. */
+    private fun accumulate(row: ShortArray) {
+        val mask = (1 shl picture.bits) - 1
+        for (i in 1 until row.size) row[i] = (row[i] + row[i - 1] and mask).toShort()
+    }
+}
+
+/**
+ * Rows of unsigned samples of 8 to 16 bits: whole 16-bit words in `order`, else packed with the highest bit first.
+ *
+ * @param bytes with [SLACK] bytes behind the last sample.
+ * @property start byte at which the row begins.
+ */
+internal class Packed(private val bytes: ByteArray, private val bits: Int, order: ByteOrder) : Window.Row {
+    var start = 0
+    private val words = ByteBuffer.wrap(bytes).order(order)
+    private val shorts = words.asShortBuffer()
+
+    override fun copy(from: Int, count: Int, into: ShortArray, at: Int) {
+        when (bits) {
+            8 -> for (i in 0 until count) into[at + i] = (bytes[start + from + i].toInt() and 0xff).toShort()
+
+            16 -> {
+                shorts.position(start / 2 + from) // a row of 16-bit words begins at an even byte
+                shorts.get(into, at, count)
+            }
+
+            else -> unpack(from, count, into, at)
+        }
+    }
+
+    private fun unpack(from: Int, count: Int, into: ShortArray, at: Int) {
+        val mask = (1 shl bits) - 1
+        var bit = from * bits
+        for (i in at until at + count) {
+            val word = words.getInt(start + (bit ushr 3)) // big-endian, as bits != 16
+            into[i] = (word ushr (32 - bits - (bit and 7)) and mask).toShort()
+            bit += bits
+        }
+    }
+
+    companion object {
+        const val SLACK = 4
+    }
+}
+
+/** The bytes of a zlib stream in the file. */
+private class Inflated(private val tiff: Tiff, private var at: Long, private var left: Int) {
+    private val inflater = Inflater()
+    private val chunk = ByteArray(minOf(left, CHUNK))
+
+    /** Just `length` bytes into `into`. */
+    fun read(into: ByteArray, length: Int) {
+        var have = 0
+        while (have < length) {
+            val count = some(into, have, length - have)
+            if (count == 0) throw tiff.damaged("its deflated samples end early")
+            have += count
+        }
+    }
+
+    /** Proves that the stream ends here, its checksum included. */
+    fun finish() {
+        if (some(ByteArray(1), 0, 1) != 0) throw tiff.damaged("its deflated samples are too many")
+        if (!inflater.finished()) throw tiff.damaged("its deflated samples have no end")
+    }
+
+    fun close() = inflater.end()
+
+    /** At least one byte, or none at the stream's or the piece's end. */
+    private fun some(into: ByteArray, from: Int, length: Int): Int {
+        while (true) {
+            val count = try {
+                inflater.inflate(into, from, length)
+            } catch (error: DataFormatException) {
+                throw tiff.damaged("its deflated samples", error)
+            }
+            if (count > 0 || inflater.finished() || !inflater.needsInput() || left == 0) return count
+            val next = minOf(left, chunk.size)
+            tiff.read(at, chunk, 0, next)
+            inflater.setInput(chunk, 0, next)
+            at += next
+            left -= next
+        }
+    }
+}

@@ -1,0 +1,215 @@
+package org.camssf.photo.dng
+
+import org.camssf.UnreadableRaw
+import org.camssf.UnsupportedRaw
+import java.io.IOException
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import kotlin.math.abs
+import kotlin.math.floor
+
+internal const val CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
+internal const val COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
+internal const val RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
+
+/** One directory entry, not yet read: TIFF type, count, and where its value lies. */
+internal class Field(val kind: Int, val count: Long, val at: Long)
+
+/** The entries of a directory whose tags are known. */
+internal class Directory(private val fields: Map<Int, Field>) {
+    /** The entry, null where the file is silent. Only what [Tag] names can be asked for: the rest was not kept. */
+    operator fun get(tag: Int): Field? {
+        check(tag in Tag.KNOWN) { "tag $tag is not in Tag.KNOWN" }
+        return fields[tag]
+    }
+
+    operator fun contains(tag: Int): Boolean = get(tag) != null
+}
+
+/**
+ * The directories of a TIFF file; values are read when asked for, within the file's bounds and no longer than wanted.
+ *
+ * Of each directory only the tags of [Tag] are kept, so that many large directories cost no memory.
+ */
+internal class Tiff(val source: DngSource) {
+    val name: String = source.name
+    val size: Long = source.size
+    val order: ByteOrder
+    val main = ArrayList<Directory>()
+    val all = ArrayList<Directory>()
+    private val seen = HashSet<Long>()
+
+    init {
+        if (size == 0L) throw UnreadableRaw("$name is empty.", COPY_AGAIN)
+        val magic = bytes(0, minOf(size, 16L))
+        if (OTHER_RAWS.any { (at, word) -> magic.holds(at, word) }) {
+            throw UnsupportedRaw("$name is a raw file, but no DNG.", CONVERT)
+        }
+        if (!magic.holds(0, "II*\u0000") && !magic.holds(0, "MM\u0000*")) {
+            if (magic.holds(0, "II+\u0000") || magic.holds(0, "MM\u0000+")) {
+                throw UnsupportedRaw("$name is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")
+            }
+            throw UnreadableRaw("$name is not a DNG file.", "Give the camera's RAW photo as DNG, not a picture.")
+        }
+        order = if (magic[0] == 'I'.code.toByte()) ByteOrder.LITTLE_ENDIAN else ByteOrder.BIG_ENDIAN
+        var at = word(4)
+        while (at != 0L) at = directory(at, 0, main)
+        if (main.isEmpty()) throw damaged("it has no directory")
+    }
+
+    /** The error for this file. */
+    fun damaged(what: String, cause: Throwable? = null): UnreadableRaw =
+        UnreadableRaw("$name is truncated or damaged: $what.", COPY_AGAIN, cause = cause)
+
+    /** Reads `length` bytes from `at` into `into`. */
+    fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
+        inside(at, length.toLong())
+        try {
+            source.read(at, into, offset, length)
+        } catch (error: IOException) {
+            throw UnreadableRaw("$name cannot be read: ${error.message}.", "Open it and try again.", cause = error)
+        }
+    }
+
+    private fun inside(at: Long, length: Long) {
+        if (at < 0 || length < 0 || at + length > size) throw damaged("byte ${at + length} is wanted of $size")
+    }
+
+    private fun bytes(at: Long, length: Long): ByteArray {
+        inside(at, length)
+        return ByteArray(length.toInt()).also { read(at, it, 0, it.size) }
+    }
+
+    private fun buffer(at: Long, length: Long): ByteBuffer = ByteBuffer.wrap(bytes(at, length)).order(order)
+
+    private fun word(at: Long): Long = buffer(at, 4).getInt().toLong() and 0xffffffffL
+
+    /** Puts the directory at `at` into `into`, its children on record; returns where the next one lies. */
+    private fun directory(at: Long, depth: Int, into: MutableList<Directory>): Long {
+        if (at in seen || seen.size == MAX_DIRECTORIES || depth > MAX_DEPTH) {
+            throw damaged("its directories run in a circle or are too many")
+        }
+        seen.add(at)
+        val count = buffer(at, 2).getShort().toInt() and 0xffff
+        val entries = buffer(at + 2, 12L * count)
+        val fields = HashMap<Int, Field>()
+        for (number in 0 until count) {
+            val tag = entries.getShort(12 * number).toInt() and 0xffff
+            val kind = entries.getShort(12 * number + 2).toInt() and 0xffff
+            // TIFF 6.0, page 16: skip fields of an unknown type
+            if (tag !in Tag.KNOWN || kind !in 1 until WIDTHS.size || tag in fields) continue
+            val length = entries.getInt(12 * number + 4).toLong() and 0xffffffffL
+            val value = entries.getInt(12 * number + 8).toLong() and 0xffffffffL
+            fields[tag] = Field(kind, length, if (length * WIDTHS[kind] <= 4) at + 10 + 12 * number else value)
+        }
+        val directory = Directory(fields)
+        into.add(directory)
+        all.add(directory)
+        val children = directory[Tag.SUB_IFDS]
+        if (children != null) {
+            if (children.count > MAX_DIRECTORIES) throw damaged("its directories are too many")
+            for (child in whole(directory, Tag.SUB_IFDS)) directory(child, depth + 1, ArrayList(1))
+        }
+        return word(at + 2 + 12L * count)
+    }
+
+    /** The Exif directory, empty where there is none. */
+    fun exif(): Directory {
+        if (Tag.EXIF !in main[0]) return Directory(emptyMap())
+        val found = ArrayList<Directory>(1)
+        directory(whole(main[0], Tag.EXIF, 1)[0], 1, found)
+        return found[0]
+    }
+
+    /** How many values the tag has, 0 where there is none. */
+    fun count(directory: Directory, tag: Int): Long = directory[tag]?.count ?: 0
+
+    /** The first bytes of the value as stored, at most `limit`; the whole value must lie in the file. */
+    fun raw(directory: Directory, tag: Int, limit: Int): ByteArray {
+        val field = directory[tag] ?: return ByteArray(0)
+        val length = field.count * WIDTHS[field.kind]
+        inside(field.at, length)
+        return bytes(field.at, minOf(length, limit.toLong()))
+    }
+
+    /**
+     * The value as numbers, null where there is none.
+     *
+     * @param count that it must have; any if null.
+     * @param limit read no more numbers than these; the whole value must lie in the file.
+     */
+    fun numbers(directory: Directory, tag: Int, count: Long? = null, limit: Int = MAX_VALUES): DoubleArray? {
+        val field = directory[tag] ?: return null
+        if (field.count == 0L || (count != null && count != field.count)) {
+            throw damaged("tag $tag has ${field.count} values")
+        }
+        inside(field.at, field.count * WIDTHS[field.kind])
+        val some = if (count != null) field.count.toInt() else minOf(field.count, limit.toLong()).toInt()
+        val buffer = buffer(field.at, some.toLong() * WIDTHS[field.kind])
+        return DoubleArray(some) { number(buffer, field.kind) }
+    }
+
+    private fun number(from: ByteBuffer, kind: Int): Double = when (kind) {
+        1, 2, 7 -> (from.get().toInt() and 0xff).toDouble()
+        3 -> (from.getShort().toInt() and 0xffff).toDouble()
+        4, 13 -> (from.getInt().toLong() and 0xffffffffL).toDouble()
+        5 -> number(from, 4) / number(from, 4)
+        6 -> from.get().toDouble()
+        8 -> from.getShort().toDouble()
+        9 -> from.getInt().toDouble()
+        10 -> number(from, 9) / number(from, 9)
+        11 -> from.getFloat().toDouble()
+        else -> from.getDouble()
+    }
+
+    /** The value as whole numbers, empty where there is none. */
+    fun whole(directory: Directory, tag: Int, count: Long? = null): LongArray {
+        val values = numbers(directory, tag, count) ?: return LongArray(0)
+        return LongArray(values.size) {
+            val value = values[it]
+            if (!(abs(value) < 4294967296.0) ||
+                value != floor(value)
+            ) {
+                throw damaged("tag $tag holds no whole numbers")
+            }
+            value.toLong()
+        }
+    }
+
+    /** A single whole number, `default` where there is none. */
+    fun one(directory: Directory, tag: Int, default: Long): Long =
+        if (tag in directory) whole(directory, tag, 1)[0] else default
+
+    /** A string without its closing zero and blanks. */
+    fun text(directory: Directory, tag: Int): String {
+        val stored = raw(directory, tag, MAX_TEXT)
+        val end = stored.indexOf(0)
+        return String(stored, 0, if (end < 0) stored.size else end, Charsets.UTF_8).trim()
+    }
+
+    private companion object {
+        const val MAX_DIRECTORIES = 64
+        const val MAX_DEPTH = 4
+        const val MAX_VALUES = 65536
+        const val MAX_TEXT = 4096
+
+        /** Bytes of one value of TIFF's types 1 to 13. */
+        val WIDTHS = intArrayOf(0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4)
+
+        /** Offset and bytes of raw files that are no TIFF, or that TIFF's own header hides. */
+        val OTHER_RAWS = listOf(
+            8 to "CR\u0002",
+            4 to "ftypcrx ",
+            0 to "FUJIFILMCCD-RAW",
+            0 to "IIU\u0000",
+            0 to "IIRO",
+            0 to "IIRS",
+            0 to "MMOR",
+            0 to "FOVb",
+            0 to "\u0000MRM",
+        )
+
+        fun ByteArray.holds(at: Int, word: String): Boolean =
+            size >= at + word.length && word.indices.all { this[at + it].toInt() == word[it].code }
+    }
+}

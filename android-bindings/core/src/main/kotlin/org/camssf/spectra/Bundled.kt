@@ -1,0 +1,185 @@
+package org.camssf.spectra
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.double
+import kotlinx.serialization.json.int
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.flatten
+import org.camssf.mean
+import org.camssf.model.Models
+import org.camssf.short
+import kotlin.math.expm1
+import kotlin.math.ln
+import kotlin.math.max
+import kotlin.math.pow
+import kotlin.math.round
+
+/** Python's own table of lamps and charts (spectra.json), and CIE's formulae; docs/tables.md describes both. */
+internal object Bundled {
+    private val file: JsonObject by lazy {
+        val found = try {
+            Json.parseToJsonElement(Models.read("spectra.json").decodeToString()).jsonObject
+        } catch (error: IllegalStateException) {
+            throw InvalidArgument(
+                error.message.orEmpty(),
+                "Add camssf-core and camssf-model unchanged.",
+                cause = error,
+            )
+        }
+        check(found.text("format") == "camssf-spectra/1") { "spectra.json is of another version" }
+        found
+    }
+
+    val lamps: Set<String> get() = file.part("lamps").keys
+    val families: Set<String> get() = file.part("families").keys
+    val charts: List<String> get() = file.part("charts").list("names").map { it.jsonPrimitive.content }
+
+    /** Chart tables by the word after the colon; the first is meant where there is none. */
+    val tables: Map<String, String> get() = file.part("charts").part("tables").mapValues {
+        it.value.jsonPrimitive.content
+    }
+
+    /** Colour temperatures, K, of the illuminants that have one. */
+    val kelvin: Map<String, Double> get() = file.part("kelvin").mapValues { it.value.jsonPrimitive.double }
+
+    fun tolerance(of: String): Double = file.part("tolerances").number(of)
+
+    /** A CIE illuminant as tabulated. */
+    fun illuminant(name: String): DoubleArray = linear(file.part("lamps").part(name), "values")
+
+    private fun linear(table: JsonObject, key: String): DoubleArray {
+        val values = table.numbers(key)
+        return Interpolation.linear(
+            Interpolation.nodes(table.number("start"), table.number("step"), values.size),
+            values,
+        )
+    }
+
+    /** A chart table: patch names, reflectance (n, 681), index of the white patch. */
+    fun chart(table: String): Triple<List<String>, DoubleArray, Int> {
+        val entry = file.part("tables").part(table)
+        val rows = entry.list("values").map {
+            Interpolation.sprague(entry.number("start"), entry.number("step"), numbers(it))
+        }
+        val names = entry.list("patches").map { it.jsonPrimitive.content }
+        return Triple(names, rows.flatten(), entry.getValue("white").jsonPrimitive.int)
+    }
+
+    fun layouts(): List<ChartLayout> = file.part("layouts").map { (name, each) ->
+        val entry = each.jsonObject
+        val (x, y) = entry.numbers("side").toList()
+        ChartLayout(name, entry.number("columns").toInt(), entry.number("rows").toInt(), x, y)
+    }
+
+    /** The CIE 1931 2° colour-matching functions x, y, z on the grid, (681) each. */
+    fun observer(): List<DoubleArray> = listOf("x", "y", "z").map { linear(file.part("observer"), it) }
+
+    /** Planck's law, any scale: λ⁻⁵ / (exp(c₂ / λT) - 1), c₂ = 1.4388e-2 m K (CIE 15, ITS-90). */
+    fun planck(kelvin: Double): DoubleArray {
+        val grid = Grid.WAVELENGTHS
+        return DoubleArray(Grid.SIZE) {
+            (grid[it] / 560.0).pow(-5.0) / expm1(1.4388e-2 / (grid[it] * 1e-9 * kelvin))
+        }
+    }
+
+    /** CIE daylight of a correlated colour temperature, CIE 15; M₁ and M₂ rounded to three decimals. */
+    fun daylight(kelvin: Double): DoubleArray {
+        val t = 1e3 / kelvin
+        val x = if (kelvin <= 7000.0) {
+            ((-4.6070 * t + 2.9678) * t + 0.09911) * t + 0.244063
+        } else {
+            ((-2.0064 * t + 1.9018) * t + 0.24748) * t + 0.237040
+        }
+        val y = (-3.0 * x + 2.87) * x - 0.275
+        val m = 0.0241 + 0.2562 * x - 0.7341 * y
+        val m1 = round(1000.0 * ((-1.3515 - 1.7703 * x + 5.9114 * y) / m)) / 1000.0
+        val m2 = round(1000.0 * ((0.03 - 31.4424 * x + 30.0717 * y) / m)) / 1000.0
+        val part = file.part("daylight")
+        val (s0, s1, s2) = listOf("S0", "S1", "S2").map { part.numbers(it) }
+        val values = DoubleArray(s0.size) { s0[it] + m1 * s1[it] + m2 * s2[it] }
+        return Interpolation.linear(
+            Interpolation.nodes(part.number("start"), part.number("step"), values.size),
+            values,
+        )
+    }
+
+    /** A lamp that is only known by kind: power (681), modes (q) of (681), its words for the report, tolerance. */
+    fun family(name: String): Family {
+        val entry = file.part("families").part(name)
+        val tolerance = entry.number("tolerance")
+        if ("formula" in entry) {
+            val daylight = entry.text("formula") == "daylight"
+            val centre = entry.number("centre")
+            val spread = entry.number("spread")
+            val formula: (Double) -> DoubleArray = if (daylight) ::daylight else ::planck
+            return Family(
+                formula(centre),
+                listOf(temperatureMode(formula, centre, spread)),
+                "${if (daylight) "CIE daylight" else "Planck"}, ${short(centre)} ± ${short(spread)} K",
+                tolerance,
+            )
+        }
+        val members = entry.list("members").map { scaled(illuminant(it.jsonPrimitive.content)) }
+        val power = DoubleArray(Grid.SIZE) { m -> members.sumOf { it[m] } / members.size }
+        val least = entry.number("dimmest") * power.max()
+        val weights = entry.list("weights").map { numbers(it) }
+        return Family(
+            power,
+            weights.map { row ->
+                DoubleArray(Grid.SIZE) { m ->
+                    members.indices.sumOf { row[it] * members[it][m] } /
+                        max(power[m], least)
+                }
+            },
+            "mean and ${weights.size} principal components of ${members.size} CIE lamps",
+            tolerance,
+        )
+    }
+
+    /** The same power with a mean of 1. */
+    fun scaled(power: DoubleArray): DoubleArray {
+        val level = mean(power)
+        return DoubleArray(power.size) { power[it] / level }
+    }
+
+    class Family(val power: DoubleArray, val modes: List<DoubleArray>, val source: String, val tolerance: Double)
+
+    /** Change of ln L over one standard deviation of a lamp's temperature, (681): a central difference. */
+    fun temperatureMode(formula: (Double) -> DoubleArray, centre: Double, spread: Double): DoubleArray {
+        val high = logarithm(formula(centre + spread))
+        val low = logarithm(formula(centre - spread))
+        return DoubleArray(Grid.SIZE) { 0.5 * (high[it] - low[it]) }
+    }
+
+    /** ln L about its mean over the grid; power below 0.1 % of the peak counts as that. */
+    private fun logarithm(power: DoubleArray): DoubleArray {
+        val least = DIMMEST * power.max()
+        val level = DoubleArray(power.size) { ln(max(power[it], least)) }
+        val middle = mean(level)
+        return DoubleArray(power.size) { level[it] - middle }
+    }
+
+    private const val DIMMEST = 1e-3
+}
+
+internal fun JsonObject.part(name: String): JsonObject = getValue(name).jsonObject
+
+internal fun JsonObject.list(name: String): JsonArray = getValue(name).jsonArray
+
+internal fun JsonObject.text(name: String): String = getValue(name).jsonPrimitive.content
+
+internal fun JsonObject.number(name: String): Double = getValue(name).jsonPrimitive.double
+
+internal fun JsonObject.numbers(name: String): DoubleArray = numbers(getValue(name))
+
+internal fun numbers(element: JsonElement): DoubleArray {
+    val list = element.jsonArray
+    return DoubleArray(list.size) { list[it].jsonPrimitive.double }
+}

@@ -1,0 +1,26 @@
+package org.camssf.spectra
+
+/**
+ * The printed geometry of a chart, in units of its patch pitch (centre to centre).
+ *
+ * @property name for example "classic24".
+ * @property columns of patches; patch i lies at column i % columns, row i / columns.
+ * @property rows of patches.
+ * @property sideX edge of a patch along x in pitches; the rest is the gap.
+ * @property sideY edge along y.
+ */
+public class ChartLayout internal constructor(
+    public val name: String,
+    public val columns: Int,
+    public val rows: Int,
+    public val sideX: Double,
+    public val sideY: Double,
+) {
+    public companion object {
+        /** The charts that camssf knows. */
+        @JvmStatic
+        public fun all(): List<ChartLayout> = Bundled.layouts()
+
+        internal fun of(name: String): ChartLayout? = Bundled.layouts().firstOrNull { it.name == name }
+    }
+}

@@ -1,0 +1,216 @@
+package org.camssf.spectra
+
+import org.camssf.ChartUnfit
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.flatten
+import org.camssf.frozen
+import org.camssf.short
+import kotlin.math.sqrt
+
+/**
+ * The measured reflectances of a chart. Safe to pass between threads.
+ *
+ * @property name of the chart as asked for, for example "classic24".
+ * @property table name of the table, for example "BabelColor Average".
+ * @property layout name of the [ChartLayout] it is printed in.
+ * @property white index of the white patch.
+ * @property source in words for the report.
+ * @property file name and SHA-256 of the file it came from, or null.
+ */
+public class ChartTable internal constructor(
+    public val name: String,
+    public val table: String,
+    public val layout: String,
+    patches: List<String>,
+    internal val sharedValues: DoubleArray,
+    internal val sharedTolerance: DoubleArray,
+    public val white: Int,
+    public val source: String,
+    public val file: SourceFile? = null,
+) {
+    /** (n) names in reading order from the chart's top left. */
+    public val patches: List<String> = patches.frozen()
+
+    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches): keep it. */
+    public val values: DoubleArray get() = sharedValues.copyOf()
+
+    /** (n) one standard deviation of the table's relative error for a chart somebody owns, 1; a copy at each call. */
+    public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
+
+    internal fun reflectance(patch: Int): DoubleArray =
+        sharedValues.copyOfRange(patch * Grid.SIZE, (patch + 1) * Grid.SIZE)
+
+    public companion object {
+        private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")
+        private const val MENU =
+            "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of " +
+                "measured reflectances by ChartTable.parse; sg140 by such a file only."
+
+        /** Names that [read] knows. */
+        @JvmStatic
+        public fun names(): List<String> = Bundled.charts + Bundled.charts.map { "$it:ohta" }
+
+        /**
+         * Reflectances of a chart by name: `classic24`, `nano24`, `mini24`, `passport24` (BabelColor's average of 30
+         * charts), or with `:ohta` Ohta's table. The tolerance is 3 %.
+         *
+         * @throws InvalidArgument an unknown name.
+         */
+        @JvmStatic
+        public fun read(spec: String): ChartTable {
+            val text = spec.trim()
+            val chart = text.substringBefore(':').lowercase()
+            val tail = text.substringAfter(':', "").lowercase()
+            val table = if (tail.isEmpty()) Bundled.tables.values.first() else Bundled.tables[tail]
+            if (chart == "sg140") {
+                throw InvalidArgument(
+                    "camssf has no table of the ColorChecker Digital SG.",
+                    "Give a file of measured reflectances, 140 patches, to ChartTable.parse (CSV or CGATS).",
+                )
+            }
+            if (chart !in Bundled.charts || table == null) {
+                throw InvalidArgument(
+                    if (text.isEmpty()) "The chart is missing." else "No chart is called '$text'.",
+                    MENU,
+                )
+            }
+            val (names, values, white) = Bundled.chart(table)
+            val tolerance = DoubleArray(names.size) { Bundled.tolerance("public_chart") }
+            return ChartTable(text, table, chart, names, values, tolerance, white, "$table (colour-science)")
+        }
+
+        /**
+         * Measured reflectances of somebody's own chart (CSV or CGATS): 24 or 140 patches in reading order, unless the
+         * file names them by position (A1 ...). Values above 2 are taken for percent. Outside the file's wavelengths
+         * reflectance is held constant; it must cover 400 to 700 nm in steps of 20 nm at most. The tolerance is 1 %.
+         *
+         * @param name of the file, for messages and the result.
+         * @param layout "nano24" ... if it is not the usual one of so many patches.
+         * @throws InvalidArgument the content is no such table, or has another number of patches.
+         * @throws ChartUnfit too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or the
+         *   24 colours in another order than reading order.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun parse(name: String, content: ByteArray, layout: String? = null): ChartTable {
+            val file = SpectraFile.spectra(name, content)
+            val count = file.values.size
+            if (layout != null && ChartLayout.of(layout) == null) {
+                throw InvalidArgument("There is no chart layout '$layout'.", MENU)
+            }
+            if (count !in COUNTS || (layout != null && (layout == "sg140") != (count == 140))) {
+                throw InvalidArgument(
+                    "$name holds $count patches" + if (layout == null) "." else ", $layout does not.",
+                    "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each patch.",
+                    count.toDouble(),
+                )
+            }
+            SpectraFile.checkWavelengths(file.wavelengths, name) { message, advice, value, threshold ->
+                ChartUnfit(message, advice, value, threshold)
+            }
+            val values = onGrid(file, name)
+            if (count == 24) checkOrder(values, name)
+            return ChartTable(
+                if (layout == null) name else "$layout:$name",
+                name,
+                layout ?: COUNTS.getValue(count),
+                readingOrder(file.names).map { file.names[it] },
+                values.flatten(),
+                DoubleArray(count) { Bundled.tolerance("measured_chart") },
+                white(values, name),
+                "file $name${SpectraFile.held(file.wavelengths)}",
+                SourceFile.of(name, content),
+            )
+        }
+
+        private fun onGrid(file: Spectra, name: String): List<DoubleArray> {
+            if (file.values.any { row -> row.any { !it.isFinite() } }) {
+                throw ChartUnfit("$name has a reflectance that is not a number.", "Measure that patch again.")
+            }
+            val most = file.values.maxOf { it.max() }
+            val scale = if (most > 2.0) 100.0 else 1.0
+            val least = file.values.minOf { it.min() } / scale
+            val worst = if (least < 0) least else most / scale
+            if (worst !in 0.0..1.2) {
+                throw ChartUnfit(
+                    "$name has a reflectance of ${short(worst)}.",
+                    "Give all as 0 to 1, or all in percent; a patch that fluoresces above 1.2 does not serve.",
+                    worst,
+                )
+            }
+            return readingOrder(file.names).map { i ->
+                val row = file.values[i]
+                val smooth = Interpolation.smooth(file.wavelengths, DoubleArray(row.size) { row[it] / scale })
+                DoubleArray(Grid.SIZE) { smooth[it].coerceIn(0.0, 1.2) }
+            }
+        }
+
+        /**
+         * The file's rows in reading order where their names are positions, else as they stand. Letters are columns on
+         * the SG (A1 to N10) and on 24 patches A1 to F4; rows on 24 patches A1 to D6.
+         */
+        private fun readingOrder(names: List<String>): List<Int> {
+            val stand = names.indices.toList()
+            val cells = names.mapNotNull { name ->
+                Regex("([A-N])([0-9]{1,2})").matchEntire(name.uppercase())?.let {
+                    it.groupValues[1] to
+                        it.groupValues[2].toInt()
+                }
+            }
+            val shape = cells.map { it.first }.toSet().size to cells.map { it.second }.toSet().size
+            if (cells.toSet().size != names.size || shape !in setOf(14 to 10, 6 to 4, 4 to 6)) return stand
+            val byLetter = compareBy<Int>({ cells[it].first }, { cells[it].second })
+            val byNumber = compareBy<Int>({ cells[it].second }, { cells[it].first })
+            return stand.sortedWith(if (shape == 4 to 6) byLetter else byNumber)
+        }
+
+        /** Refuses the 24 known colours upside down or column by column: every later number would be wrong. */
+        private fun checkOrder(values: List<DoubleArray>, name: String) {
+            val known = Bundled.chart("BabelColor Average").second
+            fun misfit(place: (Int) -> Int): Double {
+                var total = 0.0
+                for (i in 0 until 24) {
+                    for (m in 0 until Grid.SIZE) {
+                        val off = values[place(i)][m] - known[i * Grid.SIZE + m]
+                        total += off * off
+                    }
+                }
+                return sqrt(total / (24 * Grid.SIZE))
+            }
+            // Place in the file of the chart's patch at row i / 6, column i % 6.
+            val orders: Map<String, (Int) -> Int> = mapOf(
+                "upside down" to { i -> 23 - i },
+                "by columns" to { i -> 4 * (i % 6) + i / 6 },
+                "by columns from below" to { i -> 4 * (i % 6) + 3 - i / 6 },
+            )
+            val found = orders.mapValues { misfit(it.value) }.minByOrNull { it.value }!!
+            val here = misfit { it }
+            if (found.value < 0.5 * here) {
+                throw ChartUnfit(
+                    "The patches in $name run ${found.key}.",
+                    "Sort them in reading order (dark skin first, black last), or name them A1 to D6.",
+                    here,
+                    2 * found.value,
+                )
+            }
+        }
+
+        /** The brightest neutral patch; E5 of an SG if none is plainly brighter (its border repeats the white). */
+        private fun white(values: List<DoubleArray>, name: String): Int {
+            val visible = Grid.WAVELENGTHS.indices.filter { Grid.WAVELENGTHS[it] in 430.0..700.0 }
+            val brightness = values.map { row ->
+                val level = visible.sumOf { row[it] } / visible.size
+                val spread = sqrt(visible.sumOf { (row[it] - level) * (row[it] - level) } / visible.size)
+                if (spread <= 0.08 * level) level else 0.0
+            }
+            val most = brightness.max()
+            if (most <= 0) {
+                throw ChartUnfit("$name has no neutral patch.", "Check its columns: a chart's white patch is flat.")
+            }
+            val e5 = 4 * 14 + 4
+            if (values.size == 140 && brightness[e5] >= 0.95 * most) return e5
+            return brightness.indexOf(most)
+        }
+    }
+}

@@ -1,0 +1,215 @@
+package org.camssf.spectra
+
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.LampUnfit
+import org.camssf.short
+
+/**
+ * The relative spectral power of a shot's light. Safe to pass between threads.
+ *
+ * @property name as asked for.
+ * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
+ * @property source table, formula or file it came from, in words for the report.
+ * @property file name and SHA-256 of the file it came from, or null.
+ */
+public class Lamp internal constructor(
+    public val name: String,
+    internal val sharedValues: DoubleArray,
+    public val tolerance: Double,
+    internal val sharedModes: List<DoubleArray>,
+    public val source: String,
+    public val file: SourceFile? = null,
+) {
+    /** (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB). */
+    public val values: DoubleArray get() = sharedValues.copyOf()
+
+    /** Directions (681) in which L may be off, relative to it, each one standard deviation long; copies at each call. */
+    public val modes: List<DoubleArray> get() = sharedModes.map { it.copyOf() }
+
+    /**
+     * The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
+     *
+     * A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
+     * kelvin at the lamp's own temperature. Both are one standard deviation.
+     *
+     * @throws InvalidArgument other text, or a temperature for a lamp that has none.
+     */
+    public fun withTolerance(text: String): Lamp = text.split(",").map {
+        it.trim()
+    }.filter { it.isNotEmpty() }.fold(this) { lamp, part -> lamp.tolerating(part) }
+
+    private fun tolerating(part: String): Lamp {
+        val number = Regex("""([0-9]+(?:\.[0-9]+)?) ?(%|k)""").matchEntire(part.lowercase())
+            ?: throw InvalidArgument("'$part' is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
+        val size = number.groupValues[1].toDouble()
+        if (number.groupValues[2] == "%") {
+            if (size > 50) {
+                throw InvalidArgument(
+                    "A lamp known to ${short(size)} % is not known.",
+                    "Name a family, or measure it.",
+                )
+            }
+            return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file)
+        }
+        val (formula, kelvin) = temperature()
+        if (!(0 < size && size < 0.25 * kelvin)) {
+            throw InvalidArgument(
+                "${short(size)} K is no tolerance of a lamp of ${short(kelvin)} K.",
+                "Give less than a quarter of it.",
+            )
+        }
+        val mode = Bundled.temperatureMode(formula, kelvin, size)
+        return Lamp(name, sharedValues, tolerance, sharedModes + mode, "$source, ± ${short(size)} K", file)
+    }
+
+    private fun temperature(): Pair<(Double) -> DoubleArray, Double> {
+        kelvinOf(name)?.let { return ::planck to it.toDouble() }
+        daylightOf(name)?.let { return ::daylight to it.toDouble() }
+        val cie = cieName(name)
+        val kelvin = Bundled.kelvin[cie] ?: throw InvalidArgument(
+            "The lamp '$name' has no temperature to be off in.",
+            "Give its tolerance in percent; kelvins suit A, D50 to D75, 3000K or D:5500.",
+        )
+        return (if (cie == "A") ::planck else ::daylight) to kelvin
+    }
+
+    public companion object {
+        private const val MENU =
+            "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour " +
+                "temperature; bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; " +
+                "discharge HP1 to HP5; LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by " +
+                "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); or " +
+                "a measured spectrum by Lamp.parse."
+
+        /** Names that [read] knows, besides `2856K` and `D:5500`. */
+        @JvmStatic
+        public fun names(): List<String> = Bundled.lamps.toList() + "equal-energy" + Bundled.families
+
+        /**
+         * Spectral power of the light by name or formula, scaled to a mean of 1 on the grid: the same numbers as
+         * Python's `camssf.read_lamp`.
+         *
+         * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck, 1000
+         * to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy`; a family whose member is not known:
+         * `daylight`, `bulb`, `white-led`, `fluorescent`. The tolerance is 2 % for a name or formula.
+         *
+         * @throws InvalidArgument no lamp, an unknown name, or a temperature out of range.
+         */
+        @JvmStatic
+        public fun read(spec: String): Lamp {
+            val text = spec.trim()
+            val key = text.lowercase()
+            if (text.isEmpty()) {
+                throw InvalidArgument(
+                    "The lamp is missing.",
+                    "One photo cannot do without: dividing by the white frame does not cancel the lamp's spectrum, " +
+                        "and no photo of a chart tells lamp from camera. $MENU",
+                )
+            }
+            if (plain(text) == "equalenergy") {
+                return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
+            }
+            if (key in Bundled.families) {
+                val family = Bundled.family(key)
+                return Lamp(key, Bundled.scaled(family.power), family.tolerance, family.modes, family.source)
+            }
+            val named = Bundled.tolerance("named_lamp")
+            kelvinOf(text)?.let {
+                return Lamp(text, Bundled.scaled(planck(it.toDouble())), named, emptyList(), "Planck's law, $it K")
+            }
+            daylightOf(text)?.let {
+                return Lamp(text, Bundled.scaled(daylight(it.toDouble())), named, emptyList(), "CIE daylight, $it K")
+            }
+            val cie = cieName(text) ?: throw InvalidArgument("No lamp is called '$text'.", MENU)
+            val source = "CIE illuminant $cie (colour-science)"
+            return Lamp(text, Bundled.scaled(Bundled.illuminant(cie)), named, emptyList(), source)
+        }
+
+        /**
+         * A measured spectrum: a table of wavelength (nm, increasing) and power, or CGATS text with one set (Argyll's
+         * `.sp`), which must cover 400 to 700 nm in steps of 20 nm at most.
+         *
+         * Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
+         * grid's, power is averaged over each step. Noise below zero, down to 0.5 % of the peak, becomes 0. The
+         * tolerance is 1 %.
+         *
+         * @param name of the file, for messages and the result.
+         * @throws InvalidArgument the content is no such table.
+         * @throws LampUnfit power that is negative, not finite or all zero, or a table that covers too little.
+         */
+        @JvmStatic
+        public fun parse(name: String, content: ByteArray): Lamp {
+            val spectrum = SpectraFile.spectrum(name, content)
+            SpectraFile.checkWavelengths(spectrum.wavelengths, name) { message, advice, value, threshold ->
+                LampUnfit(message, advice, value, threshold)
+            }
+            val advice = "Measure it again, or name a lamp that is like it."
+            val power = spectrum.values[0]
+            if (!power.all {
+                    it.isFinite()
+                }
+            ) {
+                throw LampUnfit("The lamp in $name has a power that is not a number.", advice)
+            }
+            val peak = power.max()
+            if (peak <= 0) throw LampUnfit("The lamp in $name has no power.", advice)
+            val shares = DoubleArray(power.size) { power[it] / peak }
+            val noise = Bundled.tolerance("noise_below_zero")
+            if (shares.min() < -noise) {
+                throw LampUnfit(
+                    "The lamp in $name has negative power.",
+                    "Correct the spectrometer's dark signal, or set noise below zero to 0.",
+                    shares.min(),
+                    -noise,
+                )
+            }
+            for (i in shares.indices) shares[i] = maxOf(shares[i], 0.0)
+            val nodes = spectrum.wavelengths
+            val finest = (1 until nodes.size).minOf { nodes[it] - nodes[it - 1] }
+            val fine = finest < 0.99 * Grid.STEP
+            val values = if (fine) Interpolation.stepMeans(nodes, shares) else Interpolation.linear(nodes, shares)
+            if (values.max() <= 0) throw LampUnfit("The lamp in $name has no power from 380 to 720 nm.", advice)
+            return Lamp(
+                name,
+                Bundled.scaled(values),
+                Bundled.tolerance("measured_lamp"),
+                emptyList(),
+                "file $name${SpectraFile.held(nodes)}",
+                SourceFile.of(name, content),
+            )
+        }
+
+        private fun planck(kelvin: Double): DoubleArray {
+            if (kelvin !in 1000.0..20_000.0) {
+                throw InvalidArgument("No lamp burns at ${short(kelvin)} K.", "Give 1000K to 20000K.", kelvin)
+            }
+            return Bundled.planck(kelvin)
+        }
+
+        private fun daylight(kelvin: Double): DoubleArray {
+            if (kelvin !in 4000.0..25_000.0) {
+                throw InvalidArgument(
+                    "CIE daylight is not defined at ${short(kelvin)} K.",
+                    "Give D:4000 to D:25000; for a bulb ${short(kelvin)}K, without D.",
+                    kelvin,
+                )
+            }
+            return Bundled.daylight(kelvin)
+        }
+
+        private fun kelvinOf(text: String): String? =
+            Regex("""([0-9]+(?:\.[0-9]+)?) ?k""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
+
+        private fun daylightOf(text: String): String? =
+            Regex("""d: ?([0-9]+(?:\.[0-9]+)?) ?k?""").matchEntire(text.trim().lowercase())?.groupValues?.get(1)
+
+        private fun cieName(text: String): String? {
+            val key = plain(text).removePrefix("cie").replace(Regex("^f(?=[0-9])"), "fl")
+            return Bundled.lamps.firstOrNull { plain(it) == key }
+        }
+    }
+}
+
+/** A name without case, blanks, hyphens and underscores, for comparison. */
+internal fun plain(name: String): String = name.lowercase().replace(Regex("[\\s_-]"), "")

@@ -1,0 +1,144 @@
+package org.camssf
+
+import org.camssf.photo.Capture
+import org.camssf.photo.ChartPose
+import org.camssf.photo.Corners
+import org.camssf.photo.LensShading
+import org.camssf.photo.Neutral
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import java.lang.reflect.Modifier
+
+/** Whatever a caller writes into what he was given, nothing that camssf holds changes. */
+class UnchangedTest {
+    private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val seen = HashSet<Any>()
+    private val changed = ArrayList<String>()
+    private var arrays = 0
+    private var lists = 0
+
+    private fun getters(type: Class<*>) = type.methods.filter {
+        it.parameterCount == 0 && it.name.startsWith("get") && '$' !in it.name && !Modifier.isStatic(it.modifiers) &&
+            it.declaringClass.name.startsWith("org.camssf.")
+    }
+
+    /** Everything that public getters lead to is overwritten; what they give afterwards is compared. */
+    private fun vandalise(of: Any, path: String) {
+        if (of is Enum<*> || of is Throwable || !seen.add(System.identityHashCode(of))) return
+        for (getter in getters(of.javaClass)) {
+            fun get(): Any? = getter.invoke(of)
+            val name = "$path.${getter.name}"
+            if (name.endsWith("getSamples")) continue // documented: handed over, not copied
+            val before = content(get())
+            overwrite(get())
+            if (content(get()) != before) changed += name
+            when (val value = get()) {
+                is List<*> -> value.filterNotNull().forEach { if (ours(it)) vandalise(it, name) }
+                null -> Unit
+                else -> if (ours(value)) vandalise(value, name)
+            }
+        }
+    }
+
+    private fun ours(value: Any) = value.javaClass.name.startsWith("org.camssf.")
+
+    private fun content(value: Any?): String = when (value) {
+        is DoubleArray -> value.contentToString()
+
+        is FloatArray -> value.contentToString()
+
+        is IntArray -> value.contentToString()
+
+        is LongArray -> value.contentToString()
+
+        is BooleanArray -> value.contentToString()
+
+        is List<*> -> value.joinToString(prefix = "${value.size}: ") {
+            if (it != null &&
+                ours(it)
+            ) {
+                ""
+            } else {
+                content(it)
+            }
+        }
+
+        else -> "$value".substringBefore('@')
+    }
+
+    private fun overwrite(value: Any?) {
+        when (value) {
+            is DoubleArray -> value.fill(-7.0)
+
+            is FloatArray -> value.fill(-7f)
+
+            is IntArray -> value.fill(-7)
+
+            is LongArray -> value.fill(-7)
+
+            is BooleanArray -> for (i in value.indices) value[i] = !value[i]
+
+            is List<*> -> {
+                lists++
+                value.forEach { if (it != null && !ours(it)) overwrite(it) }
+                @Suppress("UNCHECKED_CAST")
+                try {
+                    (value as MutableList<Any?>).add(null)
+                } catch (_: UnsupportedOperationException) {
+                    return
+                }
+            }
+
+            else -> return
+        }
+        arrays++
+    }
+
+    @Test
+    fun `a result is what it was`() {
+        SsfCalibrator.open().use { calibrator ->
+            val lamp = Lamp.read("daylight") // one with a mode
+            val numbers = corners.toArray()
+            val shots = arrayListOf(Shot(PhotoSource.of(photo), lamp, Corners.of(*numbers)))
+            val capture = Capture(shots, ChartTable.read("classic24"))
+            numbers.fill(0.0)
+            shots.clear()
+            val found = calibrator.calibrate(capture)
+            val text = found.toJson()
+            vandalise(found, "found")
+            vandalise(capture, "capture")
+            assertEquals(emptyList<String>(), changed)
+            assertTrue(arrays >= 30 && lists >= 6, "$arrays arrays, $lists lists")
+            assertEquals(text, found.toJson())
+            assertEquals(text, calibrator.calibrate(capture).toJson())
+        }
+    }
+
+    @Test
+    fun `a mosaic and a pose are what they were`() {
+        val mosaics = listOf("metadata", "metadata-phone", "opcodes", "patches-mapped", "masked-areas").map { name ->
+            DngSource.of(File(photo.parentFile, "$name.dng")).use { DngReader.read(it) }
+        }
+        assertTrue(mosaics.any { it.gainMaps.isNotEmpty() } && mosaics.any { it.badPixels.isNotEmpty() })
+        mosaics.forEachIndexed { i, mosaic -> vandalise(mosaic, "mosaic $i") }
+        val given = doubleArrayOf(0.5, 1.0, 0.7)
+        val neutral = Neutral(21, given)
+        given.fill(0.0)
+        assertEquals(0.7, neutral.white[2])
+        vandalise(neutral, "neutral")
+        assertTrue(arrays >= 20 && lists >= 20, "$arrays arrays, $lists lists")
+        val chart = DngSource.of(photo).use { DngReader.read(it) }
+        vandalise(ChartPose.refine(chart, corners, ChartTable.read("classic24")), "pose")
+        assertEquals(emptyList<String>(), changed)
+        assertEquals(LensShading.AS_STORED, LensShading.of("as-stored"))
+    }
+}

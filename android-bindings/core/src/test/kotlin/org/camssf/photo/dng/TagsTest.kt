@@ -1,0 +1,216 @@
+package org.camssf.photo.dng
+
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Region
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.nio.ByteOrder
+
+/** What the file says beside its samples. */
+class TagsTest {
+    private val side = 24
+
+    private fun read(
+        raw: Tags = emptyMap(), first: Tags = emptyMap(), exif: Tags = emptyMap(), bits: Int = 12,
+        order: ByteOrder = ByteOrder.LITTLE_ENDIAN, place: Place = Place.CHILD, cfa: String = "RGGB",
+    ): Mosaic {
+        val samples = Variants.noise(bits, side, side)
+        val dng = DngWriter(
+            side, side, samples, bits, order, place = place, cfa = cfa, raw = raw, first = first, exif = exif,
+        )
+        return DngReader.read(DngSource.of(dng.encode(), "photo.dng"))
+    }
+
+    private fun area(top: Int, left: Int, bottom: Int, right: Int): Tags =
+        mapOf(50829 to Value.long(top, left, bottom, right))
+
+    @Test
+    fun aSilentFileHasDefaults() {
+        val found = read(bits = 10)
+        assertArrayEquals(DoubleArray(4), found.black)
+        assertEquals(1023.0, found.white)
+        assertEquals(1, found.orientation)
+        assertEquals("Maker", found.make)
+        assertEquals("Model 1", found.model)
+        with(found) { listOf(exposure, iso, colorMatrix1, colorMatrix2, asShotNeutral) }.forEach { assertNull(it) }
+        assertNull(found.asShotWhiteXY)
+        assertNull(found.noiseProfile)
+        assertTrue(found.gainMaps.isEmpty() && found.badPixels.isEmpty() && found.unknownOpcodes.isEmpty())
+        assertTrue(found.maskedAreas.isEmpty())
+    }
+
+    @Test
+    fun theColoursBeginAtTheActiveAreasCorner() {
+        for (cfa in Mosaic.CFA_ORDERS) {
+            for (corner in listOf(0 to 0, 1 to 0, 0 to 1, 3 to 5)) {
+                val found = read(area(corner.first, corner.second, 20, 20), cfa = cfa)
+                assertEquals(cfa, found.cfa)
+                assertEquals(cfa[0], found.color(0, 0))
+                assertEquals(cfa[1], found.color(7, 2))
+                assertEquals(cfa[2], found.color(4, 9))
+            }
+        }
+    }
+
+    /** The mean of black over the samples of each position, sample by sample. */
+    private fun blackByBruteForce(
+        width: Int, height: Int, pattern: Array<DoubleArray>, across: DoubleArray, down: DoubleArray,
+    ): DoubleArray {
+        val sums = DoubleArray(4)
+        for (y in 0 until height) {
+            for (x in 0 until width) {
+                val black = pattern[y % pattern.size][x % pattern[0].size] + across[x] + down[y]
+                sums[y % 2 * 2 + x % 2] += black
+            }
+        }
+        return DoubleArray(4) { sums[it] / (width * height / 4) }
+    }
+
+    @Test
+    fun blackOfEachPosition() {
+        val tags: Tags = mapOf(50713 to Value.short(2, 2), 50714 to Value.rational(256, 1, 1025, 4, 2060, 8, 259, 1))
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).black)
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags + area(1, 3, 20, 20)).black)
+        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).black)
+        val rows: Tags = mapOf(50713 to Value.short(2, 1), 50714 to Value.long(60, 70))
+        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), read(rows, order = ByteOrder.BIG_ENDIAN).black)
+    }
+
+    @Test
+    fun blackOfLargerPatternsAndDeltasIsTheMeanOfEachPosition() {
+        val none = DoubleArray(24)
+        for ((rows, columns) in listOf(3 to 3, 4 to 2, 2 to 4, 1 to 3, 6 to 4)) {
+            val numbers = IntArray(rows * columns) { 500 + (37 * it * it) % 91 }
+            val tags: Tags = mapOf(50713 to Value.short(rows, columns), 50714 to Value.short(*numbers))
+            val pattern = Array(rows) { y -> DoubleArray(columns) { x -> numbers[y * columns + x].toDouble() } }
+            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).black, 1e-12)
+        }
+        val across = IntArray(18) { (5 * it) % 7 - 3 }
+        val down = IntArray(20) { (3 * it) % 11 - 4 }
+        val tags = area(2, 3, 22, 21) + mapOf(
+            50714 to Value.short(100),
+            50715 to Value.srational(*across.flatMap { listOf(it, 2) }.toIntArray()),
+            50716 to Value.srational(*down.flatMap { listOf(it, 4) }.toIntArray()),
+        )
+        val hundred = arrayOf(doubleArrayOf(100.0))
+        val expected = blackByBruteForce(
+            18, 20, hundred, DoubleArray(18) { across[it] / 2.0 }, DoubleArray(20) { down[it] / 4.0 },
+        )
+        assertArrayEquals(expected, read(tags).black, 1e-12)
+    }
+
+    @Test
+    fun whiteLevel() {
+        assertEquals(4000.0, read(mapOf(50717 to Value.short(4000))).white)
+        assertEquals(4000.5, read(mapOf(50717 to Value.rational(8001, 2))).white)
+        assertEquals(65535.0, read(bits = 16).white)
+    }
+
+    @Test
+    fun metadataOfAPhone() {
+        val matrix = intArrayOf(11, -2, 3, 4, 15, -6, 7, 8, 19)
+        val first: Tags = mapOf(
+            271 to Value.text(" Acme "),
+            272 to Value.text("Fön 7"),
+            274 to Value.short(6),
+            50721 to Value.srational(*matrix.flatMap { listOf(it, 10) }.toIntArray()),
+            50722 to Value.srational(*matrix.flatMap { listOf(-it, 8) }.toIntArray()),
+            50728 to Value.rational(1, 2, 1, 1, 5, 8),
+            50729 to Value.rational(3127, 10000, 3290, 10000),
+            51041 to Value.double(2e-4, 1e-6),
+            33434 to Value.rational(0, 1000),
+        )
+        val exif: Tags = mapOf(33434 to Value.rational(1, 125), 34855 to Value.short(400))
+        for (order in listOf(ByteOrder.LITTLE_ENDIAN, ByteOrder.BIG_ENDIAN)) {
+            val found = read(first = first, exif = exif, order = order)
+            assertEquals("Acme", found.make)
+            assertEquals("Fön 7", found.model)
+            assertEquals(6, found.orientation)
+            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colorMatrix1)
+            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colorMatrix2)
+            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.asShotNeutral)
+            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.asShotWhiteXY)
+            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.noiseProfile)
+            assertEquals(1 / 125.0, found.exposure)
+            assertEquals(400.0, found.iso)
+        }
+        assertEquals("Maker Model 1", read(first = mapOf(272 to null)).model)
+        assertEquals(1, read(first = mapOf(274 to Value.short(9))).orientation)
+    }
+
+    /** White = balance · calibration · matrix · XYZ of the light, green 1; by hand for D65 (21) and A (17). */
+    @Test
+    fun whitesOfTheColourMatrices() {
+        val identity = IntArray(18) {
+            if (it % 2 == 1) {
+                1
+            } else if (it % 8 == 0) {
+                1
+            } else {
+                0
+            }
+        }
+        val first: Tags = mapOf(
+            50721 to Value.srational(*identity),
+            50722 to Value.srational(*identity),
+            50724 to Value.srational(2, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 3, 1),
+            50727 to Value.rational(1, 1, 1, 2, 1, 1),
+            50778 to Value.short(21),
+            50779 to Value.short(17),
+        )
+        val (day, bulb) = read(first = first).neutrals
+        assertEquals(listOf(21, 17), listOf(day.illuminant, bulb.illuminant))
+        assertArrayEquals(doubleArrayOf(2 * 0.950430, 1.0, 2 * 1.088806), day.white, 1e-5)
+        assertArrayEquals(doubleArrayOf(4 * 1.098490, 1.0, 6 * 0.355798), bulb.white, 1e-5)
+        assertTrue(read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0))).neutrals.isEmpty())
+    }
+
+    @Test
+    fun maskedAreas() {
+        val tags = area(4, 8, 24, 24) + (50830 to Value.long(0, 0, 24, 8, 0, 8, 4, 24, 9, 9, 9, 99))
+        assertEquals(listOf(Region(0, 0, 8, 24), Region(8, 0, 24, 4)), read(tags).maskedAreas)
+    }
+
+    @Test
+    fun opcodes() {
+        val head = arrayOf<Number>(0, 1, 22, 23, 0, 1, 2, 2, 2, 3, 1.0, 0.5, 0.0, 0.25, 1)
+        val gains = arrayOf<Number>(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f)
+        val map = OpcodeWriter.opcode(9, OpcodeWriter.content(*head, *gains), optional = true)
+        val constant = OpcodeWriter.opcode(4, OpcodeWriter.content(77, 0))
+        val places = OpcodeWriter.opcode(5, OpcodeWriter.content(0, 2, 1, 3, 4, 5, 6, 10, 11, 12, 13))
+        val warp = OpcodeWriter.opcode(1, ByteArray(20), optional = true)
+        val polynomial = OpcodeWriter.opcode(8, ByteArray(8))
+        val tags: Tags = mapOf(
+            51008 to OpcodeWriter.list(places, polynomial),
+            51009 to OpcodeWriter.list(map, constant),
+            51022 to OpcodeWriter.list(warp, OpcodeWriter.opcode(99, ByteArray(3))),
+        )
+        for (order in listOf(ByteOrder.LITTLE_ENDIAN, ByteOrder.BIG_ENDIAN)) {
+            val found = read(tags, order = order)
+            val shading = found.gainMaps.single()
+            assertEquals(2, shading.list)
+            assertEquals(Region(1, 0, 23, 22), shading.area)
+            assertEquals(listOf(0, 1, 2, 2), shading.run { listOf(plane, planes, rowPitch, columnPitch) })
+            assertEquals(listOf(2, 3, 1), listOf(shading.pointsV, shading.pointsH, shading.mapPlanes))
+            assertEquals(listOf(1.0, 0.5), listOf(shading.spacingV, shading.spacingH))
+            assertEquals(listOf(0.0, 0.25), listOf(shading.originV, shading.originH))
+            assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.gains)
+            val (listed, valued) = found.badPixels
+            assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.points)
+            assertEquals(listOf(Region(11, 10, 13, 12)), listed.areas)
+            assertEquals(1, listed.list)
+            assertEquals(77, valued.constant)
+            assertEquals(listOf(8, 99), found.unknownOpcodes)
+        }
+    }
+
+    @Test
+    fun theHashIsOfTheFile() {
+        val bytes = Variants.all.first().bytes
+        val expected = java.security.MessageDigest.getInstance("SHA-256").digest(bytes)
+        assertEquals(expected.joinToString("") { "%02x".format(it) }, DngReader.read(DngSource.of(bytes, "a")).sha256)
+    }
+}

@@ -1,0 +1,145 @@
+package org.camssf.spectra
+
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.LampUnfit
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.exp
+import kotlin.math.pow
+
+class LampTest {
+    private fun csv(vararg rows: Pair<Int, Double>, separator: String = ",") =
+        rows.joinToString("\n") { "${it.first}$separator${it.second}" }.toByteArray()
+
+    private fun flat(from: Int = 380, to: Int = 720) = (from..to step 5).map { it to 2.0 }.toTypedArray()
+
+    @Test
+    fun `every name is read, with a mean of one`() {
+        val names = Lamp.names()
+        assertTrue(names.size >= 57)
+        for (name in names) {
+            val lamp = Lamp.read(name)
+            assertEquals(Grid.SIZE, lamp.values.size)
+            assertEquals(1.0, lamp.values.average(), 1e-12, name)
+            assertTrue(lamp.values.all { it >= 0 } && lamp.modes.all { it.size == Grid.SIZE })
+        }
+    }
+
+    @Test
+    fun `names are free of case, blanks and hyphens`() {
+        for ((said, meant) in listOf("cie d65" to "D65", "f2" to "FL2", "led b3" to "LED-B3", "fl 3.1" to "FL3.1")) {
+            assertArrayEquals(Lamp.read(meant).values, Lamp.read(said).values)
+        }
+    }
+
+    @Test
+    fun `a bulb is Planck's, and A is 2856 K`() {
+        val lamp = Lamp.read("3000K").values
+        val grid = Grid.WAVELENGTHS
+        fun planck(nm: Double) = nm.pow(-5) / (exp(1.4388e7 / (nm * 3000)) - 1)
+        for (m in 0 until Grid.SIZE step 40) {
+            assertEquals(planck(grid[m]) / planck(550.0), lamp[m] / lamp[340], 1e-12)
+        }
+        val a = Lamp.read("A").values
+        val hot = Lamp.read("2856K").values
+        // The table was made for 2848 K and c₂ = 1.4350e-2 m K, which is 2855.5 K on today's scale: 1e-3 at 380 nm.
+        for (m in 0 until Grid.SIZE step 40) assertEquals(1.0, hot[m] / a[m], 1e-3)
+    }
+
+    @Test
+    fun `daylight's formula gives the tables`() {
+        val table = Lamp.read("D65").values
+        val formula = Lamp.read("D:6504").values
+        for (m in table.indices) assertEquals(table[m], formula[m], 2e-3)
+    }
+
+    @Test
+    fun `temperatures that no lamp has`() {
+        for (name in listOf("900K", "30000K", "D:3000", "D:30000")) {
+            assertThrows(InvalidArgument::class.java) { Lamp.read(name) }
+        }
+    }
+
+    @Test
+    fun `no lamp and an unknown one are told apart`() {
+        assertTrue("missing" in assertThrows(InvalidArgument::class.java) { Lamp.read(" ") }.message)
+        assertTrue("'candle'" in assertThrows(InvalidArgument::class.java) { Lamp.read("candle") }.message)
+    }
+
+    @Test
+    fun `tolerances in percent and kelvins`() {
+        val lamp = Lamp.read("D55").withTolerance("300K, 1%")
+        assertEquals(0.01, lamp.tolerance)
+        assertEquals(1, lamp.modes.size)
+        val high = Bundled.daylight(5803.0)
+        val low = Bundled.daylight(5203.0)
+        // Half of the change of ln L, less its mean: blue against red.
+        val wanted = 0.5 * (kotlin.math.ln(high[100] / low[100]) - kotlin.math.ln(high[600] / low[600]))
+        assertEquals(wanted, lamp.modes[0][100] - lamp.modes[0][600], 1e-12)
+        for (text in listOf("60%", "2000K", "much", "-1%", "0K")) {
+            assertThrows(InvalidArgument::class.java, { Lamp.read("D55").withTolerance(text) }, text)
+        }
+        assertThrows(InvalidArgument::class.java) { Lamp.read("FL2").withTolerance("100K") }
+    }
+
+    @Test
+    fun `a measured lamp, in three writings`() {
+        val plain = Lamp.parse("lamp.csv", csv(*flat()))
+        assertEquals(0.01, plain.tolerance)
+        assertEquals("file lamp.csv", plain.source)
+        for (value in plain.values) assertEquals(1.0, value, 1e-12)
+        val rows = flat().joinToString("\n") { "${it.first};2,0" }
+        assertArrayEquals(plain.values, Lamp.parse("lamp.csv", "nm;power\n$rows".toByteArray()).values)
+        val fields = flat().joinToString(" ") { "SPEC_${it.first}" }
+        val cgats = "CGATS.17\nBEGIN_DATA_FORMAT\n$fields\nEND_DATA_FORMAT\nBEGIN_DATA\n" +
+            flat().joinToString(" ") { "2.0" } + "\nEND_DATA\n"
+        assertArrayEquals(plain.values, Lamp.parse("lamp.sp", cgats.toByteArray()).values)
+    }
+
+    @Test
+    fun `what is held is said`() {
+        assertTrue("held constant outside 400 to 700 nm" in Lamp.parse("x.csv", csv(*flat(400, 700))).source)
+    }
+
+    @Test
+    fun `unfit measurements`() {
+        val cases = listOf(
+            csv(*flat(450, 720)),
+            csv(*flat().map { it.first to 0.0 }.toTypedArray()),
+            csv(*flat().mapIndexed { i, it -> it.first to if (i == 9) -1.0 else 2.0 }.toTypedArray()),
+            csv(400 to 1.0, 500 to 1.0, 600 to 1.0, 700 to 1.0),
+        )
+        for (content in cases) assertThrows(LampUnfit::class.java) { Lamp.parse("x.csv", content) }
+        val wrong = listOf("", "hello", "380,1\n380,2\n390,1", "0.38,1\n0.39,1\n0.40,1")
+        for (text in wrong) assertThrows(InvalidArgument::class.java) { Lamp.parse("x.csv", text.toByteArray()) }
+    }
+
+    @Test
+    fun `numbers are what Python takes for numbers`() {
+        fun rows(end: String, first: String = "380") = flat().joinToString("\n") { (nm, power) ->
+            if (nm == 380) "$first,$power$end" else "$nm,$power$end"
+        }.toByteArray()
+        for (end in listOf("", "e0", "E+00")) assertEquals(Grid.SIZE, Lamp.parse("x.csv", rows(end)).values.size)
+        for (end in listOf("f", "d", "D", "e", "x")) {
+            assertThrows(InvalidArgument::class.java, { Lamp.parse("x.csv", rows(end)) }, end)
+        }
+        // A first line that is no number is a heading: the table then begins at 385 nm.
+        for (first in listOf("380.0f", "0x1p0", "\u0663\u0668\u0660")) {
+            assertTrue("outside 385" in Lamp.parse("x.csv", rows("", first)).source, first)
+        }
+        val none = flat().joinToString("\n") { "${it.first},${if (it.first == 500) "nan" else "1"}" }
+        assertThrows(LampUnfit::class.java) { Lamp.parse("x.csv", none.toByteArray()) }
+    }
+
+    @Test
+    fun `digits of other scripts are no temperature`() {
+        for (text in listOf("\u0663\u0660\u0660\u0660K", "D:\u0665\u0665\u0660\u0660")) {
+            assertThrows(InvalidArgument::class.java) { Lamp.read(text) }
+        }
+        assertThrows(InvalidArgument::class.java) { Lamp.read("D55").withTolerance("\u0662%") }
+    }
+}
