@@ -146,7 +146,8 @@ def simulate(
         sensor: how the camera counts.
         seed: of the noise; the same seed gives the same bytes.
         change: what goes wrong with the last lamp's shot (`camssf.simulation.faults`).
-        former: fields of scene and sensor by themselves, as in version 0.1; to be removed in the next release.
+        former: fields of scene and sensor by themselves, as in version 0.1; to be removed in the release after the
+            next.
 
     Raises:
         InvalidArgument: a setting is out of range, or the chart does not fit into the picture.
@@ -216,7 +217,7 @@ def _with_former(scene: Scene, sensor: Sensor, former: dict[str, Any]) -> tuple[
     if former:
         warnings.warn(
             f"simulate({', '.join(f'{name}=' for name in former)}) has become simulate(scene=Scene(...), "
-            "sensor=Sensor(...)); the former arguments go with the next release.",
+            "sensor=Sensor(...)); the former arguments go with the release after the next.",
             DeprecationWarning,
             stacklevel=3,
         )
