@@ -187,9 +187,10 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
 
 
 def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
-    """Relative duality gap of x by the formula in `camssf.curves.proof`, from whitened rows (N, r), (N,); γ > 0.
+    """Relative duality gap of x by scaling the residual, from whitened rows (N, r), (N,); γ > 0.
 
-    Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
+    With λ₂ = 0 it is `camssf.curves.proof`'s; with λ₂ > 0 that has a sharper one, and this one, of first order in the
+    error of x, asks more of those whom it judges. Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
     where x ≥ 0 is asked is judged after that entry is set to zero.
     """
     x = np.maximum(x, 0.0) if nonnegative else x

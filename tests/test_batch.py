@@ -381,7 +381,12 @@ def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path
         "from camssf.fleet.run import run_batch\nfrom test_batch import slow\n"
         f"if __name__ == '__main__': run_batch({str(manifest)!r}, {str(out)!r}, jobs=1, work=slow)"
     )
-    running = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, start_new_session=True)
+    running = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+    )
     with running:
         deadline = time.monotonic() + 60
         while not list(out.glob("*/visits")) and time.monotonic() < deadline:
