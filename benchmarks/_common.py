@@ -190,8 +190,8 @@ def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonne
     """Relative duality gap of x by scaling the residual, from whitened rows (N, r), (N,); γ > 0.
 
     With λ₂ = 0 it is `camssf.curves.proof`'s; with λ₂ > 0 that has a sharper one, and this one, of first order in the
-    error of x, asks more of those whom it judges. Written anew: no inverse, no normal equations, and the l1 part summed atom by atom. A code with a negative entry
-    where x ≥ 0 is asked is judged after that entry is set to zero.
+    error of x, asks more of those whom it judges. Written anew: no inverse, no normal equations, and the l1 part
+    summed atom by atom. A code with a negative entry where x ≥ 0 is asked is judged after that entry is set to zero.
     """
     x = np.maximum(x, 0.0) if nonnegative else x
     r = b - A @ x
