@@ -208,6 +208,7 @@ def former_names() -> dict[str, str]:
     return dict(import_module("camssf._former").FORMER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(former_names()))
 def test_a_former_name_still_imports(name: str) -> None:
     code = (
@@ -224,6 +225,7 @@ def test_a_former_name_still_imports(name: str) -> None:
     fresh(code)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["learn", "tabulate"])
 def test_a_former_command_still_runs(name: str) -> None:
     assert f"camssf.tools.{name}" in fresh(
@@ -343,6 +345,7 @@ CHART_OF_0_1 = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "also"),
     [

@@ -144,6 +144,7 @@ assert report(result.document()).ssf_png
 """
 
 
+@pytest.mark.slow
 def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> None:
     watch = getattr(places, WAYS[0])
     for words in (
@@ -175,6 +176,7 @@ def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
         assert bool(seen) == expected
 
 
+@pytest.mark.slow
 def test_a_calibration_needs_no_network(places: Places) -> None:
     away = ("unshare", "-rn")
     if not shutil.which("unshare") or subprocess.run([*away, "true"], capture_output=True).returncode:
@@ -185,6 +187,7 @@ def test_a_calibration_needs_no_network(places: Places) -> None:
     assert places.left() == []
 
 
+@pytest.mark.slow
 def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> None:
     """Who uses matplotlib keeps his settings and his list of fonts, in the process and on the disk."""
     settings, caches = places.home / ".config" / "matplotlib", places.cache / "matplotlib"

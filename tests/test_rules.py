@@ -131,6 +131,7 @@ CHEAP = [
 ]
 
 
+@pytest.mark.slow
 def test_every_changed_number_is_noticed_by_a_golden_case() -> None:
     numbers = sum(len(DOCUMENT["numbers"][group]) for group in ("verdict", "covariance", "signals", "patches"))
     assert len(CHEAP) == numbers - 1
@@ -155,6 +156,7 @@ def test_without_a_jar_kotlin_is_skipped_visibly(
     assert "Kotlin: SKIPPED" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_process_is_as_before_after_a_mutant() -> None:
     import camssf.evidence.verdict as now
 
