@@ -16,6 +16,9 @@ from pathlib import Path
 
 import pytest
 
+# Small matrices: on a busy machine several threads only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 NUMERICAL = {
     "test_basis",
     "test_direct",

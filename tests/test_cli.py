@@ -505,6 +505,7 @@ def spoken(arguments: list[str], coding: str = "utf-8:strict") -> subprocess.Com
     return subprocess.run(command, capture_output=True, env=environment, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="names are Unicode there")
 def test_names_that_are_no_utf8(shots: Path, tmp_path: Path) -> None:
     """Every command that takes or writes files, in a folder and with files of such names."""
@@ -558,6 +559,7 @@ def test_names_that_are_no_utf8(shots: Path, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coding", ["ascii", "latin-1", "utf-16"])
 def test_json_is_utf8_on_a_terminal_of_another_coding(coding: str, result: Path, tmp_path: Path) -> None:
     document = json.loads((result / "result.json").read_text("utf-8"))

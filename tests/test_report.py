@@ -957,6 +957,7 @@ def browse(page: Path, profile: Path) -> tuple[str, list[str]]:
     return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(tmp_path: Path) -> None:
     """No word on the console; no sideways scrolling at phone and desktop width, long names included."""
     long = hostile(document(), "A_name_without_a_gap_" * 20)
