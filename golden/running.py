@@ -144,21 +144,24 @@ def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
-    return sense(
-        Evidence(
-            signals,
-            given["reflectance"],
-            given["lamp"],
-            standard_error=given["standard_error"],
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=given["white_tolerance"],
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
-        ),
-        basis_of(given["basis"]),
+def _evidence(given: dict[str, Any], signals: Any, frames: Any = None) -> Evidence:
+    """What a case says; its signals are ragged where the case is an error."""
+    return Evidence(
+        signals,
+        given["reflectance"],
+        given["lamp"],
+        standard_error=given["standard_error"],
+        chart_tolerance=given["chart_tolerance"],
+        white_reflectance=given["white_reflectance"],
+        white_tolerance=given["white_tolerance"],
+        lamp_tolerance=given["lamp_tolerance"],
+        lamp_modes=given["lamp_modes"],
+        frames=frames,
     )
+
+
+def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
+    return sense(_evidence(given, signals), basis_of(given["basis"]))
 
 
 def _sensing(given: dict[str, Any]) -> dict[str, Any]:
@@ -200,18 +203,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         )
     else:
         ssf = recover(
-            Evidence(
-                signals,  # type: ignore[arg-type]  # ragged where the case is an error
-                given["reflectance"],
-                given["lamp"],
-                standard_error=given["standard_error"],
-                chart_tolerance=given["chart_tolerance"],
-                white_reflectance=given["white_reflectance"],
-                white_tolerance=given["white_tolerance"],
-                lamp_tolerance=given["lamp_tolerance"],
-                lamp_modes=given["lamp_modes"],
-                frames=None if not sound else tuple(frames),
-            ),
+            _evidence(given, signals, tuple(frames) if sound else None),
             basis=given["basis"],
             l2=given["l2"],
             gamma=given["gamma"],

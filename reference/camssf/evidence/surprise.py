@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -74,16 +73,13 @@ class Surprise:
         return float(((self.total / self.count) ** (1.0 / 3.0) - (1.0 - u)) / np.sqrt(u))
 
 
-@cache
 def directions(length: float) -> Floats:
     """Φ of a smooth error on the grid, (681, p): column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²).
 
     h = ℓ / 2, t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ: white noise, smoothed, so that
     Φ Φᵀ = exp(-½ (Δλ / ℓ)²).
     """
-    found = smooth_errors(length, WAVELENGTHS)
-    found.setflags(write=False)
-    return found
+    return smooth_errors(length, WAVELENGTHS)
 
 
 def surprise(
