@@ -22,8 +22,8 @@ def explain(
     """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
 
     The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
-    G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Shares are of
-    the sum over the grid of the variances of the curve of peak 1. Former arguments as in `recover`.
+    G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Each channel's
+    shares are of the sum over the grid of the variances of the curve of peak 1. Former arguments as in `recover`.
 
     Raises:
         InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
@@ -35,15 +35,15 @@ def explain(
     evidence.check_for(basis)
     sensing = sense(evidence, basis)
     basis = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
-    shares: dict[str, list[float]] = {source: [] for source in (*sensing.terms, "unseen")}
-    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
-        weighted = np.linalg.solve(sigma, A)
-        gain = np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
-        curve = basis.mean[c] + basis.dictionary[c] @ gain @ sensing.target[c]
-        moves = moves_of_peak_one(basis, np.broadcast_to(curve, basis.mean.shape))[c]
-        across = moves @ gain
-        sizes = {source: float(np.sum((across @ term[c]) * across)) for source, term in sensing.terms.items()}
-        sizes["unseen"] = float(np.sum((moves - across @ A) ** 2))
-        for source, size in sizes.items():
-            shares[source].append(size / sum(sizes.values()))
-    return {source: np.array(share) for source, share in shares.items()}
+    A, sigma = sensing.matrix[0], sensing.covariance[0]
+    weighted = np.linalg.solve(sigma, A)
+    gain = np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)  # (3 r, N)
+    code = (gain @ sensing.target[0]).reshape(3, -1)
+    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)
+    moves = moves_of_peak_one(basis, curves)
+    across = moves @ gain.reshape(3, -1, gain.shape[1])  # (3, m, N)
+    parts = {source: np.sum((across @ term[0]) * across, axis=(1, 2)) for source, term in sensing.terms.items()}
+    left = (np.eye(gain.shape[0]) - gain @ A).reshape(3, -1, gain.shape[0])
+    parts["unseen"] = np.sum((moves @ left) ** 2, axis=(1, 2))
+    whole = np.sum(list(parts.values()), axis=0)
+    return {source: part / whole for source, part in parts.items()}

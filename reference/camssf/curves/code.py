@@ -1,4 +1,4 @@
-"""Sensing matrix → code: layers, finish and proof of each channel's problem."""
+"""Sensing matrix → code: layers, proof, finish where that is not enough, and evidence of each problem."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
+from camssf.curves.finish import PROVEN, finish_steps
 from camssf.curves.finish import finish as walk
-from camssf.curves.finish import finish_steps
 from camssf.curves.layers import DEPTH, LAYERS, soft
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.proof import prove
@@ -20,23 +21,25 @@ __all__ = ["DEPTH", "Code", "finish_steps", "soft", "solve", "whiten"]
 
 @dataclass(frozen=True)
 class Code:
-    """The optimum and its proof. First axis: channels R, G, B.
+    """The optimum and its proof. First axis: the problems, one of the three channels together or three.
 
     Attributes:
-        values: (3, r) x.
-        objective: (3,) of the problem above.
-        gap: (3,) relative duality gap.
-        unrolled_gap: (3,) the same before the finish.
-        pivots: (3,) steps that the finish took.
-        precision: (3, r, r) H = Aᵀ Σ⁻¹ A.
+        values: (p, r) x.
+        objective: (p,) of the problem above.
+        gap: (p,) relative duality gap.
+        layers_gap: (p,) the same of the layers' answer, before the finish.
+        finish_steps: (p,) pivots that the finish took; 0 where the layers' own proof was enough.
+        precision: (p, r, r) H = Aᵀ Σ⁻¹ A.
+        log_evidence: (p,) ln of the density of b under x ~ N(0, I): -½ (bᵀ P⁻¹ b + ln det P), P = Σ + A Aᵀ.
     """
 
     values: Floats
     objective: Floats
     gap: Floats
-    unrolled_gap: Floats
-    pivots: NDArray[np.int64]
+    layers_gap: Floats
+    finish_steps: NDArray[np.int64]
     precision: Floats
+    log_evidence: Floats
 
 
 def solve(
@@ -49,22 +52,36 @@ def solve(
     finish: int | None = None,
     layers: str = "splitting",
 ) -> Code:
-    """The code of each channel.
+    """The code of each problem.
 
     Args:
-        sensing: matrix (3, k n, r), target (3, k n), covariance (3, k n, k n).
+        sensing: matrix (p, N, r), target (p, N), covariance (p, N, N).
         l2: λ₂ ≥ 0.
-        gamma: (3,) γ ≥ 0; not 0 where λ₂ = 0.
+        gamma: (p,) γ ≥ 0; not 0 where λ₂ = 0.
         nonnegative: x ≥ 0.
         depth, layers: how many layers, and of which kind, of `camssf.curves.layers.LAYERS`.
-        finish: most pivots of one walk of the finish; 0 for none, None for `finish_steps`.
+        finish: most pivots of one walk of the finish, which starts where the layers' gap is above PROVEN; 0 for
+            none, None for `finish_steps`.
     """
     steps = finish_steps(sensing.matrix.shape[2]) if finish is None else finish
     found = []
     for A, b, sigma, weight in zip(sensing.matrix, sensing.target, sensing.covariance, gamma, strict=True):
-        problem = Problem(*whiten(A, b, sigma), l2, float(weight), nonnegative)
+        rows, target, log_det = whiten(A, b, sigma)
+        problem = Problem(rows, target, l2, float(weight), nonnegative)
         z = LAYERS[layers](problem).unroll(depth)
-        x, taken = walk(problem, z, steps) if steps else (z, 0)
-        found.append((x, *prove(problem, x), prove(problem, z)[1], taken, problem.H))
-    values, objective, gap, before, pivots, precision = (np.array(each) for each in zip(*found, strict=True))
-    return Code(values, objective, gap, before, pivots, precision)
+        before = prove(problem, z)[1]
+        x, taken = walk(problem, z, steps) if steps and before > PROVEN else (z, 0)
+        found.append((x, *prove(problem, x), before, taken, problem.H, _evidence(problem, log_det)))
+    return Code(*(np.array(each) for each in zip(*found, strict=True)))
+
+
+def _evidence(problem: Problem, log_det: float) -> float:
+    """-½ (bᵀ P⁻¹ b + ln det P) from whitened rows: P = L (I + A Aᵀ) Lᵀ, Σ = L Lᵀ.
+
+    With K = H + I and the posterior mean x̂ = K⁻¹ g, bᵀ P⁻¹ b = ‖b - A x̂‖² + ‖x̂‖², which an error of x̂ moves in
+    second order only, and ln det P = ln det Σ + ln det K.
+    """
+    root = cho_factor(problem.H + np.eye(problem.g.size))
+    x = cho_solve(root, problem.g)
+    r = problem.b - problem.A @ x
+    return float(-0.5 * (r @ r + x @ x + log_det) - np.log(np.diag(root[0])).sum())

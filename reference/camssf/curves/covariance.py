@@ -36,19 +36,20 @@ FLOOR = rules().number("covariance.floor")
 
 @dataclass(frozen=True)
 class Seen:
-    """One channel's rows, about a curve s under lamps L: what their errors hang on.
+    """Rows about curves s under lamps L: what their errors hang on.
 
-    N rows in any order; v wavelengths; W = Σ ρ_w L s dλ of the row's shot.
+    N rows of any channel, in any order; v wavelengths. Each row has the s of its channel and the L of its shot, and
+    W = Σ ρ_w L s dλ.
 
     Attributes:
-        shot, patch: (N,) which of them a row belongs to.
+        shot, patch: (N,) which of them a row belongs to. Its channel is no matter: what goes wrong with chart, white
+            and lamp goes wrong for all three alike.
         signal, predicted: (N,) y as measured, ŷ as the curve gives it.
         standard_error: (N,) of y.
-        curve: (v,) s.
-        patches: (N, v) R L dλ / W.
-        edges: (N, v) 70 nm · dR/dλ L dλ / W.
-        light: (N, v) L dλ / W.
-        white: (N, v) ρ_w L dλ / W.
+        patches: (N, v) R L s dλ / W.
+        edges: (N, v) 70 nm · dR/dλ L s dλ / W.
+        light: (N, v) L s dλ / W.
+        white: (N, v) ρ_w L s dλ / W.
         at: (v,) the wavelengths, nm.
     """
 
@@ -57,7 +58,6 @@ class Seen:
     signal: Floats
     predicted: Floats
     standard_error: Floats
-    curve: Floats
     patches: Floats
     edges: Floats
     light: Floats
@@ -66,7 +66,7 @@ class Seen:
 
     @property
     def against_white(self) -> Floats:
-        """(R - ŷ ρ_w) L dλ / W, (N, v): how a row answers to a change of L s."""
+        """(R - ŷ ρ_w) L s dλ / W, (N, v): how a row answers to a relative change of L, or of s."""
         return self.patches - self.predicted[:, None] * self.white
 
 
@@ -108,29 +108,27 @@ def _smooth_errors(length: float, wavelengths: bytes) -> Floats:
 
 
 def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
-    """Σ of one channel's rows by source, (N, N) each; Σ is their sum.
+    """Σ of the rows by source, (N, N) each; Σ is their sum.
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
-                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots
+                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots and channels
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
-        lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot
-                  drift · ŷ                                            one a shot
+        lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels
+                  drift · ŷ                                            one a shot, for all channels
 
     The lamp's and the white's errors enter with the predicted ŷ, not with the measured y: else a mere scale would eat
     the evidence. No row's independent part is below FLOOR.
     """
-    # A smooth error times s is a curve like any other.
-    chart_curves, lamp_curves, table_curves = (
-        smooth_errors(length, seen.at) * seen.curve[:, None]
-        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+    over_chart, over_lamp, over_table = (
+        smooth_errors(length, seen.at) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
     chart = np.concatenate(
-        [RELATIVE * (seen.patches @ chart_curves), ABSOLUTE * (seen.light @ table_curves), seen.edges @ table_curves],
+        [RELATIVE * (seen.patches @ over_chart), ABSOLUTE * (seen.light @ over_table), seen.edges @ over_table],
         axis=1,
     )
-    white = known.white * seen.predicted[:, None] * (seen.white @ chart_curves)
-    lamp = known.lamp[:, None] * (seen.against_white @ lamp_curves)
+    white = known.white * seen.predicted[:, None] * (seen.white @ over_chart)
+    lamp = known.lamp[:, None] * (seen.against_white @ over_lamp)
     if known.drift:
         lamp = np.column_stack([lamp, known.drift * seen.predicted])
     noise = np.maximum(seen.standard_error**2, FLOOR**2)

@@ -21,7 +21,10 @@ LAST_SILENT = (1, 28)
 """Version of ONNX Runtime after which it reports its use to its maker, on every system, unless it is told not to."""
 SWITCH = "ORT_DISABLE_TELEMETRY"
 """The whole of that switch, an environment variable; read once, when the library is loaded."""
-OUTPUTS = ("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain", "lamp_estimate")
+OUTPUTS = (
+    "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
+    "evidence", "channel_gain", "lamp_estimate",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

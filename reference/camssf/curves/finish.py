@@ -1,4 +1,4 @@
-"""Layers' code → exact code: a pivoting walk to the optimum.
+"""Layers' code → exact code: a pivoting walk to the optimum, where the layers' own proof is not enough.
 
 The layers' support and signs start a walk that ends at the exact optimum. Their z solves the problem exactly for some
 other g₀ (chosen below); along g(t) = g₀ + t (g - g₀), 0 ≤ t ≤ 1, the optimum is piecewise linear, and each kink is
@@ -28,8 +28,9 @@ PIVOT_FLOOR = 1e-12
 REFINEMENTS, EXACT = 8, 1e-10
 """Most steps of the last correction against the residual itself; the share of γ below which it stops as soon as it no
 longer halves."""
-PROVEN, WALKS = 1e-9, 3
-"""A relative duality gap that is proof enough; most walks, each from the answer of the one before, until it is."""
+PROVEN, WALKS = 1e-10, 3
+"""A relative duality gap that is proof enough: no walk is taken then, or no other; most walks, each from the answer
+of the one before."""
 RIDGE = 1e-11
 """Added to the walk's unit diagonal: dependent atoms, of which rounding makes anything, become barely independent.
 The refinement and the proof know nothing of it."""
@@ -98,7 +99,7 @@ def _start(problem: Problem, z: Floats) -> _Walk:
 
 
 def _settle(problem: Problem, walk: _Walk) -> Floats:
-    """x where the walk ended, refined against the residual itproblem."""
+    """x where the walk ended, refined against the residual itself."""
     r = problem.g.size
     inside = walk.rows < r
     x, down = np.zeros(r), np.zeros(r, dtype=bool)

@@ -42,6 +42,11 @@ def penalties(
         # A signal that may not be used leaves no residual, so it gives no noise to compare with.
         noise = known if evidence.used is None else np.where(evidence.used[:, :, None], known, 0.0)
         sparsity = _discrepancy(sense(evidence, basis), noise, weight, nonnegative)
+    if basis.prior and np.ptp(sparsity) > 0:
+        raise InvalidArgument(
+            f"`gamma` is {sparsity.tolist()}, but on the {basis.name} basis the three channels are one problem.",
+            "Give one number.",
+        )
     if not (np.isfinite(sparsity).all() and (sparsity >= 0).all() and np.isfinite(weight) and weight >= 0):
         raise InvalidArgument(
             f"The penalties l2 = {weight} and gamma = {sparsity.tolist()} must be finite and not negative.",

@@ -43,8 +43,7 @@ def predict(
     noise ν, gave x̂ = G (A x + e + ν). So t - A x̂ = (I - A G)(A x + e) - A G ν, and its variance is the diagonal of
     (I - A G)(A Aᵀ + Σ - N)(I - A G)ᵀ + A G N Gᵀ Aᵀ with N the noise's part of Σ: what the data leave open of the
     curves, and what no data can tell of this very surface and light. A surface that was not measured stands in the
-    rows with a standard error without end. The small l1 penalty is left out, as in `explain`. Under a lamp with modes
-    the bands are a little wide: of its u each channel counts as known only what the other two tell.
+    rows with a standard error without end. The small l1 penalty is left out, as in `explain`.
 
     Args:
         ssf: the answer to the evidence.
@@ -83,13 +82,11 @@ def predict(
     # A row is a difference of signals times its curve's white signal over W.
     first = evidence.lamp[0] * evidence.white_reflectance * STEP
     seen = (ssf.lamp * evidence.white_reflectance * STEP) @ ssf.values * (basis.mean @ first)  # (k, 3)
-    std = np.empty((3, k, n + p))
-    for c, (A, sigma) in enumerate(zip(sensing.matrix, sensing.covariance, strict=True)):
-        weighted = np.linalg.solve(sigma, A)
-        smoother = A @ np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
-        rest = np.eye(len(A)) - smoother
-        noise = np.diag(sensing.terms["noise"][c])
-        kept = A @ A.T + sum(term[c] for source, term in sensing.terms.items() if source != "noise")
-        variance = np.sum(rest @ kept * rest, axis=1) + smoother**2 @ noise
-        std[c] = np.sqrt(variance).reshape(k, n + p) * (sensing.white[c] / seen[:, c])[:, None]
+    A, sigma, noise = sensing.matrix[0], sensing.covariance[0], np.diag(sensing.terms["noise"][0])
+    weighted = np.linalg.solve(sigma, A)
+    smoother = A @ np.linalg.solve(A.T @ weighted + np.eye(A.shape[1]), weighted.T)
+    rest = np.eye(len(A)) - smoother
+    kept = A @ A.T + sum(term[0] for source, term in sensing.terms.items() if source != "noise")
+    variance = np.sum(rest @ kept * rest, axis=1) + smoother**2 @ noise
+    std = np.sqrt(variance).reshape(3, k, n + p) * (sensing.white / seen.T)[:, :, None]
     return Prediction(values, np.moveaxis(std, 0, -1))

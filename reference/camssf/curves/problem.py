@@ -1,4 +1,4 @@
-"""The convex problem of one channel, from rows of unit covariance (docs/maths.md, 4).
+"""The convex problem, from rows of unit covariance (docs/maths.md, 4).
 
     min over x of  ½ ‖Σ^-½ (b - A x)‖² + ½ λ₂ ‖x‖² + γ ‖x‖₁        (x ≥ 0 where asked)
 
@@ -46,7 +46,8 @@ class Problem:
         return np.asarray(self.A.T @ (self.b - self.A @ x) - self.l2 * x)
 
 
-def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats]:
-    """Rows of unit covariance: L⁻¹ A and L⁻¹ b with Σ = L Lᵀ. Half the digits that Σ⁻¹ would cost."""
+def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats, float]:
+    """Rows of unit covariance, L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, and ln det Σ. Half the digits that Σ⁻¹ would cost."""
     L = np.linalg.cholesky(sigma)
-    return solve_triangular(L, A, lower=True), solve_triangular(L, b, lower=True)
+    log_det = 2.0 * float(np.log(np.diag(L)).sum())
+    return solve_triangular(L, A, lower=True), solve_triangular(L, b, lower=True), log_det

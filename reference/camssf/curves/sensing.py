@@ -22,13 +22,16 @@ SOURCES = ("noise", "chart", "white", "lamp", "lamp modes")
 
 @dataclass(frozen=True)
 class Sensing:
-    """One linear model a channel: b = A x + error, error ~ N(0, Σ). Rows run shot by shot, patch by patch.
+    """Linear models b = A x + error, error ~ N(0, Σ), of p problems.
+
+    On a basis with a mean p = 1: x = (x_R, x_G, x_B) and N = 3 k n rows, channel by channel, shot by shot, patch by
+    patch. On the paper's p = 3, one problem a channel, of N = n rows.
 
     Attributes:
-        matrix: (3, k n, r) A.
-        target: (3, k n) b.
-        covariance: (3, k n, k n) Σ.
-        terms: what Σ is the sum of, by source, (3, k n, k n) each.
+        matrix: (p, N, r) A.
+        target: (p, N) b.
+        covariance: (p, N, N) Σ.
+        terms: what Σ is the sum of, by source, (p, N, N) each.
         lamp: (k, 681) each shot's lamp as the rows take it: as given, but for what the signals say of its modes.
         white: (3, k) W, the white signals that the rows are divided by.
     """
@@ -64,24 +67,25 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
     Without a mean (the paper's basis, one shot): F s = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1;
     Σ is diagonal, se² + (τ y)².
 
-    With a mean, about s₀ = μ, W_j = Σ ρ_w L_j s₀ dλ and ŷ_ij = Σ R_i L_j s₀ dλ / W_j:
+    With a mean, the three channels are one problem: what goes wrong with chart, white and lamp is the same for all.
+    About s₀ = μ, W_cj = Σ ρ_w L_j s₀ dλ and ŷ_cij = Σ R_i L_j s₀ dλ / W_cj, where s₀ is channel c's:
 
-        row       a_ij = (R_i - y_ij ρ_w) L_j dλ / W_j,   A = a Ψ,   b = -a μ
-        noise     se_ij² + (τ_i y_ij / 20)²                            independent
-        chart     Σ ε_i L_j s₀ dλ / W_j                                one ε_i a patch, for all shots
-        white     -ŷ_ij Σ ρ_w ε_w L_j s₀ dλ / W_j                      one ε_w for all rows
-        lamp      Σ (R_i - ŷ_ij ρ_w) L_j η_j s₀ dλ / W_j               one smooth η_j a shot
+        row       a_cij = (R_i - y_cij ρ_w) L_j dλ / W_cj,   A = a Ψ,   b = -a μ
+        noise     se_cij² + (τ_i y_cij / 20)²                          independent
+        chart     Σ ε_i L_j s₀ dλ / W_cj                               one ε_i a patch, for all shots and channels
+        white     -ŷ_cij Σ ρ_w ε_w L_j s₀ dλ / W_cj                    one ε_w for all rows
+        lamp      Σ (R_i - ŷ_cij ρ_w) L_j η_j s₀ dλ / W_cj             one smooth η_j a shot, for all channels
 
     The lamp's and the white's errors enter with the predicted ŷ, not with the measured y: else a mere scale
     would eat the evidence. For the same reason Ψ is anchored to the first shot's white.
 
-    Lamp modes m_q are off by unknown amounts u ~ N(0, I): L_j (1 + Σ u_jq m_jq), the same u in the three channels.
+    Lamp modes m_q are off by unknown amounts u ~ N(0, I): L_j (1 + Σ u_jq m_jq), the same u for the three channels.
     Such a lamp can be far from its mean, so what the signals say of it is found out first (`_look`): û and x̂, about
     which all of the above is taken anew with L_j (1 + Σ û m) for L_j and μ + Ψ x̂ for s₀, and ŷ for y in those shots'
-    rows, a_ij; then b gains y - ŷ. With u's mean ū and covariance C as the other two channels tell them, and x's
-    covariance X of the first look (ū = 0, C = I and X = I there):
+    rows, a_cij; then b gains y - ŷ. With u's covariance C and x's covariance X of the first look (C = I and X = I
+    there):
 
-        modes     D_jq = Σ (R_i - ŷ_ij ρ_w) L_j m_jq s₀ dλ / W_j,   b += D (û - ū),   covariance D C Dᵀ
+        modes     D_jq = Σ (R_i - ŷ_cij ρ_w) L_j m_jq s₀ dλ / W_cj,   b += D û,   covariance D Dᵀ
         curvature Σ over q, r, p, s of B_qr C_qp X_rs B_ps with B_qr = ∂²y / ∂u_q ∂x_r: such a lamp also bends how
                   the signals answer to the curve
     """
@@ -99,13 +103,12 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
         fold(power),
     )  # fmt: skip
     point = _look(given) if given.modes.any() else _start(given)
-    channels = [_rows(given, point, c) for c in range(3)]
-    terms = {source: np.stack([rows.terms[source] for rows in channels]) for source in SOURCES}
-    modes = np.stack([rows.modes for rows in channels])
-    terms["lamp modes"] += modes @ point.covariance @ np.swapaxes(modes, 1, 2)
+    rows = _rows(given, point)
+    terms = {source: rows.terms[source][None] for source in SOURCES}
+    terms["lamp modes"] = terms["lamp modes"] + rows.modes @ rows.modes.T
     return Sensing(
-        np.stack([rows.matrix for rows in channels]),
-        np.stack([rows.target for rows in channels]),
+        rows.matrix[None],
+        rows.target[None],
         np.sum(list(terms.values()), axis=0),
         terms,
         evidence.lamp * interpolate(point.lamp.T).T,
@@ -139,27 +142,26 @@ class _Folded:
 
 @dataclass(frozen=True)
 class _Expansion:
-    """The curves and lamps about which the rows are linear, and what each channel is told of u.
+    """The curves and lamps about which the rows are linear, and how far the true ones may lie from there.
 
     Attributes:
         curves: (3, v) s₀.
         lamp: (k, v) 1 + Σ û m.
         offset: (k q,) û.
-        mean, covariance: (3, k q) and (3, k q, k q) of u.
-        spread: (3, r, r) covariance of x.
+        of_u: (k q, k q) covariance of u.
+        of_x: (3 r, 3 r) covariance of x.
     """
 
     curves: Floats
     lamp: Floats
     offset: Floats
-    mean: Floats
-    covariance: Floats
-    spread: Floats
+    of_u: Floats
+    of_x: Floats
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """One channel: A, b, D (k n, k q), and covariances by source, but for D C Dᵀ."""
+    """The one problem: A, b, D (N, k q), and covariances by source, but for D Dᵀ."""
 
     matrix: Floats
     target: Floats
@@ -168,49 +170,32 @@ class _Rows:
 
 
 def _start(given: _Folded) -> _Expansion:
-    """At the means: μ, the lamp as given, u ~ N(0, I)."""
+    """At the means: μ, the lamp as given, u and x ~ N(0, I)."""
     k, q, v = given.modes.shape
-    size = k * q
-    of_u, of_x = (np.broadcast_to(np.eye(p), (3, p, p)) for p in (size, given.atoms.shape[2]))
-    return _Expansion(given.mean, np.ones((k, v)), np.zeros(size), np.zeros((3, size)), of_u, of_x)
+    return _Expansion(given.mean, np.ones((k, v)), np.zeros(k * q), np.eye(k * q), np.eye(3 * given.atoms.shape[2]))
 
 
 def _look(given: _Folded) -> _Expansion:
     """What a first look says of lamps and curves: their Gaussian posterior, linearised at the means.
 
-    With P = Σ + A Aᵀ a channel knows Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b of u. Then û = (I + Σ Λ)⁻¹ Σ h over the channels
-    and x̂ = Aᵀ P⁻¹ (b - D û); but of u a channel is told only what the other two know, since its own rows still stand
-    in its own problem. Of x̂ the covariance given the lamp is taken, I - Aᵀ P⁻¹ A.
+    With P = Σ + A Aᵀ the rows know Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b of u: û = C h with C = (I + Λ)⁻¹, and
+    x̂ = Aᵀ P⁻¹ (b - D û). Of x̂ the covariance given the lamp is taken, I - Aᵀ P⁻¹ A.
     """
-    start = _start(given)
-    channels = [_rows(given, start, c) for c in range(3)]
+    rows = _rows(given, _start(given))
     # Whitened, P = L Lᵀ: an explicit P⁻¹ would cost twice the digits, and modes may make P's condition 1e12 and more.
-    whitened = [
-        _whiten(
-            np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T,
-            np.concatenate([rows.matrix, rows.target[:, None], rows.modes], axis=1),
-        )
-        for rows in channels
-    ]
-    r = given.atoms.shape[2]
-    matrix, target, modes = (
-        np.stack([rows[:, part] for rows in whitened]) for part in (slice(r), r, slice(r + 1, None))
-    )
-    precision = np.swapaxes(modes, 1, 2) @ modes
-    pull = np.einsum("cnq,cn->cq", modes, target)
-    one = np.eye(start.offset.size)
-    offset = _posterior(one + precision.sum(axis=0), pull.sum(axis=0))[0]
-    others = [
-        _posterior(one + precision.sum(axis=0) - own, pull.sum(axis=0) - told)
-        for own, told in zip(precision, pull, strict=True)
-    ]
-    mean, of_u = (np.stack(parts) for parts in zip(*others, strict=True))
-    code = np.einsum("cnr,cn->cr", matrix, target - modes @ offset)
-    spread = np.eye(r) - np.swapaxes(matrix, 1, 2) @ matrix
+    spread = np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T
+    whitened = _whiten(spread, np.concatenate([rows.matrix, rows.target[:, None], rows.modes], axis=1))
+    r = rows.matrix.shape[1]
+    matrix, target, modes = (whitened[:, part] for part in (slice(r), r, slice(r + 1, None)))
+    precision = np.eye(modes.shape[1]) + modes.T @ modes
+    root = _whiten(precision, np.column_stack([np.eye(len(precision)), modes.T @ target]))
+    back, pull = root[:, :-1], root[:, -1]
+    offset = back.T @ pull
+    code = (matrix.T @ (target - modes @ offset)).reshape(3, -1)
     k, q, _ = given.modes.shape
     bend = 1.0 + np.einsum("kq,kqv->kv", offset.reshape(k, q), given.modes)
     curves = given.mean + np.einsum("cvr,cr->cv", given.atoms, code)
-    return _Expansion(curves, np.maximum(bend, DARKEST), offset, mean, of_u, spread)
+    return _Expansion(curves, np.maximum(bend, DARKEST), offset, back.T @ back, np.eye(r) - matrix.T @ matrix)
 
 
 def _whiten(covariance: Floats, columns: Floats) -> Floats:
@@ -218,67 +203,79 @@ def _whiten(covariance: Floats, columns: Floats) -> Floats:
     return np.asarray(solve_triangular(np.linalg.cholesky(covariance), columns, lower=True))
 
 
-def _posterior(precision: Floats, pull: Floats) -> tuple[Floats, Floats]:
-    """Λ⁻¹ h and Λ⁻¹, symmetric and of no negative eigenvalue whatever Λ's condition."""
-    root = _whiten(precision, np.column_stack([np.eye(pull.size), pull]))
-    return root[:, :-1].T @ root[:, -1], root[:, :-1].T @ root[:, :-1]
-
-
-def _rows(given: _Folded, point: _Expansion, c: int) -> _Rows:
-    """One channel's rows about a point. A has ŷ for y where the shot's lamp has modes: y bends with such a lamp."""
+def _rows(given: _Folded, point: _Expansion) -> _Rows:
+    """The rows about a point. A has ŷ for y where the shot's lamp has modes: y bends with such a lamp."""
     k, n, _ = given.evidence.signals.shape
-    y, se = given.evidence.signals[:, :, c], given.standard_error[:, :, c]
-    curve, atoms = point.curves[c], given.atoms[c]
-    white = (given.white * point.lamp) @ curve  # (k,) W
-    patches = given.patches * (point.lamp / white[:, None])[:, None]  # (k, n, v) R L dλ / W
-    seen_white = given.white * point.lamp / white[:, None]  # (k, v)
-    expected = patches @ curve  # (k, n) ŷ
-    bends = np.any(given.modes, axis=(1, 2), keepdims=True)[:, 0]
+    y, se = (np.moveaxis(each, -1, 0) for each in (given.evidence.signals, given.standard_error))  # (3, k, n)
+    curve = point.curves
+    white = curve @ (given.white * point.lamp).T  # (3, k) W
+    per_white = (point.lamp / white[:, :, None])[:, :, None]  # (3, k, 1, v)
+    patches = given.patches * per_white  # (3, k, n, v) R L dλ / W
+    seen_white = given.white[:, None] * per_white  # (3, k, 1, v)
+    expected = np.einsum("cknv,cv->ckn", patches, curve)  # ŷ
+    bends = np.any(given.modes, axis=(1, 2))[:, None]
     about = np.where(bends, expected, y)
-    a = patches - about[:, :, None] * seen_white[:, None]
-    matrix = a @ atoms  # (k, n, r)
-    target = (y - about) - a @ given.mean[c]
+    a = patches - about[..., None] * seen_white
+    matrix = np.einsum("cknv,cvr->cknr", a, given.atoms)
+    target = (y - about) - np.einsum("cknv,cv->ckn", a, given.mean)
 
-    shot, patch = np.divmod(np.arange(k * n), n)
+    s = curve[:, None, None]
+    shot, patch = np.divmod(np.tile(np.arange(k * n), 3), n)
+    each_row = np.ones((1, 1, n, 1))
     seen = Seen(
-        shot, patch, y.ravel(), expected.ravel(), se.ravel(), curve,
-        patches.reshape(k * n, -1),
-        (given.edges * (point.lamp / white[:, None])[:, None]).reshape(k * n, -1),
-        (given.light * point.lamp / white[:, None])[shot],
-        seen_white[shot],
+        shot, patch, y.ravel(), expected.ravel(), se.ravel(),
+        *((part * s * each_row).reshape(3 * k * n, -1) for part in (
+            patches, given.edges * per_white, given.light[:, None] * per_white, seen_white,
+        )),
     )  # fmt: skip
     known = Tolerances(
         given.evidence.chart_tolerance[patch], given.evidence.white_tolerance, given.evidence.lamp_tolerance[shot]
     )
     terms = covariance(seen, known)
-    a_expected = seen.against_white.reshape(patches.shape)
+    modes, bent = _bend(given, point, patches - expected[..., None] * seen_white, seen_white)
+    spread = bent @ point.of_x
+    spread = np.einsum("Nqr,qp->Npr", spread, point.of_u)
+    terms["lamp modes"] = spread.reshape(len(shot), -1) @ bent.reshape(len(shot), -1).T
+    return _Rows(_by_channel(matrix.reshape(3, k * n, -1)), target.ravel() + modes @ point.offset, modes, terms)
 
-    relative = a_expected / point.lamp[:, None]  # the modes are relative to the lamp as given
-    steps = np.einsum("knv,kqv->knq", relative * curve, given.modes)
-    modes = _by_shot(steps[..., None])
+
+def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[Floats, Floats]:
+    """D (N, k q) and B (N, k q, 3 r): how the signals answer to the lamps' modes, and how that to the code.
+
+    a is (R - ŷ ρ_w) L dλ / W, (3, k, n, v); white is ρ_w L dλ / W, (3, k, 1, v).
+    """
+    relative = a / point.lamp[:, None]  # the modes are relative to the lamp as given
+    curve, modes = point.curves[:, None, None], given.modes
+    steps = np.einsum("cknv,kqv->cknq", relative * curve, modes)
     # ∂²y / ∂u ∂x, where y is a quotient N / D and D = 1: ∂²N - ∂D ∂y - ∂y ∂D
-    bent = np.einsum("knv,kqv,vr->knqr", relative, given.modes, atoms, optimize=True)
-    off = ((given.white / white[:, None] * curve)[:, None] * given.modes).sum(axis=2)
-    bent -= off[:, None, :, None] * (a_expected @ atoms)[:, :, None]
-    bent -= steps[..., None] * (seen_white @ atoms)[:, None, None]
-    bent = _by_shot(bent)
-    spread = bent.reshape(k * n, -1, atoms.shape[1]) @ point.spread[c]
-    spread = np.einsum("nqr,qp->npr", spread, point.covariance[c])
-    terms["lamp modes"] = spread.reshape(k * n, -1) @ bent.T
-    told = point.offset - point.mean[c]
-    return _Rows(matrix.reshape(k * n, -1), target.ravel() + modes @ told, modes, terms)
+    bent = np.einsum("cknv,kqv,cvr->cknqr", relative, modes, given.atoms, optimize=True)
+    off = np.einsum("cknv,kqv->cknq", white / point.lamp[:, None] * curve, modes)
+    bent -= off[..., None] * np.einsum("cknv,cvr->cknr", a, given.atoms)[:, :, :, None]
+    bent -= steps[..., None] * np.einsum("cknv,cvr->cknr", white, given.atoms)[:, :, :, None]
+    rows = _by_shot(bent)
+    return _by_shot(steps[..., None])[..., 0], _by_channel(rows.reshape(3, -1, *rows.shape[1:]))
+
+
+def _by_channel(factors: Floats) -> Floats:
+    """Factors (3, rows, ..., r) of what each channel has for itself: (3 rows, ..., 3 r), zero between channels."""
+    _, rows, *between, r = factors.shape
+    blocks = np.zeros((3, rows, *between, 3, r))
+    for c in range(3):
+        blocks[c, ..., c, :] = factors[c]
+    return blocks.reshape(3 * rows, *between, 3 * r)
 
 
 def _by_shot(factors: Floats) -> Floats:
-    """Factors (k, n, q, p) of errors that each shot has for itself: (k n, k q p), zero between shots."""
-    k, n, _, _ = factors.shape
-    blocks = np.zeros((k, n, k, factors[0, 0].size))
-    blocks[np.arange(k), :, np.arange(k)] = factors.reshape(k, n, -1)
-    return blocks.reshape(k * n, -1)
+    """Factors (3, k, n, q, p) of what each shot has for itself: (3 k n, k q, p), zero between shots."""
+    _, k, n, q, p = factors.shape
+    blocks = np.zeros((3, k, n, k, q, p))
+    for j in range(k):
+        blocks[:, j, :, j] = factors[:, j]
+    return blocks.reshape(3 * k * n, k * q, p)
 
 
 def _paper_rows(evidence: Evidence, basis: Basis) -> Sensing:
-    """Eq. (8) to (10): F Ψ x = y."""
+    """Eq. (8) to (10): F Ψ x = y, each channel for itself."""
     power = evidence.lamp[0] * STEP / (evidence.lamp[0] @ evidence.white_reflectance * STEP)
     y = np.moveaxis(evidence.signals[0], -1, 0)  # (3, n)
     variance = np.moveaxis(evidence.errors(basis)[0], -1, 0) ** 2 + (evidence.chart_tolerance * y) ** 2

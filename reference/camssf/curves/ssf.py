@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis, read_basis
 from camssf.curves.code import Code, solve
-from camssf.curves.engine import OUTPUTS, SHIPPED, Model, load_model
+from camssf.curves.engine import SHIPPED, Model, load_model
 from camssf.curves.evidence import Evidence, evidence_of
 from camssf.curves.penalties import penalties
 from camssf.curves.sensing import anchor, sense
@@ -20,6 +20,8 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 LARGEST_GAP = 1e-6
 """Relative duality gap above which there is no answer."""
 ENGINES = ("onnx", "reference")
+BY_CHANNEL = ("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")
+"""Outputs of the paper's model whose last axis is the channel, each from its own problem."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,16 @@ class Ssf:
         std: (681, 3) posterior standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself;
             None where the basis has no prior.
         code: (r, 3) coefficients x.
+        code_covariance: (3 r, 3 r) posterior covariance of x, red's r first, then green's, then blue's, (H + I)⁻¹;
+            None where the basis has no prior.
         predicted: (k, n, 3) the signals that these curves give under `lamp`, 1.
-        gap: (3,) relative duality gap of each channel's problem.
-        gamma: (3,) the l1 penalty of each channel's problem.
+        gap: (3,) relative duality gap of the problem that each channel stands in.
+        layers_gap: (p,) the same of the layers' answer: p = 1 on a basis with a mean, whose channels are one problem,
+            else 3.
+        finish_steps: (p,) pivots that the finish took; 0 where the layers' own proof was enough.
+        log_evidence: ln of the marginal likelihood of the signals but for a constant, `Code.log_evidence`; None where
+            the basis has no prior.
+        gamma: (3,) the l1 penalty of the problem that each channel stands in.
         l2: the quadratic penalty.
         channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
         basis: its name.
@@ -44,8 +53,12 @@ class Ssf:
     values: Floats
     std: Floats | None
     code: Floats
+    code_covariance: Floats | None
     predicted: Floats
     gap: Floats
+    layers_gap: Floats
+    finish_steps: NDArray[np.int64]
+    log_evidence: float | None
     gamma: Floats
     l2: float
     channel_gain: Floats
@@ -76,10 +89,10 @@ def recover(
         former, named: `recover(signals, reflectance, lamp, standard_error=..., ...)`, the form before `Evidence`; it
             goes with the release after the next.
         basis: a name, a file, or a Basis.
-        l2, gamma: the penalties λ₂ and γ (one number or one a channel). On a basis with a prior they default to
-            1 and 0.05; on the paper's to 0 and to the discrepancy principle: the largest γ whose residual is not
-            above the measured noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5
-            of the γ that leaves nothing.
+        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, whose channels are one problem, γ is one number,
+            and they default to 1 and 0.05. On the paper's γ may be one a channel, and they default to 0 and to the
+            discrepancy principle: the largest γ whose residual is not above the measured noise,
+            rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that leaves nothing.
         nonnegative: x ≥ 0; None asks for it on a basis without a mean. False gives the paper's literal Eq. (10).
         engine: "onnx", the shipped model, or "reference". A basis without a shipped model takes the reference;
             the answer says which it was.
@@ -100,7 +113,7 @@ def recover(
     if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
         return _run(load_model(basis), evidence, known, weight, sparsity, positive)
     sensing = sense(evidence, known)
-    code = solve(sensing, weight, sparsity, nonnegative=positive)
+    code = solve(sensing, weight, sparsity[: len(sensing.matrix)], nonnegative=positive)
     return _curves(evidence, known, sensing.lamp, code, weight, sparsity)
 
 
@@ -108,14 +121,15 @@ def _curves(evidence: Evidence, basis: Basis, lamp: Floats, code: Code, l2: floa
     """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
     _believe(code.gap)
     basis = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
-    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code.values)  # (3, m)
+    x = code.values.reshape(3, -1)
+    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, x)  # (3, m)
     scale = curves @ (evidence.white_reflectance * evidence.lamp[0]) * STEP
     _respond(scale)
-    std = None
+    std, spread = None, None
     if basis.prior:
-        spread = np.linalg.inv(code.precision + np.eye(code.values.shape[1]))
+        spread = np.linalg.inv(code.precision[0] + np.eye(x.size))
         moves = moves_of_peak_one(basis, curves)
-        variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0)
+        variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, own_blocks(spread), moves), 0.0)
         std = (np.sqrt(variance) / scale[:, None]).T
     values = (curves / scale[:, None]).T
     predicted = respond(values, evidence.reflectance, lamp, evidence.white_reflectance)
@@ -124,7 +138,16 @@ def _curves(evidence: Evidence, basis: Basis, lamp: Floats, code: Code, l2: floa
         _, white, dark = evidence.frames
         means = (white - dark)[0].mean(axis=0)
         gain = means / means[1]
-    return Ssf(values, std, code.values.T, predicted, code.gap, gamma, l2, gain, basis.name, "reference", lamp)
+    return Ssf(
+        values, std, x.T, spread, predicted, code.gap * np.ones(3), code.layers_gap, code.finish_steps,
+        float(code.log_evidence[0]) if basis.prior else None, gamma, l2, gain, basis.name, "reference", lamp,
+    )  # fmt: skip
+
+
+def own_blocks(covariance: Floats) -> Floats:
+    """(3 r, 3 r) of the three channels' codes → (3, r, r), each channel's own."""
+    r = len(covariance) // 3
+    return np.stack([covariance[c * r : (c + 1) * r, c * r : (c + 1) * r] for c in range(3)])
 
 
 def respond(values: Floats, reflectance: Floats, lamp: Floats, white_reflectance: Floats) -> Floats:
@@ -145,7 +168,7 @@ def moves_of_peak_one(basis: Basis, curves: Floats) -> Floats:
 
 
 def _run(model: Model, evidence: Evidence, basis: Basis, l2: float, gamma: Floats, nonnegative: bool) -> Ssf:
-    """The model's answer; it takes one γ a call, so channels that differ in γ take a call each."""
+    """The model's answer. It takes one γ a call; the paper's channels that differ in it take a call each."""
     y = evidence.signals
     chart, white, dark = evidence.frames or (y, np.ones_like(y), np.zeros_like(y))
     modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
@@ -164,19 +187,21 @@ def _run(model: Model, evidence: Evidence, basis: Basis, l2: float, gamma: Float
         "l2": np.array(l2),
         "nonnegative": np.array(float(nonnegative)),
     }
-    answers = {value: model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)}
-    lamp = answers[gamma[0]]["lamp_estimate"]  # γ has no part in it
-    out = {
-        name: np.stack([answers[value][name][..., c] for c, value in enumerate(gamma)], axis=-1)
-        for name in OUTPUTS
-        if name != "lamp_estimate"
-    }
+    answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
+    order = np.searchsorted(np.unique(gamma), gamma)
+    out = {name: value.copy() for name, value in answers[0].items()}
+    for c, which in enumerate(order):
+        for name in BY_CHANNEL if len(answers) > 1 else ():
+            out[name][..., c] = answers[which][name][..., c]
     _believe(out["gap"])
     _respond(out["ssf"].max(axis=0))
-    std = out["ssf_std"] if basis.prior else None
-    gain = out["channel_gain"]
+    std, spread, evidence_ = (
+        (out["ssf_std"], out["code_covariance"], float(out["evidence"])) if basis.prior else (None, None, None)
+    )
     return Ssf(
-        out["ssf"], std, out["code"], out["predicted"], out["gap"], gamma, l2, gain, basis.name, "onnx", lamp
+        out["ssf"], std, out["code"], spread, out["predicted"], out["gap"], out["layers_gap"],
+        np.rint(out["finish_steps"]).astype(np.int64), evidence_, gamma, l2, out["channel_gain"], basis.name, "onnx",
+        out["lamp_estimate"],
     )  # fmt: skip
 
 

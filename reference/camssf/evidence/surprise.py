@@ -94,14 +94,11 @@ def surprise(
 ) -> Surprise:
     """Rules 1 to 3; arguments as in `verdict.Weighed`. Suspects are questioned where a pose is given, of one shot."""
     used = signals.used
-    y, off = signals.values[used], (signals.values - ssf.predicted)[used]
-    inverse: list[Floats] = []
-    e: list[Floats] = []
-    for c in range(3):
-        sigma = _covariance(signals, table, lamps, ssf, white_reflectance, white_tolerance, c)
-        inverse.append(np.asarray(np.linalg.inv(sigma), dtype=np.float64))
-        e.append(inverse[c] @ off[:, c])
-    residual = sum(float(off[:, c] @ e[c]) for c in range(3))
+    y, off = signals.values[used], (signals.values - ssf.predicted)[used]  # (rows, 3)
+    sigma = _covariance(signals, table, lamps, ssf, white_reflectance, white_tolerance)
+    inverse = np.asarray(np.linalg.inv(sigma), dtype=np.float64)
+    e = np.asarray(inverse @ off.T.ravel(), dtype=np.float64)
+    residual = float(off.T.ravel() @ e)
     prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
     found: list[Suspect] = []
     if pose is not None:
@@ -116,11 +113,8 @@ def surprise(
             ways["light"].append(y)
             del ways["white"]
         found += [Suspect(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
-        gains = sum(e[c] ** 2 / np.diag(inverse[c]) for c in range(3))
-        found += [
-            Suspect("patch", int(i), float(gain), 0.0)
-            for i, gain in zip(np.flatnonzero(used[0]), np.asarray(gains), strict=True)
-        ]
+        patches = np.flatnonzero(used[0])
+        found += [Suspect("patch", int(i), _own_gain(row, inverse, e), 0.0) for row, i in enumerate(patches)]
     return Surprise(residual, prior, 3 * len(y), tuple(found))
 
 
@@ -131,25 +125,27 @@ def _covariance(
     ssf: Ssf,
     white_reflectance: Floats,
     white_tolerance: float,
-    c: int,
 ) -> Floats:
-    """Rule 1, (rows, rows)."""
+    """Rule 1, (3 rows, 3 rows): red's rows, green's, blue's."""
     shot, patch = np.nonzero(signals.used)
-    light = ssf.lamp * STEP
-    light = light / (light @ (white_reflectance * ssf.values[:, c]))[:, None]  # (k, m) L dλ / W
-    reflectance, slope = table.values[patch], np.gradient(table.values, STEP, axis=1)[patch]
+    light = (ssf.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
+    light = light / (light @ white_reflectance)[..., None]
+    light = np.moveaxis(light, 1, 0)[:, shot].reshape(-1, WAVELENGTHS.size)  # (3 rows, m) L s dλ / W
+    shot, patch = np.tile(shot, 3), np.tile(patch, 3)
+    slope = np.gradient(table.values, STEP, axis=1)[patch]
     widths = np.array([lamp.tolerance for lamp in lamps])
+    y, expected, error = (
+        each[signals.used].T.ravel() for each in (signals.values, ssf.predicted, signals.standard_error)
+    )
     seen = Seen(
-        shot, patch, signals.values[signals.used][:, c], ssf.predicted[signals.used][:, c],
-        signals.standard_error[signals.used][:, c], ssf.values[:, c],
-        light[shot] * reflectance, EDGE * light[shot] * slope, light[shot], light[shot] * white_reflectance,
-        WAVELENGTHS,
+        shot, patch, y, expected, error,
+        light * table.values[patch], EDGE * light * slope, light, light * white_reflectance, WAVELENGTHS,
     )  # fmt: skip
     known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot], DRIFT)
     sigma = np.sum(list(covariance(seen, known).values()), axis=0)
     for j, each in enumerate(lamps):
         if len(each.modes):
-            modes = (seen.against_white * seen.curve * (shot == j)[:, None]) @ each.modes.T
+            modes = (seen.against_white * (shot == j)[:, None]) @ each.modes.T
             sigma = sigma + modes @ modes.T
     return np.asarray(sigma)
 
@@ -160,17 +156,18 @@ def _places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
     return np.asarray((centres - centres[used].mean(axis=0)) / max(float(np.ptp(centres[used], axis=0).max()), 1.0))
 
 
-def _gain(
-    ways: Sequence[NDArray[np.floating[Any]]], inverse: Sequence[Floats], e: Sequence[Floats]
-) -> tuple[float, float]:
+def _gain(ways: Sequence[NDArray[np.floating[Any]]], inverse: Floats, e: Floats) -> tuple[float, float]:
     """What a suspect explains, and its amount: rule 3. Each way is (rows, 3)."""
-    g, G = np.zeros(len(ways)), np.zeros((len(ways), len(ways)))
-    for c in range(3):
-        D = np.stack([way[:, c] for way in ways], axis=1)
-        g += D.T @ e[c]
-        G += D.T @ inverse[c] @ D
+    D = np.stack([way.T.ravel() for way in ways], axis=1)
+    g, G = D.T @ e, D.T @ inverse @ D
     amounts = np.linalg.solve(G + (1e-12 * np.trace(G) + 1e-300) * np.eye(len(G)), g)
     return float(g @ amounts), float(amounts[0]) if len(ways) == 1 else 0.0
+
+
+def _own_gain(row: int, inverse: Floats, e: Floats) -> float:
+    """What an error of one patch's three signals explains, each free: eᵀ (Σ⁻¹)⁻¹ e of its rows."""
+    own = np.arange(3) * (len(e) // 3) + row
+    return float(e[own] @ np.linalg.solve(inverse[np.ix_(own, own)], e[own]))
 
 
 def only(signals: Signals, j: int) -> Signals:
