@@ -30,6 +30,11 @@ LAMP_CORRELATION = rules().number("covariance.lamp_correlation")
 """Length over which a lamp's error is smooth, nm."""
 INDEPENDENT_SHARE = rules().number("covariance.independent_share")
 """Part of the chart's tolerance that is independent from patch to patch and shot to shot."""
+CHANNEL_SHARE = rules().number("covariance.channel_share")
+"""Part of the chart's smooth error that the three channels share; the rest each has for itself.
+
+A reflectance that is wrong is wrong for all three, but a real table is also wrong in ways finer than smooth errors can
+say, and each channel looks elsewhere. `python -m benchmarks.tables` measures what the number is worth."""
 FLOOR = rules().number("covariance.floor")
 """No row is believed better than this share of its white signal."""
 
@@ -42,8 +47,7 @@ class Seen:
     W = Σ ρ_w L s dλ.
 
     Attributes:
-        shot, patch: (N,) which of them a row belongs to. Its channel is no matter: what goes wrong with chart, white
-            and lamp goes wrong for all three alike.
+        channel, shot, patch: (N,) which of them a row belongs to.
         signal, predicted: (N,) y as measured, ŷ as the curve gives it.
         standard_error: (N,) of y.
         patches: (N, v) R L s dλ / W.
@@ -53,6 +57,7 @@ class Seen:
         at: (v,) the wavelengths, nm.
     """
 
+    channel: NDArray[np.intp]
     shot: NDArray[np.intp]
     patch: NDArray[np.intp]
     signal: Floats
@@ -112,7 +117,8 @@ def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
-                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots and channels
+                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots; κ = 0.8 of
+                                                                         its variance common to the channels
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
         lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels
                   drift · ŷ                                            one a shot, for all channels
@@ -134,10 +140,11 @@ def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
     noise = np.maximum(seen.standard_error**2, FLOOR**2)
     own = seen.standard_error**2 + (INDEPENDENT_SHARE * known.chart * seen.signal) ** 2
     independent = np.maximum(own, FLOOR**2) - noise
-    same_patch, same_shot = (label[:, None] == label for label in (seen.patch, seen.shot))
+    same_channel, same_shot, same_patch = (label[:, None] == label for label in (seen.channel, seen.shot, seen.patch))
+    shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
     return {
         "noise": np.diag(noise),
-        "chart": np.diag(independent) + same_patch * _outer(known.chart[:, None] * chart),
+        "chart": np.diag(independent) + shared * _outer(known.chart[:, None] * chart),
         "white": _outer(white),
         "lamp": same_shot * _outer(lamp),
     }

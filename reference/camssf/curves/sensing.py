@@ -72,7 +72,8 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
 
         row       a_cij = (R_i - y_cij ρ_w) L_j dλ / W_cj,   A = a Ψ,   b = -a μ
         noise     se_cij² + (τ_i y_cij / 20)²                          independent
-        chart     Σ ε_i L_j s₀ dλ / W_cj                               one ε_i a patch, for all shots and channels
+        chart     Σ ε_i L_j s₀ dλ / W_cj                               one ε_i a patch, for all shots; 0.8 of its
+                                                                       variance common to the channels
         white     -ŷ_cij Σ ρ_w ε_w L_j s₀ dλ / W_cj                    one ε_w for all rows
         lamp      Σ (R_i - ŷ_cij ρ_w) L_j η_j s₀ dλ / W_cj             one smooth η_j a shot, for all channels
 
@@ -220,10 +221,10 @@ def _rows(given: _Folded, point: _Expansion) -> _Rows:
     target = (y - about) - np.einsum("cknv,cv->ckn", a, given.mean)
 
     s = curve[:, None, None]
-    shot, patch = np.divmod(np.tile(np.arange(k * n), 3), n)
+    channel, shot, patch = (index.ravel() for index in np.indices((3, k, n)))
     each_row = np.ones((1, 1, n, 1))
     seen = Seen(
-        shot, patch, y.ravel(), expected.ravel(), se.ravel(),
+        channel, shot, patch, y.ravel(), expected.ravel(), se.ravel(),
         *((part * s * each_row).reshape(3 * k * n, -1) for part in (
             patches, given.edges * per_white, given.light[:, None] * per_white, seen_white,
         )),
@@ -252,8 +253,7 @@ def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[
     off = np.einsum("cknv,kqv->cknq", white / point.lamp[:, None] * curve, modes)
     bent -= off[..., None] * np.einsum("cknv,cvr->cknr", a, given.atoms)[:, :, :, None]
     bent -= steps[..., None] * np.einsum("cknv,cvr->cknr", white, given.atoms)[:, :, :, None]
-    rows = _by_shot(bent)
-    return _by_shot(steps[..., None])[..., 0], _by_channel(rows.reshape(3, -1, *rows.shape[1:]))
+    return np.concatenate(_by_shot(steps[..., None])[..., 0]), _by_channel(_by_shot(bent))
 
 
 def _by_channel(factors: Floats) -> Floats:
@@ -266,12 +266,12 @@ def _by_channel(factors: Floats) -> Floats:
 
 
 def _by_shot(factors: Floats) -> Floats:
-    """Factors (3, k, n, q, p) of what each shot has for itself: (3 k n, k q, p), zero between shots."""
+    """Factors (3, k, n, q, p) of what each shot has for itself: (3, k n, k q, p), zero between shots."""
     _, k, n, q, p = factors.shape
     blocks = np.zeros((3, k, n, k, q, p))
     for j in range(k):
         blocks[:, j, :, j] = factors[:, j]
-    return blocks.reshape(3 * k * n, k * q, p)
+    return blocks.reshape(3, k * n, k * q, p)
 
 
 def _paper_rows(evidence: Evidence, basis: Basis) -> Sensing:

@@ -131,14 +131,14 @@ def _covariance(
     light = (ssf.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
     light = light / (light @ white_reflectance)[..., None]
     light = np.moveaxis(light, 1, 0)[:, shot].reshape(-1, WAVELENGTHS.size)  # (3 rows, m) L s dλ / W
-    shot, patch = np.tile(shot, 3), np.tile(patch, 3)
+    channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
     slope = np.gradient(table.values, STEP, axis=1)[patch]
     widths = np.array([lamp.tolerance for lamp in lamps])
     y, expected, error = (
         each[signals.used].T.ravel() for each in (signals.values, ssf.predicted, signals.standard_error)
     )
     seen = Seen(
-        shot, patch, y, expected, error,
+        channel, shot, patch, y, expected, error,
         light * table.values[patch], EDGE * light * slope, light, light * white_reflectance, WAVELENGTHS,
     )  # fmt: skip
     known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot], DRIFT)
