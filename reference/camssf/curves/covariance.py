@@ -33,8 +33,8 @@ INDEPENDENT_SHARE = rules().number("covariance.independent_share")
 CHANNEL_SHARE = rules().number("covariance.channel_share")
 """Part of the chart's smooth error that the three channels share; the rest each has for itself.
 
-A reflectance that is wrong is wrong for all three, but a real table is also wrong in ways finer than smooth errors can
-say, and each channel looks elsewhere. `python -m benchmarks.tables` measures what the number is worth."""
+A reflectance that is wrong is wrong for all three, but a real table is also wrong in ways finer than smooth errors
+can say, and each channel looks elsewhere. `python -m benchmarks.tables` measures what the number is worth."""
 FLOOR = rules().number("covariance.floor")
 """No row is believed better than this share of its white signal."""
 
@@ -117,7 +117,7 @@ def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
-                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots; κ = 0.8 of
+                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots; κ = 0.7 of
                                                                          its variance common to the channels
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
         lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels

@@ -72,7 +72,7 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
 
         row       a_cij = (R_i - y_cij ρ_w) L_j dλ / W_cj,   A = a Ψ,   b = -a μ
         noise     se_cij² + (τ_i y_cij / 20)²                          independent
-        chart     Σ ε_i L_j s₀ dλ / W_cj                               one ε_i a patch, for all shots; 0.8 of its
+        chart     Σ ε_i L_j s₀ dλ / W_cj                               one ε_i a patch, for all shots; 0.7 of its
                                                                        variance common to the channels
         white     -ŷ_cij Σ ρ_w ε_w L_j s₀ dλ / W_cj                    one ε_w for all rows
         lamp      Σ (R_i - ŷ_cij ρ_w) L_j η_j s₀ dλ / W_cj             one smooth η_j a shot, for all channels
