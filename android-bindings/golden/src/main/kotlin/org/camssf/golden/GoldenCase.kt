@@ -167,7 +167,10 @@ internal class GoldenCase private constructor(val name: String, private val json
             "sensing" to setOf("matrix", "target", "covariance"),
             "weights" to setOf("rho", "W", "z"),
             "solve" to setOf("code", "objective", "gap", "pivots"),
-            "ssf" to setOf("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"),
+            "ssf" to setOf(
+                "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap",
+                "finish_steps", "evidence", "channel_gain",
+            ),
             "calibrate" to setOf(
                 "signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes",
             ),
