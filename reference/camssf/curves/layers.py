@@ -15,10 +15,10 @@ form from A, Σ and λ₂; nothing is trained.
   between 0 and 1/2, whatever H is: there the error halves, or better, in each layer. γ moves that bound a little
   (docs/solver.md, "How fast").
 - `ista`: the iterative soft thresholding itself: W₁ b = g / ‖M‖, W₂ = I - M / ‖M‖, W₃ = 0, θ = γ / ‖M‖. LISTA's form
-  without a skip, its weights not learned. On the paper's basis it is 12 % of the peak off after 20,000 layers.
+  without a skip, its weights not learned.
 
 ALISTA (Liu et al. 2019) takes its weights from A alone by a criterion of coherence, and looks for the sparsest code
-of exact rows, not for this problem's optimum. Each of these sentences is a test in tests/test_layers.py.
+of exact rows, not for this problem's optimum. Each of these relations is a test in tests/test_layers.py.
 """
 
 from __future__ import annotations
