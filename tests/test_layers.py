@@ -225,7 +225,7 @@ def test_with_the_l2_part_alone_a_layer_halves_the_error_whatever_the_data() -> 
         assert np.linalg.norm(layer(v) - best) <= 0.5 * np.linalg.norm(v - best) + 1e-12
 
 
-@pytest.mark.parametrize(("rho", "relaxation"), [(1.5, 5 / 3), (2.0, 1.5), (4.0, 1.25)])
+@pytest.mark.parametrize(("rho", "relaxation"), [(1.0, 2.0), (1.5, 5 / 3), (2.0, 1.5), (4.0, 1.25)])
 def test_why_three_halves(rho: float, relaxation: float) -> None:
     """α = 1 / β = 1 + λ₂ / ρ leaves of the error (1 - λ₂ / ρ) ρ W: nothing of it where the data are strong."""
     l2 = 1.0
@@ -305,8 +305,20 @@ def test_off_the_support_the_last_bound_is_all_there_is() -> None:
     assert abs(layer(np.array([1e-3])))[0] > 0.999 * 1e-3
     # With α = 2 one of which they say nothing would swing for ever: 1 - 2 ρ W = -1.
     bare = Problem(np.zeros((1, 1)), np.zeros(1), 1.0, 0.05, False)
-    layer = splitting(bare)
-    assert layer(np.array([1e-3])) == pytest.approx([1e-3 * (1 - RELAXATION)])
+    assert splitting(bare)(np.array([1e-3])) == pytest.approx([1e-3 * (1 - RELAXATION)])
+    s = np.array([1e-3])
+    for _ in range(9):
+        x = penalty_step(s, bare, 2.05)
+        s = s + 2.0 * (data_step(2.0 * x - s, bare, 2.05) - x)
+    assert s == pytest.approx([-1e-3])
+
+
+def test_what_the_data_say_nothing_of_ista_hardly_moves() -> None:
+    """K = I - M / ‖M‖ with H of less rank than atoms: its largest eigenvalue is 1 - λ₂ / ‖M‖."""
+    problem = random_problem(19, 1.0, 0.05, rows=9, atoms=14)
+    layer = ista(problem)
+    slowest = float(np.linalg.eigvalsh(layer.W2 + layer.W3).max())
+    assert slowest == pytest.approx(1.0 - 1.0 / np.linalg.norm(problem.M, 2), abs=1e-13)
 
 
 @pytest.mark.parametrize("lamps", [("D55",), ("A",), ("FL2",), ("D55", "A")], ids="+".join)
