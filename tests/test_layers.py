@@ -298,6 +298,20 @@ def test_no_layer_ever_parts_two_states(l2: float, gamma: float, nonnegative: bo
         assert np.linalg.norm(layer(one) - layer(other)) <= np.linalg.norm(one - other) * (1 + 1e-12)
 
 
+@PENALTIES
+def test_a_layer_is_a_mean_of_the_state_and_two_reflections(l2: float, gamma: float) -> None:
+    """W₂ S + W₃ = (1 - α / 2) I + (α / 2) (2 ρ W - I) (2 β S - I), S any atoms that serve; no factor exceeds 1."""
+    problem = random_problem(10, l2, gamma)
+    (rho, beta), layer, one = constants(problem), splitting(problem), np.eye(12)
+    reflected = 2 * rho * np.linalg.inv(problem.H + rho * one) - one
+    assert np.linalg.norm(reflected, 2) <= 1 + 1e-13
+    for seed in range(8):
+        S = np.diag(np.random.default_rng(seed).integers(0, 2, 12))
+        expected = (1 - RELAXATION / 2) * one + RELAXATION / 2 * reflected @ (2 * beta * S - one)
+        assert abs(layer.W2 @ S + layer.W3 - expected).max() < 1e-13
+        assert np.linalg.norm(2 * beta * S - one, 2) <= 1 + 1e-13
+
+
 def test_off_the_support_the_last_bound_is_all_there_is() -> None:
     """An atom at zero that the data hold tight: its state moves by 1 - α ρ W of its error, almost none."""
     problem = Problem(np.array([[1e3]]), np.array([0.0]), 1.0, 0.05, False)
