@@ -96,7 +96,13 @@ internal class Told(
         for (row in off.indices) off[row] -= ssf.sharedPredicted[rows.at[row]]
         val residual = precision.weighed(off)
         val prior = if (ssf.sharedStd != null) ssf.sharedCode.sumOf { it * it } else 0.0
-        val suspects = if (pose == null) emptyList() else Questioning(precision, residual).suspects(pose, whiteIsPatch)
+        val suspects = if (pose ==
+            null
+        ) {
+            emptyList()
+        } else {
+            Questioning(precision, residual).suspects(pose, whiteIsPatch)
+        }
         return Surprise(dot(residual, residual), prior, rows.size, suspects)
     }
 

@@ -126,7 +126,8 @@ class SurpriseTest {
             }
             if (shots) value += dot(lamp(a), lamp(b))
             if (a == b) {
-                val own = number("independent_share") * table.sharedTolerance[a / 3 % n] * told.signals.sharedValues[a]
+                val own =
+                    number("independent_share") * table.sharedTolerance[a / 3 % n] * told.signals.sharedValues[a]
                 val noise = told.signals.sharedError[a]
                 value += max(noise * noise + own * own, number("floor") * number("floor"))
             }

@@ -164,6 +164,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "patches" -> photos.patches(case)
         "signals" -> signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
+        "layers" -> layers(case)
         "calibrate" -> calibrate(case)
         "verdict" -> Weighing(forms, frames).verdict(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
@@ -224,6 +225,17 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         return (ModelOutputs.NAMES - "lamp_estimate").associateWith { name ->
             Tensor(found[name], *(shapes[name] ?: intArrayOf(found[name].size)))
         }
+    }
+
+    /**
+     * What the model's layers give by themselves: its answer, where the finish took no step, and a case that lets a model
+     * run demands none.
+     */
+    private fun layers(case: GoldenCase): Map<String, Any?> {
+        val has = engine(case).metadata.let { listOf(it["iteration"], it["depth"]) }
+        val wanted = listOf(case.inputs.text("iteration"), case.inputs.text("depth"))
+        if (has != wanted) throw GoldenError("${case.name}: layers $wanted, but the model has $has")
+        return model(case).filterKeys { it in setOf("ssf", "gap", "finish_steps") }
     }
 
     private fun known(case: GoldenCase): Known {
