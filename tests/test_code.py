@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -272,7 +273,7 @@ def test_a_layer_of_the_posterior_mean_halves_the_error(scale: float) -> None:
     off = [np.linalg.norm(layer.unroll(depth) - best) for depth in range(20)]
     digits = 20 * 2.0**-53 * float(np.linalg.cond(problem.M)) * off[0]
     assert digits < 1e-3 * off[0]
-    assert all(after <= 0.5 * before + digits for before, after in zip(off, off[1:], strict=False))
+    assert all(after <= 0.5 * before + digits for before, after in pairwise(off))
 
 
 def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:
@@ -393,7 +394,7 @@ def test_the_walk_arrives_from_nowhere(share: float, l2: float, nonnegative: boo
 
 
 def test_channels_without_common_errors_are_three_problems() -> None:
-    """Σ without its blocks between channels: the same codes as one problem a channel, objective and evidence summed."""
+    """Σ without its blocks between channels: the codes of one problem a channel, objective and evidence summed."""
     joint = joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02)
     N, r = joint.matrix.shape[1] // 3, 24
     blocks = [(slice(N * c, N * (c + 1)), slice(r * c, r * (c + 1))) for c in range(3)]
