@@ -40,8 +40,8 @@ MARGIN = 0.9
 ARRIVED, ERRING = 1e-9, 1e-4
 """Parts of the peak between a curve of layers and the optimum's that are rounding rather than an error; to which part
 of itself an error must be found again."""
-DIGITS = 13
-"""Significant digits of curves and bands: far beyond their limits, and a fifth less to store."""
+DIGITS = 12
+"""Significant digits of curves, bands and W: beyond their limits of 1e-10, and a quarter less to store."""
 COMMAND = "python -m golden.generate"
 
 
@@ -336,13 +336,13 @@ def _stored(name: str, value: Any, stage: str) -> Any:
     """As a file has it: a band that does not exist is null, and what is large is told with fewer numbers."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
-    if value is None or name not in ("ssf", "ssf_std", "code_covariance"):
+    if value is None or name not in ("ssf", "ssf_std", "code_covariance", "W"):
         return value
     if name == "code_covariance":
         return value.reshape(len(value), 3, -1).sum(axis=2)
     if stage == "layers":
         value = (value / value.max(axis=0))[::10]
-    return np.array([[float(f"{v:.{DIGITS}g}") for v in row] for row in value])
+    return np.vectorize(lambda v: float(f"{v:.{DIGITS}g}"))(value)
 
 
 def _plain(value: Any) -> Any:
