@@ -71,9 +71,12 @@ def rmse(found: ArrayLike, expected: ArrayLike) -> float:
 def sums(found: ArrayLike, expected: ArrayLike) -> float:
     """A symmetric matrix (3 r, 3 r) by its sums over each channel's r columns, (3 r, 3): as `norm`.
 
-    Each row counts by itself, and so each column: a twentieth of the numbers tell what all of them would.
+    Each row counts by itself, and so each column: a twentieth of the numbers tell what all of them would. Sums are
+    taken as they are.
     """
     a = np.asarray(found, dtype=float)
+    if a.shape == (len(a), 3) == np.shape(expected):
+        return norm(a, expected)
     if a.ndim != 2 or len(a) % 3 or a.shape[0] != a.shape[1] or not norm(a, a.T) <= 1e-9:
         return np.inf
     return norm(a.reshape(len(a), 3, -1).sum(axis=2), expected)

@@ -37,7 +37,7 @@ ORACLE_GAP = 5e-10
 """Largest relative duality gap of the oracle's own answer, but for rounding (`Proof.bound`)."""
 MARGIN = 0.9
 """A truth bound must hold with this part of it at generation."""
-ARRIVED, ERRING = 1e-9, 1e-4
+ARRIVED, ERRING = 1e-9, 1e-6
 """Parts of the peak between a curve of layers and the optimum's that are rounding rather than an error; to which part
 of itself an error must be found again."""
 DIGITS = 12

@@ -266,7 +266,7 @@ def layers(case: Json, model: Model | None = None) -> dict[str, Any]:
                 f"{case['case']}: {depth} layers of {iteration}, but the model has {has[1]} of {has[0]}"
             )
         found = _fed(model, given)
-        curves, code, gap, steps = (found[name] for name in ("ssf", "code", "gap", "finish_steps"))
+        curves, code, gap, steps = (found[name] for name in ("ssf", "code", "layers_gap", "finish_steps"))
     return {
         "ssf": curves,
         "gap": gap,

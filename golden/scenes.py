@@ -185,10 +185,13 @@ def _ssf_cameras() -> Iterator[Case]:
         )  # fmt: skip
     off: Json = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
     yield scene(
-        "cameras-diagonal", "All tolerances zero: Σ is the diagonal of the measured errors.", **off, rmse=0.03
+        "cameras-diagonal",
+        "All tolerances zero: Σ is the diagonal of the measured errors, and the drift of the light.",
+        **off,
+        rmse=0.03,
     )
     yield scene(
-        "cameras-floor", "Neither noise nor tolerances: Σ is the floor of 1e-4, the worst conditioned of all.",
+        "cameras-floor", "Neither noise nor tolerances: Σ is the floor of 1e-4 and the drift, the worst conditioned.",
         noise="none", patches=TWELVE, **off, rmse=0.03,
     )  # fmt: skip
     yield scene(
@@ -596,7 +599,13 @@ def _sensing_cases() -> Iterator[Case]:
         return case(f"sensing/{name}", comment, inputs | {"signals": np.round(y, 6)})
 
     few = [15, 14, 13, 19]
-    yield sensing("cameras-diagonal", "No tolerances: Σ is diagonal.", few, chart_tolerance=0.0, white_tolerance=0.0)
+    yield sensing(
+        "cameras-diagonal",
+        "No tolerances: Σ is the noise, and of each shot the drift of its light.",
+        few,
+        chart_tolerance=0.0,
+        white_tolerance=0.0,
+    )
     yield sensing("cameras-chart", "The chart's error: one a patch, the same under both lamps.", few, ["D55", "A"],
                   white_tolerance=0.0)  # fmt: skip
     yield sensing("cameras-white", "The white's error: common to all rows.", few, ["D55", "FL2"], chart_tolerance=0.0)

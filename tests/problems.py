@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.curves import Evidence, Prediction, Ssf, explain, predict, recover
 from camssf.curves.basis import read_basis
@@ -90,6 +91,18 @@ def joint_sensing(
         lamp_modes=modes,
     )
     return sense(evidence, read_basis("cameras"))
+
+
+def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, by Gauss's elimination in extended precision."""
+    S, X = sigma.astype(np.longdouble), np.column_stack([A, b]).astype(np.longdouble)
+    for i in range(len(S)):
+        root = np.sqrt(S[i, i])
+        column = S[i + 1 :, i] / root
+        X[i] = X[i] / root
+        X[i + 1 :] -= np.outer(column, X[i])
+        S[i + 1 :, i + 1 :] -= np.outer(column, column)
+    return X[:, :-1], X[:, -1]
 
 
 def gamma_max(sensing: Sensing) -> Floats:

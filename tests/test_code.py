@@ -22,7 +22,7 @@ from camssf.curves.proof import prove
 from camssf.curves.sensing import Sensing
 from golden.reading import ROOT, read_case
 from golden.running import problem
-from tests.problems import gamma_max, joint_sensing, random_sensing
+from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
 
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
 
@@ -433,18 +433,6 @@ def test_the_evidence_is_the_density_of_the_target(which: str) -> None:
     for A, b, sigma, found in zip(sensing.matrix, sensing.target, sensing.covariance, code.log_evidence, strict=True):
         density = multivariate_normal(np.zeros(len(b)), sigma + A @ A.T).logpdf(b)
         assert found == pytest.approx(density + 0.5 * len(b) * np.log(2 * np.pi), rel=1e-9)
-
-
-def whiten_in_80_bits(A: np.ndarray, b: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, by Gauss's elimination in extended precision."""
-    S, X = sigma.astype(np.longdouble), np.column_stack([A, b]).astype(np.longdouble)
-    for i in range(len(S)):
-        root = np.sqrt(S[i, i])
-        column = S[i + 1 :, i] / root
-        X[i] = X[i] / root
-        X[i + 1 :] -= np.outer(column, X[i])
-        S[i + 1 :, i + 1 :] -= np.outer(column, column)
-    return X[:, :-1], X[:, -1]
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])

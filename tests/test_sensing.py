@@ -66,7 +66,7 @@ def test_smooth_errors_have_the_stated_correlation() -> None:
     assert factors @ factors.T == pytest.approx(stated, abs=3e-3)
 
 
-@pytest.mark.parametrize("term", ["chart", "white", "lamp", "modes"])
+@pytest.mark.parametrize("term", ["chart", "white", "lamp", "modes", "drift"])
 def test_covariance_is_that_of_drawn_errors(term: str) -> None:
     """First order: simulate the camera μ with a wrong chart, white or lamp, and look at the rows' residuals.
 
@@ -85,6 +85,7 @@ def test_covariance_is_that_of_drawn_errors(term: str) -> None:
         "white": {"white_tolerance": size},
         "lamp": {"lamp_tolerance": np.full(2, size)},
         "modes": {"lamp_modes": size * mode},
+        "drift": {},
     }[term]
     rng = np.random.default_rng(5)
     wide, narrow, short = (interpolate(smooth_errors(length)) for length in (100.0, 60.0, 25.0))
@@ -105,20 +106,27 @@ def test_covariance_is_that_of_drawn_errors(term: str) -> None:
     draws = []
     for _ in range(6000):
         chart, white, light = np.broadcast_to(reflectance, (3, *reflectance.shape)), np.ones(681), lamps
+        between = np.ones(2)
         if term == "chart":
             chart = wrong_chart()
         elif term == "white":
             white = 1 + size * wide @ rng.normal(size=wide.shape[1])
         elif term == "lamp":
             light = lamps * (1 + size * (narrow @ rng.normal(size=(narrow.shape[1], 2))).T)
-        else:
+        elif term == "modes":
             light = lamps * (1 + size * rng.normal(size=(2, 1)) * mode[:, 0])
-        y = [theory(chart[c], lamp, camera[:, [c]], white)[:, 0] for c in range(3) for lamp in light]
+        else:  # by a hundredth between the chart's frame and the white's
+            between = 1 + 0.01 * rng.normal(size=2)
+        y = [
+            theory(chart[c], lamp, camera[:, [c]], white)[:, 0] * brighter
+            for c in range(3)
+            for lamp, brighter in zip(light, between, strict=True)
+        ]
         # With the declared chart, white and lamp the row of the true curve is off by ŷ - y.
         draws.append(np.moveaxis(clean, -1, 0).ravel() - np.ravel(y))
     drawn = np.array(draws).T @ np.array(draws) / len(draws)
     plain, found = rows(clean, reflectance, lamps), rows(clean, reflectance, lamps, **arguments)
-    declared = found.covariance[0] - plain.covariance[0]
+    declared = found.covariance[0] - (plain.terms["noise"][0] if term == "drift" else plain.covariance[0])
     if term == "chart":  # its independent part is a twentieth of the size
         extra = (0.05 * size * np.moveaxis(clean, -1, 0).ravel()) ** 2
         declared -= np.diag(np.maximum(extra, 1e-6) - 1e-6)
@@ -287,14 +295,21 @@ def test_a_lamp_with_modes_is_one_unknown_of_three_channels(size: float) -> None
         return np.asarray(np.einsum("nqx,qp,xz,mpz->nm", B, of_u, of_x, B, optimize=True))
 
     nil_x, nil_u, noise = np.zeros(72), np.zeros(4), error**2 * np.eye(144)
+    shot = np.tile(np.repeat([0, 1], 24), 3)
+
+    def drift(x: Floats, u: Floats) -> Floats:
+        """Of a hundredth of each shot's light, between chart and white frame."""
+        expected = bent.see(x, u)
+        return np.asarray(1e-4 * np.outer(expected, expected) * (shot[:, None] == shot))
+
     A, D, B = bent.slopes(nil_x, nil_u)
-    sigma = noise + curvature(B, np.eye(4), np.eye(72))
+    sigma = noise + drift(nil_x, nil_u) + curvature(B, np.eye(4), np.eye(72))
     x, off, spread = posterior(A, D, y - bent.see(nil_x, nil_u), sigma)
     bend = 1 + np.einsum("kq,kqv->kv", off.reshape(2, 2), modes[:, :, ::10])
     assert found.lamp == pytest.approx(lamps * interpolate(bend.T).T, rel=1e-6)
     of_x = np.linalg.inv(A.T @ np.linalg.solve(sigma, A) + np.eye(72))
     A, D, B = bent.slopes(x, off)
-    sigma = noise + curvature(B, spread[72:, 72:], of_x)
+    sigma = noise + drift(x, off) + curvature(B, spread[72:, 72:], of_x)
     target = y - bent.see(x, off) + A @ x + D @ off
     assert found.matrix[0] == pytest.approx(A, abs=1e-5 * np.abs(A).max())
     assert found.target[0] == pytest.approx(target, abs=1e-5 * np.abs(target).max())
