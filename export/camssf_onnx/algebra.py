@@ -11,43 +11,67 @@ from camssf_onnx.graph import Body, Graph, Value
 
 BIG = 1e300
 """A bound that does not exist: no infinities."""
+PANEL = 6
+"""Pivots that `whiten` takes at once."""
 D, I64, B = TensorProto.DOUBLE, TensorProto.INT64, TensorProto.BOOL
 M = WAVELENGTHS.size
 
 
-def whiten(g: Graph, sigma: Value, columns: Value) -> Value:
-    """L⁻¹ columns (c, N, p) with Σ = L Lᵀ: the pivot rows of (Σ | columns), each over its pivot's root."""
+def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[Value, Value]:
+    """L⁻¹ columns with Σ = L Lᵀ, and ln det Σ: (c, N, N) and (c, N, p) give (c, N', p) and (c,).
+
+    Panels of pivots: of each the small Cholesky factor, inverted, turns its rows of (Σ | columns) into rows of
+    L⁻¹ (Σ | columns), and one product takes these off the rest. N is filled up to whole panels by rows of noughts.
+    """
+    N = size_of(g, sigma, 1)
+    whole = g.constant(panel, np.int64)
+    turns = g.op("Div", N + g.constant(panel - 1, np.int64), whole)
+    size = turns * whole
+    fill = (size - N).unsqueeze(0)
+    none = g.ints(0)
+    order = g.op("Range", g.constant(0, np.int64), size, g.constant(1, np.int64))
+    new = g.op("Not", g.op("Less", order, N)).real()
+    sigma = g.op("Pad", sigma, g.op("Concat", g.ints(0, 0, 0, 0), fill, fill, axis=0)) + new * same(g, order)
+    columns = g.op("Pad", columns, g.op("Concat", g.ints(0, 0, 0, 0), fill, none, axis=0))
+    steps = np.arange(panel)
 
     def eliminate(body: Graph, step: Value, state: list[Value]) -> Body:
         (Z,) = state
-        at = step.unsqueeze(0)
-        row, column = Z.take(at, 1), Z.take(at, 2)
-        pivot = column.take(at, 1)
-        return Body([Z - (column / pivot) * row], [row / body.op("Sqrt", pivot)])
+        at = step * whole.here(body) + body.constant(steps, np.int64)
+        rows = Z.take(at, 1)  # (c, panel, N' + p)
+        root, pivots = _root(rows.take(at, 2), panel)
+        found = root @ rows
+        across = body.op("Slice", found, body.ints(0), size.here(body).unsqueeze(0), body.ints(2))
+        return Body([Z - across.transpose(0, 2, 1) @ found], [found, pivots])
 
-    N = size_of(g, columns, 1)
-    _, left = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], N, "whiten")  # (N, c, 1, N + p)
-    rows = left.squeeze(2).transpose(1, 0, 2)
-    return g.op("Slice", rows, N.unsqueeze(0), g.ints(2**31), g.ints(2))
+    _, left, pivots = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], turns, "whiten")
+    # (turns, c, panel, N' + p)
+    kept = g.op("Slice", left, size.unsqueeze(0), g.ints(2**31), g.ints(3))
+    shape = g.op("Shape", columns)
+    return kept.transpose(1, 0, 2, 3).like(shape), g.op("Log", pivots).sum(0, 2, 3)
 
 
-def inverse(g: Graph, matrix: Value, size: int) -> Value:
-    """Inverse of symmetric positive definite matrices (c, r, r): unit diagonal, then r symmetric sweeps."""
-    eye = np.eye(size)
-    scale = 1.0 / g.op("Sqrt", (matrix * eye).sum(2))  # (c, r)
-    unit = matrix * scale.unsqueeze(1) * scale.unsqueeze(2)
-    identity, stride = g.constant(eye), stride_of(size)
+def _root(matrix: Value, size: int) -> tuple[Value, Value]:
+    """L⁻¹ of small L Lᵀ (c, s, s), and its pivots (c, s, 1)."""
+    left, pivots = [], []
+    g = matrix.graph
+    rest = g.op("Concat", matrix, matrix * 0.0 + np.eye(size), axis=2)
+    for j in range(size):
+        row = rest.slice(j, j + 1, 1)  # (c, 1, 2 s)
+        pivot = row.slice(j, j + 1, 2)
+        row = row / g.op("Sqrt", pivot)
+        left.append(row)
+        pivots.append(pivot)
+        if j + 1 < size:
+            rest = rest - row.slice(0, size, 2).transpose(0, 2, 1) * row
+    root = g.op("Concat", *left, axis=1).slice(size, 2 * size, 2)
+    return root, g.op("Concat", *pivots, axis=1)
 
-    def sweep(body: Graph, step: Value, state: list[Value]) -> Body:
-        (X,) = state
-        for at in turns(body, step, size, stride):
-            column = X.take(at, 2)
-            u = column - identity.here(body).take(at, 1)
-            X = X - (u / column.take(at, 1)) * u.transpose(0, 2, 1)
-        return Body([X])
 
-    (X,) = g.loop(sweep, [unit], [D], g.constant(size // stride, np.int64), "weigh")
-    return (2.0 * eye - X) * scale.unsqueeze(1) * scale.unsqueeze(2)  # a sweep leaves 2 - 1 / p on its diagonal
+def inverse(g: Graph, matrix: Value, size: int) -> tuple[Value, Value]:
+    """Inverse of symmetric positive definite matrices (c, r, r), L⁻ᵀ L⁻¹, and ln of their determinants (c,)."""
+    root, log_det = whiten(g, matrix, matrix * 0.0 + np.eye(size))
+    return root.transpose(0, 2, 1) @ root, log_det
 
 
 def stride_of(count: int) -> int:

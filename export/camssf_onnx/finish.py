@@ -1,4 +1,4 @@
-"""The pivoting walk as nodes: `camssf.curves.finish`. A channel that has arrived stands still."""
+"""The pivoting walk as nodes: `camssf.curves.finish`. A problem that has arrived stands still."""
 
 from __future__ import annotations
 
@@ -13,31 +13,44 @@ from camssf_onnx.problem import Problem
 from camssf_onnx.proof import gap as gap_of
 
 
-def finish(problem: Problem, z: Value) -> tuple[Value, Value]:
-    """Walk from the layers' z to the optimum, anew from what was found until it is proven: x, gap (3,)."""
+def finish(problem: Problem, z: Value, before: Value) -> tuple[Value, Value, Value]:
+    """Walk from the layers' z, whose gap is `before`, to the optimum, anew from what was found until it is proven.
+
+    x (p, r), its gap (p,) and the pivots (p,). A problem that the layers have proven keeps their answer; where all
+    are proven, no walk is taken.
+    """
+    g = problem.graph
+    unproven = g.op("Not", g.op("LessOrEqual", before.unsqueeze(1), PROVEN))  # (p, 1)
 
     def walk(body: Graph, step: Value, state: list[Value]) -> Body:
-        z, best, least = state
+        z, best, least, taken = state
         here = within(problem, body)
-        x = _walk(here, z)
+        x, pivots = _walk(here, z)
         gap = gap_of(here, x).unsqueeze(1)
-        better = body.op("Or", body.op("Less", gap, least), body.op("Equal", step, body.constant(0, np.int64)))
+        open_ = body.op("Not", body.op("LessOrEqual", least, PROVEN))
+        first = body.op("And", unproven.here(body), body.op("Equal", step, body.constant(0, np.int64)))
+        better = body.op("And", open_, body.op("Or", body.op("Less", gap, least), first))
         best, least = body.op("Where", better, x, best), body.op("Where", better, gap, least)
-        unproven = body.op("Not", body.op("LessOrEqual", least, PROVEN)).real()
-        return Body([x, best, least], go=body.op("Greater", unproven.max(0, 1), 0.5))
+        taken = taken + open_.real() * pivots
+        going = body.op("Not", body.op("LessOrEqual", least, PROVEN)).real()
+        return Body([x, best, least, taken], go=body.op("Greater", going.max(0, 1), 0.5))
 
-    start = [z, z, problem.graph.constant(np.full((3, 1), BIG))]
-    _, x, gap = problem.graph.loop(walk, start, [D] * 3, problem.graph.constant(WALKS, np.int64), "finish")
-    return x, gap.squeeze(1)
+    start = [z, z, before.unsqueeze(1), g.constant(np.zeros((problem.count, 1)))]
+    any_ = g.op("Greater", unproven.real().max(0, 1), 0.5)
+    trips = g.constant(WALKS, np.int64)
+    _, x, gap, taken = g.loop(walk, start, [D] * 4, trips, "finish", begin=any_)
+    return x, gap.squeeze(1), taken.squeeze(1)
 
 
-def _walk(problem: Problem, z: Value) -> Value:
-    """One walk from z (`_start`, `_Walk` and `_settle` of the reference)."""
-    g, r, scale = problem.graph, problem.r, problem.scale
+def _walk(problem: Problem, z: Value) -> tuple[Value, Value]:
+    """One walk from z (`_start`, `_Walk` and `_settle` of the reference): where it ends, and its pivots (p, 1)."""
+    g, r, p = problem.graph, problem.r, problem.count
+    diagonal = (problem.M * np.eye(r)).sum(2)
+    scale = 1.0 / g.op("Sqrt", g.op("Where", g.op("Greater", diagonal, 0.0), diagonal, 1.0))  # (p, r)
     unit = problem.M * scale.unsqueeze(1) * scale.unsqueeze(2) + RIDGE * np.eye(r)
     high = problem.gamma * scale
     low = g.op("Where", problem.positive, -BIG, -high)
-    wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), problem.free).real().unsqueeze(2)  # (3, r, 1)
+    wanted = g.op("Or", g.op("Not", g.op("Equal", z, 0.0)), problem.free).real().unsqueeze(2)  # (p, r, 1)
 
     stride, eye = stride_of(r), g.constant(np.eye(r))
 
@@ -55,7 +68,7 @@ def _walk(problem: Problem, z: Value) -> Value:
         return Body([X], [body.op("Concat", *entered, axis=1)])
 
     X, entered = g.loop(enter, [unit], [D], g.constant(r // stride, np.int64), "enter")
-    inside = entered.transpose(1, 0, 2, 3).reshape(3, r)
+    inside = entered.transpose(1, 0, 2, 3).reshape(p, r)
     support = g.op("Greater", inside, 0.5)
     # A sweep leaves 2 - 1 / p on its diagonal; the tableau has -M⁻¹ on the support, its signs by column.
     table = X * (2.0 * inside - 1.0).unsqueeze(1) - 2.0 * inside.unsqueeze(2) * np.eye(r)
@@ -72,7 +85,7 @@ def _walk(problem: Problem, z: Value) -> Value:
     d = w - w0
     aside = g.op("Where", support, 0.0, d)
     last = aside - (table @ g.op("Where", support, d, 0.0).unsqueeze(2)).squeeze(2)
-    table = g.op("Concat", table, last.unsqueeze(2), axis=2)  # (3, r, r + 1)
+    table = g.op("Concat", table, last.unsqueeze(2), axis=2)  # (p, r, r + 1)
     value = g.op("Where", support, x0, w0)
 
     count = np.arange(r, dtype=float)
@@ -81,20 +94,22 @@ def _walk(problem: Problem, z: Value) -> Value:
     lower, upper = g.op("Where", support, x_low, low), g.op("Where", support, x_high, high)
     row_labels = g.op("Where", support, count, count + r)
     column_labels = g.op(
-        "Concat", g.op("Where", support, count + r, count), np.full((3, 1), 2.0 * r), axis=1
+        "Concat", g.op("Where", support, count + r, count), np.full((p, 1), 2.0 * r), axis=1
     )  # fmt: skip
-    ones = np.ones((3, 1))
+    ones = np.ones((p, 1))
     state = [
         table, value, lower, upper, row_labels, column_labels,
-        g.constant(2.0 * r * ones), g.constant(ones), g.constant(np.zeros((3, 1))), g.constant(ones),
-        g.constant(0.0 * ones), g.constant(ones), g.constant(np.ones((3, 1), bool), np.bool_),
+        g.constant(2.0 * r * ones), g.constant(ones), g.constant(0.0 * ones), g.constant(ones),
+        g.constant(0.0 * ones), g.constant(ones), g.constant(np.ones((p, 1), bool), np.bool_),
+        g.constant(0.0 * ones),
     ]  # fmt: skip
-    kinds = [D] * 12 + [B]
+    kinds = [D] * 12 + [B, D]
     state = g.loop(_pivot(problem, low, high), state, kinds, g.constant(finish_steps(r), np.int64), "walk")
     table, value, lower, upper, row_labels, column_labels = state[:6]
+    taken = state[-1]
 
-    rows = g.op("Equal", row_labels.unsqueeze(2), count).real()  # (3, r rows, r variables): x_i basic in that row
-    columns = g.op("Equal", column_labels.unsqueeze(2), count + r).real()  # (3, r + 1, r): w_i nonbasic
+    rows = g.op("Equal", row_labels.unsqueeze(2), count).real()  # (p, r rows, r variables): x_i basic in that row
+    columns = g.op("Equal", column_labels.unsqueeze(2), count + r).real()  # (p, r + 1, r): w_i nonbasic
     to_x = rows.transpose(0, 2, 1)
     x = (to_x @ value.unsqueeze(2)).squeeze(2)
     K = -(to_x @ table @ columns)
@@ -103,7 +118,7 @@ def _walk(problem: Problem, z: Value) -> Value:
     down = g.op("Greater", (to_x @ down).squeeze(2), 0.5)
     target = g.op("Where", down, -high, high)
     x = x * scale
-    enough = EXACT * high.max(1, keep=True)  # (3, 1)
+    enough = EXACT * high.max(1, keep=True)  # (p, 1)
 
     def refine(body: Graph, step: Value, state: list[Value]) -> Body:
         x, best, smallest = state
@@ -116,40 +131,43 @@ def _walk(problem: Problem, z: Value) -> Value:
         x = x + scale * (K @ error.unsqueeze(2)).squeeze(2)
         return Body([x, best, smallest], go=body.op("Greater", more.max(0, 1), 0.5))
 
-    start = [x, x, g.constant(np.full((3, 1), BIG))]
+    start = [x, x, g.constant(np.full((p, 1), BIG))]
     x = g.loop(refine, start, [D] * 3, g.constant(REFINEMENTS, np.int64), "refine")[1]
     crossed = g.op("Less", g.op("Where", down, -x, x), 0.0)
     crossed = g.op("And", crossed, g.op("Not", problem.free))
     wrong = g.op("Or", g.op("Not", support), crossed)
-    return g.op("Where", wrong, 0.0, x)
+    return g.op("Where", wrong, 0.0, x), taken
 
 
 def _pivot(problem: Problem, low: Value, high: Value) -> Callable[[Graph, Value, list[Value]], Body]:
-    """One step of the walk; three channels, those that have arrived masked."""
+    """One step of the walk; those problems that have arrived masked."""
     r = problem.r
 
     def body(g: Graph, step: Value, state: list[Value]) -> Body:
-        (table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going) = state
-        q = g.op("Equal", columns, driver).real()  # (3, r + 1)
-        column = table @ q.unsqueeze(2)  # (3, r, 1)
+        (table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going, taken) = (
+            state
+        )
+        taken = taken + going.real()
+        q = g.op("Equal", columns, driver).real()  # (p, r + 1)
+        column = table @ q.unsqueeze(2)  # (p, r, 1)
         rate = direction * column.squeeze(2)
         room = g.op("Where", g.op("Greater", rate, 0.0), upper, lower) - value
         size = g.op("Abs", rate)
         moves = g.op("Greater", size, PIVOT_FLOOR)
         limit = g.op("Where", moves, g.op("Max", room / g.op("Where", moves, rate, 1.0), 0.0), BIG)
-        nearest = limit.min(1, keep=True)  # (3, 1)
+        nearest = limit.min(1, keep=True)  # (p, 1)
         flips = g.op("LessOrEqual", own, nearest)
         length = g.op("Where", going, g.op("Min", nearest, own), 0.0)
         value = value + length * rate
 
         candidates = g.op("Where", g.op("LessOrEqual", limit, nearest), size, -1.0)
         best = g.op("ArgMax", candidates, axis=1, keepdims=1)
-        p = g.op("Equal", best, g.constant(np.arange(r), np.int64)).real()  # (3, r)
+        p = g.op("Equal", best, g.constant(np.arange(r), np.int64)).real()  # (p, r)
         does = g.op("And", going, g.op("Not", flips))
         leaving = (rows * p).sum(1, keep=True)
         rate_p = (rate * p).sum(1, keep=True)
         pivot = g.op("Where", does, direction * rate_p, 1.0).unsqueeze(2)
-        row = p.unsqueeze(1) @ table  # (3, 1, r + 1)
+        row = p.unsqueeze(1) @ table  # (p, 1, r + 1)
         p_rest, q_rest = 1.0 - p, 1.0 - q
         u = ((column.squeeze(2) * p_rest + p).unsqueeze(2)) / pivot
         swapped = table * p_rest.unsqueeze(2) * q_rest.unsqueeze(1)
@@ -177,7 +195,22 @@ def _pivot(problem: Problem, low: Value, high: Value) -> Callable[[Graph, Value,
         x_low = g.op("Where", g.op("And", up, g.op("Not", problem.free)), 0.0, -BIG)
         x_high = g.op("Where", g.op("Or", up, problem.free), BIG, 0.0)
         d_low, d_high = g.op("Where", is_x, x_low, bottom), g.op("Where", is_x, x_high, top)
-        after = [table, value, lower, upper, rows, columns, driver, direction, start, own, d_low, d_high, going]
+        after = [
+            table,
+            value,
+            lower,
+            upper,
+            rows,
+            columns,
+            driver,
+            direction,
+            start,
+            own,
+            d_low,
+            d_high,
+            going,
+            taken,
+        ]
         return Body(after, go=g.op("Greater", going.real().max(0, 1), 0.5))
 
     return body

@@ -60,10 +60,13 @@ class Graph:
         kinds: Sequence[int],
         trips: Value,
         word: str,
+        *,
+        begin: Value | None = None,
     ) -> list[Value]:
         """A Loop: the state after it, then what its steps left behind, stacked.
 
         `body(graph, step, state)` gives a Body: the next state, values to stack, and whether to go on (None: always).
+        `begin`: whether to take a first step at all (None: yes).
         """
         inner = Graph(self.fresh(word), self)
         step, go_in = inner.fresh("step"), inner.fresh("go")
@@ -81,11 +84,33 @@ class Graph:
             *(helper.make_tensor_value_info(v.name, TensorProto.DOUBLE, None) for v in after.left),
         ]
         subgraph = helper.make_graph(inner.nodes, inner.name, inputs, outputs)
-        start = self.constant(np.array(True), np.bool_)
+        start = begin or self.constant(np.array(True), np.bool_)
         results = [self.fresh(word) for _ in (*after.state, *after.left)]
         self.nodes.append(
             helper.make_node("Loop", [trips.name, start.name, *(v.name for v in state)], results, body=subgraph)
         )
+        return [Value(self, name) for name in results]
+
+    def choose(
+        self,
+        condition: Value,
+        then: Callable[[Graph], Sequence[Value]],
+        otherwise: Callable[[Graph], Sequence[Value]],
+        word: str,
+    ) -> list[Value]:
+        """An If: what one of the two branches gives, as many float64 values in either."""
+        branches = []
+        for branch in (then, otherwise):
+            inner = Graph(self.fresh(word), self)
+            # A branch gives values of its own nodes only.
+            given = [inner.op("Identity", value) for value in branch(inner)]
+            infos = [helper.make_tensor_value_info(value.name, TensorProto.DOUBLE, None) for value in given]
+            branches.append((helper.make_graph(inner.nodes, inner.name, [], infos), len(given)))
+        (first, count), (second, other) = branches
+        if count != other:
+            raise ValueError(f"{word}: {count} values in one branch, {other} in the other")
+        results = [self.fresh(word) for _ in range(count)]
+        self.nodes.append(helper.make_node("If", [condition.name], results, then_branch=first, else_branch=second))
         return [Value(self, name) for name in results]
 
 

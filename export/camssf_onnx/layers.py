@@ -1,33 +1,77 @@
-"""The unrolled layers as nodes: `camssf.curves.layers`, `splitting`."""
+"""The unrolled layers as nodes: `camssf.curves.layers`."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from camssf.curves.layers import RELAXATION
-from camssf_onnx.algebra import D, stride_of
+from camssf_onnx.algebra import BIG, D, stride_of
 from camssf_onnx.graph import Body, Graph, Value
+from camssf_onnx.problem import Problem
+
+SQUARINGS = 12
+"""So many times is M multiplied by itself to find its norm."""
 
 
-def unroll(g: Graph, W: Value, pulled: Value, rho: Value, gamma: Value, low: Value, r: int, depth: int) -> Value:
-    """The unrolled layers: v ← W₁ b + W_v v + W_q clip(v), the step of `splitting` with soft(v) = v - clip(v)."""
-    high, low = gamma / rho, low / rho
-    W2 = RELAXATION * (rho * W)
-    eye = np.eye(r)
-    both = g.op("Concat", W2 + (1.0 - RELAXATION) * eye, RELAXATION * eye - 2.0 * W2, axis=2)
-    push = RELAXATION * pulled  # (3, r, 1)
+@dataclass(frozen=True)
+class Layer:
+    """v ← W₁ b + W₂ soft(v, θ) + W₃ v: W1b (p, r, 1), W2 and W3 (p, r, r), θ a number."""
+
+    W1b: Value
+    W2: Value
+    W3: Value
+    theta: Value
+
+
+def splitting_weight(problem: Problem) -> Value:
+    """ρ, of whose H + ρ I `splitting` takes the inverse."""
+    return problem.gamma + 2.0 * problem.l2
+
+
+def splitting(problem: Problem, W: Value) -> Layer:
+    """The product's layer; W = (H + ρ I)⁻¹."""
+    rho = splitting_weight(problem)
+    one = np.eye(problem.r)
+    u = W @ problem.g
+    Wg = u + W @ (problem.pull(u.squeeze(2)) - rho * u)
+    step = RELAXATION * rho / (rho + problem.l2)
+    rho_W = rho * W
+    theta = problem.gamma / (rho + problem.l2)
+    return Layer(step * Wg, step * (2.0 * rho_W - one), one - RELAXATION * rho_W, theta)
+
+
+def ista(problem: Problem) -> Layer:
+    """Iterative soft thresholding, the step 1 / ‖M‖, by Rayleigh's quotient of a high power of M."""
+    power = problem.M
+    for _ in range(SQUARINGS):
+        power = power / power.max(1, 2, keep=True)
+        power = power @ power
+    v = power @ np.ones((problem.r, 1))
+    norm = (v * (problem.M @ v)).sum(1, keep=True) / (v * v).sum(1, keep=True)  # (p, 1, 1)
+    theta = problem.gamma / norm
+    return Layer(problem.g / norm, np.eye(problem.r) - problem.M / norm, problem.M * 0.0, theta)
+
+
+def unroll(problem: Problem, layer: Layer, depth: int) -> Value:
+    """x (p, r) after so many layers, from v = 0: with soft(v) = v - clip(v), v ← W₁ b + (W₂ + W₃) v - W₂ clip(v)."""
+    g, r = problem.graph, problem.r
+    high = layer.theta
+    low = g.op("Where", problem.positive, -BIG, -high)
+    both = g.op("Concat", layer.W2 + layer.W3, -layer.W2, axis=2)
 
     def clip(graph: Graph, v: Value) -> Value:
         return graph.op("Min", graph.op("Max", v, low), high)
 
-    def layer(body: Graph, step: Value, state: list[Value]) -> Body:
+    def turn(body: Graph, step: Value, state: list[Value]) -> Body:
         (v,) = state
         for _ in range(stride):
             pair = body.op("Concat", v, clip(body, v), axis=1)
-            v = body.op("Add", push, body.op("MatMul", both, pair))
+            v = body.op("Add", layer.W1b, body.op("MatMul", both, pair))
         return Body([v])
 
     stride = stride_of(depth)
-    start = g.constant(np.zeros((3, r, 1)))
-    (v,) = g.loop(layer, [start], [D], g.constant(depth // stride, np.int64), "layers")
+    start = g.constant(np.zeros((problem.count, r, 1)))
+    (v,) = g.loop(turn, [start], [D], g.constant(depth // stride, np.int64), "layers")
     return (v - clip(g, v)).squeeze(2)

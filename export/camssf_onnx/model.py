@@ -4,9 +4,10 @@ The same steps in the same order as the files of these names in `camssf.curves`,
 Differences of form, none of value:
 
 - What is known only on the 5-nm nodes stays there: integrals are folded onto them (`fold`), curves unfolded.
-- ONNX has no float64 Cholesky or inverse. Rows are whitened by Gauss' elimination in a Loop, whose scaled pivot rows
-  are L⁻¹ (A | b). Matrices of unit diagonal are inverted by a Loop of symmetric sweeps, one rank-one update each.
-- The three channels are solved side by side; one that has arrived stands still.
+- ONNX has no float64 Cholesky or inverse. `whiten` is one, a Loop over panels of pivots; inverses are L⁻ᵀ L⁻¹ of it.
+- Without lamp modes Σ is a block a patch and of low rank beyond: the blocks are whitened first, the rest by one
+  system of its own size (`Folded.sparse`). With modes it is taken whole (`Folded.dense`).
+- The problems are solved side by side; one that has arrived stands still.
 - No infinities: a bound that does not exist is ±1e300.
 """
 
@@ -19,12 +20,14 @@ from onnx import helper
 from camssf import __version__
 from camssf.curves.basis import Basis
 from camssf.curves.finish import finish_steps
-from camssf.curves.layers import DEPTH
-from camssf_onnx.algebra import BIG, D, M, inverse
-from camssf_onnx.finish import finish
+from camssf.curves.layers import DEPTH, LAYERS
+from camssf.errors import InvalidArgument
+from camssf_onnx.algebra import D, M, inverse
+from camssf_onnx.finish import finish as walk
 from camssf_onnx.graph import Graph, Value
-from camssf_onnx.layers import unroll
+from camssf_onnx.layers import ista, splitting, splitting_weight, unroll
 from camssf_onnx.problem import pose
+from camssf_onnx.proof import gap as gap_of
 from camssf_onnx.sensing import Rows, learned_rows, paper_rows
 
 __all__ = ["INPUTS", "IR", "OPSET", "build"]
@@ -47,47 +50,88 @@ INPUTS: dict[str, list[str | int]] = {
 }
 
 
-def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
-    """The model of a basis; the same basis gives the same bytes."""
+def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:
+    """The model of a basis; the same basis gives the same bytes.
+
+    Args:
+        basis: the basis.
+        iteration, depth: which layers, of `camssf.curves.layers.LAYERS`, and how many.
+        finish: False leaves the layers' answer as it is, proven or not.
+
+    Raises:
+        InvalidArgument: no such layers.
+    """
+    if iteration not in LAYERS:
+        raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     g = Graph(f"camssf-{basis.name}")
     given = {name: Value(g, name) for name in INPUTS}
     nonnegative = Value(g, "nonnegative")
     r = basis.dictionary.shape[2]
+    p, R = (1, 3 * r) if basis.prior else (3, r)
 
     rows = Rows(g, given)
-    A, b, curves = learned_rows(g, rows, basis) if basis.prior else paper_rows(g, rows, basis)
-    H = A.transpose(0, 2, 1) @ A
-    pull = (A.transpose(0, 2, 1) @ b.unsqueeze(2)).squeeze(2)  # (3, r) g
-    l2, gamma = given["l2"], given["gamma"]
-    eye = g.constant(np.eye(r))
-    quadratic = H + l2 * eye  # M
-    rho = gamma + 2.0 * l2
-    low = -g.op("Where", g.op("Greater", nonnegative, 0.5), BIG, gamma)
-    # The layers' weights and the code's posterior covariance in one go.
-    both = inverse(g, g.op("Concat", quadratic + rho * eye, H + eye, axis=0), r)
-    W, spread = both.slice(0, 3, 0), both.slice(3, 6, 0)
+    whitened, curves = learned_rows(g, rows, basis) if basis.prior else paper_rows(g, rows, basis)
+    problem = pose((whitened.A, whitened.b), (given["l2"], given["gamma"]), nonnegative, (p, R))
+    one = g.constant(np.eye(R))
+    # The layers' weight and the code's posterior covariance in one go.
+    wanted = [problem.H + one] if basis.prior else []
+    if iteration == "splitting":
+        wanted.append(problem.H + splitting_weight(problem) * one)
+    inverses, log_dets = inverse(g, g.op("Concat", *wanted, axis=0), R) if wanted else (None, None)
+    if iteration == "splitting":
+        assert inverses is not None
+        layer = splitting(problem, inverses.slice(-p, 2**31, 0))
+    else:
+        layer = ista(problem)
+    z = unroll(problem, layer, depth)
+    before = gap_of(problem, z)
+    if finish:
+        x, gap, steps = walk(problem, z, before)
+    else:
+        x, gap, steps = z, before, 0.0 * before
 
-    problem = pose((A, b), quadratic, (l2, gamma), nonnegative, r)
-    z = unroll(g, W, problem.pulled(W, pull, rho), rho, gamma, low, r, depth)
-    x, gap = finish(problem, z)
-    ssf, std, predicted, lamp = curves(x, spread)
+    own = None
+    if basis.prior:
+        assert inverses is not None
+        assert log_dets is not None
+        assert whitened.log_det is not None
+        spread = inverses.slice(0, 1, 0).squeeze(0)
+        own = g.op("Concat", *(spread.slice(c * r, c * r + r, 0).slice(c * r, c * r + r, 1).unsqueeze(0)
+                               for c in range(3)), axis=0)  # fmt: skip
+        mean = (spread @ problem.g).squeeze(2)  # (1, R) the posterior mean
+        rest = problem.rest(mean)
+        squares = (rest * rest).sum(1, 2) + (mean * mean).sum(1)
+        evidence = (-0.5 * (squares + whitened.log_det + log_dets.slice(0, 1, 0))).squeeze(0)
+    else:
+        spread = g.op("Expand", np.nan, g.ints(3 * r, 3 * r))
+        evidence = g.constant(np.nan)
+    code = x.reshape(3, r)
+    answer = curves(code, own)
     outputs = {
-        "ssf": ssf,
-        "ssf_std": std,
-        "code": x.transpose(1, 0),
+        "ssf": answer.ssf,
+        "ssf_std": answer.std,
+        "code": code.transpose(1, 0),
+        "code_covariance": spread,
         "signals": rows.signals,
-        "predicted": predicted,
-        "gap": gap,
+        "predicted": answer.predicted,
+        "gap": gap * np.ones(3),
+        "layers_gap": before,
+        "finish_steps": steps,
+        "evidence": evidence,
         "channel_gain": rows.gain(),
-        "lamp_estimate": lamp,
+        "lamp_estimate": answer.lamp,
     }
     shapes: dict[str, list[str | int]] = {
         "ssf": [M, 3],
         "ssf_std": [M, 3],
         "code": [r, 3],
+        "code_covariance": [3 * r, 3 * r],
         "signals": ["k", "n", 3],
         "predicted": ["k", "n", 3],
         "gap": [3],
+        "layers_gap": [p],
+        "finish_steps": [p],
+        "evidence": [],
         "channel_gain": [3],
         "lamp_estimate": ["k", M],
     }
@@ -111,8 +155,9 @@ def build(basis: Basis, *, depth: int = DEPTH) -> onnx.ModelProto:
         "basis": basis.name,
         "basis_sha256": basis.sha256(),
         "basis_source": basis.source,
+        "iteration": iteration,
         "depth": str(depth),
-        "finish": str(finish_steps(r)),
+        "finish": str(finish_steps(R) if finish else 0),
         "grid": "380 to 720 nm every 0.5 nm",
         "vocabulary": "1",
     }

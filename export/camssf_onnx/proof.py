@@ -8,10 +8,10 @@ from camssf_onnx.problem import Problem
 
 
 def gap(problem: Problem, x: Value) -> Value:
-    """Relative duality gap (3,), from the residual itself: by the penalty's conjugate, or with λ₂ = 0 by scaling."""
+    """Relative duality gap (p,), from the residual itself: by the penalty's conjugate, or with λ₂ = 0 by scaling."""
     g, gamma = problem.graph, problem.gamma
     rest = problem.rest(x)
-    pull = (problem.A.transpose(0, 2, 1) @ rest).squeeze(2)  # (3, r) g
+    pull = (problem.A.transpose(0, 2, 1) @ rest).squeeze(2)  # (p, r) g
     squares = (rest * rest).sum(1, 2)
     size = g.op("Abs", x)
     l1 = gamma * size.sum(1)

@@ -1,11 +1,13 @@
 """Evidence → whitened rows: `camssf.curves.sensing` and `covariance` as nodes, by the same names.
 
-What is known only on the 5-nm nodes stays there: integrals are folded onto them (`fold`), curves unfolded.
+What is known only on the 5-nm nodes stays there: integrals are folded onto them (`fold`), curves unfolded. Rows run
+patch by patch: without lamp modes Σ is one block of 3 k rows a patch, and of low rank beyond them, and is taken apart
+as that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +15,7 @@ import numpy as np
 from camssf.curves.basis import Basis
 from camssf.curves.covariance import (
     ABSOLUTE,
+    CHANNEL_SHARE,
     CHART_CORRELATION,
     EDGE,
     FLOOR,
@@ -24,11 +27,33 @@ from camssf.curves.covariance import (
 )
 from camssf.curves.sensing import DARKEST
 from camssf.grid import STEP
-from camssf_onnx.algebra import I64, D, M, fold, identity, outer, same, size_of, slope, unfold, whiten
+from camssf_onnx.algebra import I64, D, M, fold, identity, outer, size_of, slope, unfold, whiten
 from camssf_onnx.graph import Body, Graph, Value, within
 
-# From the code and its spread: curves, their errors, predicted signals, the lamp.
-Curves = Callable[[Value, Value], tuple[Value, Value, Value, Value]]
+EYE = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """p problems in rows of unit covariance: A (p, N, R), b (p, N); ln det Σ (p,), None without a prior."""
+
+    A: Value
+    b: Value
+    log_det: Value | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Curves (m, 3), their errors (m, 3), predicted signals (k, n, 3), lamp (k, m)."""
+
+    ssf: Value
+    std: Value
+    predicted: Value
+    lamp: Value
+
+
+# From the code (3, r) and its covariance (3, r, r), each channel's own: curves and what follows from them.
+Curves = Callable[[Value, Value | None], Answer]
 
 
 class Rows:
@@ -51,33 +76,29 @@ class Rows:
         return means / means.slice(1, 2, 0)
 
 
-def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Value, Value, Curves]:
-    """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot."""
+def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
+    """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot, each channel for itself."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
     scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
     everything = rows.power.unsqueeze(1) * rows.given["reflectance"]  # (k, n, m)
     seen = everything.slice(0, 1, 0).squeeze(0)  # (n, m)
-    A = ((seen / scale) @ atoms).unsqueeze(0) * np.ones((3, 1, 1))
     b = rows.y.slice(0, 1, 1).squeeze(1)
     error = rows.error.slice(0, 1, 1).squeeze(1)
     tolerance = rows.given["chart_tolerance"] * b
-    variance = g.op("Max", error * error + tolerance * tolerance, FLOOR**2)
-    sigma = variance.unsqueeze(2) * identity(g, size_of(g, b, 1))
+    deviation = g.op("Sqrt", g.op("Max", error * error + tolerance * tolerance, FLOOR**2))  # (3, n)
+    whitened = Whitened(((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation, None)
 
-    columns = whiten(g, sigma, g.op("Concat", A, b.unsqueeze(2), axis=2))
-    r = basis.dictionary.shape[2]
-
-    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value, Value]:
+    def curves(x: Value, spread: Value | None) -> Answer:
         del spread  # no prior, no band
         s = atoms @ x.transpose(1, 0)  # (m, 3)
         s = s / (rows.seen_white.slice(0, 1, 0) @ s)
         predicted = (everything @ s) / (rows.seen_white @ s).unsqueeze(1)
-        return s, s * np.nan, predicted, rows.given["lamp"]
+        return Answer(s, s * np.nan, predicted, rows.given["lamp"])
 
-    return columns.slice(0, r, 2), columns.slice(r, r + 1, 2).squeeze(2), curves
+    return whitened, curves
 
 
-def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Value, Value, Curves]:
+def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     """Rows free of exposure, whitened by their full covariance, on the 5-nm nodes (sensing.py, `sense`).
 
     One Loop whose body takes the rows about a point: one turn where the lamps have no modes, else two, the first of
@@ -100,21 +121,21 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Value, Value, Curv
     share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
     atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
 
-    folded_ = fold_evidence(g, rows, (mean, atoms), (U, bends, V, plain), r)
-    of_u, of_x = folded_.K, np.broadcast_to(np.eye(r), (3, r, r))
+    known = fold_evidence(g, rows, (mean, atoms), (U, bends, V, plain), r)
+    K = known.K.squeeze(0)
     start = [
         mean * 1.0,
         V * 0.0 + 1.0,
-        g.op("Expand", 0.0, g.op("Concat", of_u, g.ints(1), axis=0)),
-        g.op("Expand", 0.0, g.op("Concat", g.ints(3), of_u, g.ints(1), axis=0)),
-        identity(g, of_u.squeeze(0)) * np.ones((3, 1, 1)),
-        g.constant(of_x),
+        g.op("Expand", 0.0, g.op("Concat", known.K, g.ints(1), axis=0)),
+        identity(g, K),
+        g.constant(np.eye(3 * r)),
     ]
-    turns = g.op("Cast", folded_.any_modes, to=I64) + g.constant(1, np.int64)
-    *_, A, b, lamp = g.loop(folded_.turn(turns), start, [D] * 6, turns, "look")
-    A, b, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in (A, b, lamp))  # of the last turn
+    turns = g.op("Cast", known.any_modes, to=I64) + g.constant(1, np.int64)
+    *_, A, b, log_det, lamp = g.loop(known.turn(turns), start, [D] * 5, turns, "look")
+    A, b, log_det, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in (A, b, log_det, lamp))  # the last turn's
 
-    def curves(x: Value, spread: Value) -> tuple[Value, Value, Value, Value]:
+    def curves(x: Value, spread: Value | None) -> Answer:
+        assert spread is not None
         s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
         scale = (s @ V.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
         s = s / scale.unsqueeze(1)
@@ -138,16 +159,26 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Value, Value, Curv
         light = given["lamp"] * unfold(g, lamp)  # (k, m)
         seen = (light.unsqueeze(1) * given["reflectance"]) @ values
         predicted = seen / ((light * given["white_reflectance"]) @ values).unsqueeze(1)
-        return values, std.transpose(1, 0), predicted, light
+        return Answer(values, std.transpose(1, 0), predicted, light)
 
-    return A, b, curves
+    return Whitened(A, b, log_det), curves
 
 
 @dataclass(frozen=True)
 class Folded:
     """The evidence folded onto the nodes, and what its rows share: `_Folded` of `camssf.curves.sensing`.
 
-    Shapes: channel 3, shot k, patch n, mode q, node v, atom r; N = k n rows, K = k q modes. `r` is a number.
+    Channel 3, shot k, patch n, mode q, node v, atom r; R = 3 r codes, K = k q modes, N = 3 k n rows.
+
+    Attributes:
+        mean, atoms: (3, v) and (3, v, r). U, bends: (k, n, v). V, plain: (k, v).
+        modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any; any_modes: of all. K: (1,) their number.
+        y: (3, k, n, 1). variance: (n, 3 k) noise and the chart's independent part.
+        tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (k, 1, 1).
+        share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
+        own: (k, 1, k, 1), 1 where a shot is the same.
+        by_patch, flat, blocks: shapes (n, 3 k, -1), (1, N, -1) and (N, K, R).
+        r: a number.
     """
 
     mean: Value
@@ -156,103 +187,168 @@ class Folded:
     bends: Value
     V: Value
     plain: Value
-    k: Value
-    n: Value
-    N: Value
     modes: Value
     loose: Value
     any_modes: Value
     K: Value
     y: Value
-    flat: Value
-    same_patch: Value
-    same_shot: Value
+    variance: Value
     tolerance: Value
     white_tolerance: Value
     lamp_tolerance: Value
-    noise: Value
+    share: Value
     own: Value
+    by_patch: Value
+    flat: Value
     blocks: Value
     r: int
 
     def turn(self, turns: Value) -> Callable[[Graph, Value, list[Value]], Body]:
-        """The Loop's body: point → next point; leaves the whitened rows behind."""
+        """The Loop's body: point → next point; leaves the whitened rows, their ln det Σ and the point's lamp."""
 
         def body(g: Graph, step: Value, state: list[Value]) -> Body:
             here = within(self, g)
             looks = g.op("Less", step + g.constant(1, np.int64), turns.here(g)).real()
-            A, b, modes, lamp = here.rows(g, state, looks)
-            return Body(here.after(g, A, b, modes), [A, b.squeeze(2), lamp])
+            rows = here.rows(state)
+
+            def loose(branch: Graph) -> list[Value]:
+                inner, given = within(here, branch), [value.here(branch) for value in state]
+                return inner.dense(within(rows, branch), given, looks.here(branch))
+
+            def named(branch: Graph) -> list[Value]:
+                return [*within(here, branch).sparse(within(rows, branch)), *(value.here(branch) for value in state)]
+
+            A, b, log_det, *after = g.choose(here.any_modes, loose, named, "sense")
+            return Body([value * 1.0 for value in after], [A, b, log_det, state[1] * 1.0])
 
         return body
 
-    def rows(self, g: Graph, state: list[Value], looks: Value) -> tuple[Value, Value, Value, Value]:
-        """L⁻¹ A (3, N, r), L⁻¹ b (3, N, 1), L⁻¹ D (3, N, K) about a point, and that point's lamp (k, v).
-
-        Σ = L Lᵀ holds D C Dᵀ, but in a first look A Aᵀ instead.
-        """
-        curve, lamp, offset, told, of_u, of_x = state
-        errors = curve.unsqueeze(1, 3)  # (3, 1, v, 1): times smooth errors (v, p)
+    def rows(self, state: Sequence[Value]) -> Rowed:
+        """A, b and the parts of Σ about a point, patch by patch."""
+        curve, lamp, *_ = state
+        s = curve.unsqueeze(1, 3)  # (3, 1, v, 1)
         bend = lamp.unsqueeze(1)  # (k, 1, v)
         W = curve @ (self.V * lamp).transpose(1, 0)  # (3, k)
         seen = self.U * bend / W.unsqueeze(2, 3)  # (3, k, n, v)
-        seen_white = (self.V * lamp / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+        white = (self.V * lamp / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
         light = (self.plain * lamp / W.unsqueeze(2)).unsqueeze(2)
-        expected = seen @ errors  # (3, k, n, 1) ŷ
+        expected = seen @ s  # (3, k, n, 1) ŷ
+        g = expected.graph
         about = g.op("Where", self.loose, expected, self.y)
-        a = seen - about * seen_white
-        a_expected = seen - expected * seen_white
-        atoms = self.atoms.unsqueeze(1)  # (3, 1, v, r)
-        A = (a @ atoms).like(self.flat)
-        b = (self.y - about - a @ self.mean.unsqueeze(1, 3)).like(self.flat)
-
+        a = seen - about * white
+        against_white = seen - expected * white
+        A = (a @ self.atoms.unsqueeze(1)).unsqueeze(3) * EYE[:, None, None, :, None]  # (3, k, n, 3, r)
+        b = self.y - about - a @ self.mean.unsqueeze(1, 3)
         edges = EDGE * self.bends * bend / W.unsqueeze(2, 3)
-        seen_by = Seen(errors, expected, seen, edges, light, seen_white, a_expected)
-        sigma = covariance(self, seen_by)
+        block, common = covariance(self, Seen(s, expected, seen, edges, light, white, against_white))
+        rows = self.patchwise(A.transpose(2, 0, 1, 3, 4)), self.patchwise(b.transpose(2, 0, 1, 3))
+        return Rowed(*rows, block, common, against_white, white)
 
-        relative = a_expected / bend  # the modes are relative to the lamp as given
+    def patchwise(self, rows: Value) -> Value:
+        """(n, 3, k, ...) → (n, 3 k, columns)."""
+        return rows.like(self.by_patch)
+
+    def sparse(self, rows: Rowed) -> list[Value]:
+        """L⁻¹ A (1, N', R), L⁻¹ b (1, N') and ln det Σ (1,) where Σ is blocks B and U Uᵀ.
+
+        The rows are whitened by B first; then Σ is I + U Uᵀ. With S = I + Uᵀ U and V = S⁻¹ Uᵀ (A b), the rows
+        (A b) - U V, with V below them, have the products of whitened ones: those of the least squares in which U's
+        unknowns w ~ N(0, I) stand beside the code. An error of V enters them in second order only.
+        """
+        g = rows.b.graph
+        every = g.op("Concat", rows.A, rows.b, rows.common, axis=2)
+        blocks, log_blocks = whiten(g, rows.block, every, 3)
+        every = blocks.like(self.flat)
+        own, U = every.slice(0, 3 * self.r + 1, 2), every.slice(3 * self.r + 1, 2**31, 2)
+        across = U.transpose(0, 2, 1)
+        count = size_of(g, U, 2)
+        one = identity(g, count).unsqueeze(0)
+        S = one + across @ U
+        root, log_common = whiten(g, S, g.op("Concat", across @ own, one, axis=2))
+        found, back = root.slice(0, 3 * self.r + 1, 2), root.slice(3 * self.r + 1, 2**31, 2)
+        V = back.transpose(0, 2, 1) @ found
+        joined = g.op("Concat", own - U @ V, V, axis=1)
+        A, b = joined.slice(0, 3 * self.r, 2), joined.slice(3 * self.r, 3 * self.r + 1, 2).squeeze(2)
+        return [A, b, log_blocks.sum(0, keep=True) + log_common]
+
+    def dense(self, rows: Rowed, state: Sequence[Value], looks: Value) -> list[Value]:
+        """The same where lamps have modes, and the next point: `_look`.
+
+        Σ holds D Dᵀ, but in a first look A Aᵀ instead.
+        """
+        _, _, offset, of_u, of_x = state
+        g, r = rows.b.graph, self.r
+        A, b, U = (each.like(self.flat) for each in (rows.A, rows.b, rows.common))
+        n = size_of(g, rows.block, 0)
+        spaced = rows.block.unsqueeze(2) * identity(g, n).unsqueeze(1, 3)  # (n, 3 k, n, 3 k)
+        N = size_of(g, b, 1).unsqueeze(0)
+        sigma = spaced.like(g.op("Concat", g.ints(1), N, N, axis=0)) + outer(U)
+        modes, bent = self.bend(rows, state)
+        modes, bent = modes.like(self.flat), bent.like(self.blocks)
+        spread = (of_u @ (bent @ of_x)).like(self.flat)
+        sigma = sigma + spread @ bent.like(self.flat).transpose(0, 2, 1)
+        sigma = sigma + (1.0 - looks) * outer(modes) + looks * outer(A)
+        columns, log_det = whiten(g, sigma, g.op("Concat", A, b + modes @ offset, modes, axis=2))
+        A, b, modes = (
+            columns.slice(0, 3 * r, 2),
+            columns.slice(3 * r, 3 * r + 1, 2),
+            columns.slice(3 * r + 1, 2**31, 2),
+        )
+        return [A, b.squeeze(2), log_det, *self.after(A, b, modes)]
+
+    def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
+        """D and B of `camssf.curves.sensing`, patch by patch: (n, 3, k, K) and (n, 3, k, K, 3, r)."""
+        curve, lamp, *_ = state
+        relative = rows.against_white / lamp.unsqueeze(1)  # the modes are relative to the lamp as given
         across = self.modes.transpose(0, 2, 1)  # (k, v, q)
+        atoms = self.atoms.unsqueeze(1)  # (3, 1, v, r)
         steps = (relative * curve.unsqueeze(1, 2)) @ across  # (3, k, n, q)
-        modes = (steps.unsqueeze(3) * self.own).like(self.blocks).squeeze(3)  # (3, N, K)
-        bent = (relative.unsqueeze(3) * self.modes.unsqueeze(1)) @ self.atoms.unsqueeze(1, 2)  # (3, k, n, q, r)
-        off = ((self.V / W.unsqueeze(2) * curve.unsqueeze(1)).unsqueeze(2) @ across).unsqueeze(4)  # (3, k, 1, q, 1)
-        bent = bent - off * (a_expected @ atoms).unsqueeze(3)
-        bent = bent - steps.unsqueeze(4) * (seen_white @ atoms).unsqueeze(3)
-        bent = (bent.unsqueeze(3) * self.own.unsqueeze(4)).like(self.blocks)  # (3, N, K, r)
-        spread = of_u.unsqueeze(1) @ (bent @ of_x.unsqueeze(1))
-        sigma = sigma + spread.like(self.flat) @ bent.like(self.flat).transpose(0, 2, 1)
-        sigma = sigma + (1.0 - looks) * (modes @ of_u @ modes.transpose(0, 2, 1)) + looks * outer(A)
+        bent = (relative.unsqueeze(3) * self.modes.unsqueeze(1)) @ atoms.unsqueeze(1)  # (3, k, n, q, r)
+        off = (rows.white / lamp.unsqueeze(1) * curve.unsqueeze(1, 2)) @ across  # (3, k, 1, q)
+        bent = bent - off.unsqueeze(4) * (rows.against_white @ atoms).unsqueeze(3)
+        bent = bent - steps.unsqueeze(4) * (rows.white @ atoms).unsqueeze(3)
+        D_ = steps.unsqueeze(3) * self.own  # (3, k, n, k, q)
+        B_ = bent.unsqueeze(3, 5) * self.own.unsqueeze(4, 5) * EYE[:, None, None, None, None, :, None]
+        return D_.transpose(2, 0, 1, 3, 4), B_.transpose(2, 0, 1, 3, 4, 5, 6)
 
-        b = b + modes @ (offset - told)
-        columns = whiten(g, sigma, g.op("Concat", A, b, modes, axis=2))
-        r = self.r
-        return columns.slice(0, r, 2), columns.slice(r, r + 1, 2), columns.slice(r + 1, 2**31, 2), lamp * 1.0
-
-    def after(self, g: Graph, A: Value, b: Value, modes: Value) -> list[Value]:
-        """`_look`: the next point, from whitened rows."""
+    def after(self, A: Value, b: Value, modes: Value) -> list[Value]:
+        """The next point, from rows whitened with A Aᵀ in Σ."""
+        g = b.graph
         turned = modes.transpose(0, 2, 1)
-        precision, pull = turned @ modes, turned @ b  # Λ (3, K, K), h (3, K, 1)
-        whole, force = precision.sum(0, keep=True), pull.sum(0, keep=True)
-        one = identity(g, self.K.squeeze(0))
-        system = one + g.op("Concat", whole - precision, whole, axis=0)  # (4, K, K): the channels' others, all
-        forces = g.op("Concat", force - pull, force, axis=0)
-        columns = whiten(g, system, g.op("Concat", g.op("Expand", one, g.op("Shape", system)), forces, axis=2))
-        root, right = columns.slice(0, -1, 2), columns.slice(-1, 2**31, 2)  # L⁻¹, L⁻¹ h
-        back = root.transpose(0, 2, 1)
-        solved, covariance = back @ right, (back @ root).slice(0, 3, 0)
-        offset, told = solved.slice(3, 4, 0).squeeze(0), solved.slice(0, 3, 0)  # (K, 1), (3, K, 1)
+        one = identity(g, self.K.squeeze(0)).unsqueeze(0)
+        root, _ = whiten(g, one + turned @ modes, g.op("Concat", turned @ b, one, axis=2), 1)
+        pull, back = root.slice(0, 1, 2), root.slice(1, 2**31, 2)
+        turned = back.transpose(0, 2, 1)
+        offset, of_u = (turned @ pull).squeeze(0), (turned @ back).squeeze(0)  # (K, 1), (K, K)
         across = A.transpose(0, 2, 1)
-        code = across @ (b - modes @ offset)  # (3, r, 1)
+        code = (across @ (b - modes @ offset)).reshape(3, self.r, 1)
         curve = self.mean + (self.atoms @ code).squeeze(2)
-        size = g.op("Concat", self.k, g.ints(1, -1), axis=0)
+        size = g.op("Concat", g.op("Shape", self.V).slice(0, 1, 0), g.ints(1, -1), axis=0)
         bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
-        lamp = g.op("Max", bend, DARKEST)
-        return [curve, lamp, offset * 1.0, told * 1.0, covariance * 1.0, np.eye(self.r) - across @ A]
+        return [curve, g.op("Max", bend, DARKEST), offset, of_u, np.eye(3 * self.r) - (across @ A).squeeze(0)]
+
+
+@dataclass(frozen=True)
+class Rowed:
+    """Rows about a point, patch by patch, and the parts of Σ but for lamp modes.
+
+    Attributes:
+        A, b: (n, 3 k, R) and (n, 3 k, 1).
+        block: (n, 3 k, 3 k), what a patch's rows have among themselves. common: (n, 3 k, u) U of what all share.
+        against_white, white: (3, k, n, v) and (3, k, 1, v), for the modes.
+    """
+
+    A: Value
+    b: Value
+    block: Value
+    common: Value
+    against_white: Value
+    white: Value
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the errors of the three channels' rows hang on: `Seen` of `camssf.curves.covariance`.
+    """What the errors of the rows hang on: `Seen` of `camssf.curves.covariance`, the curve apart.
 
     Attributes:
         curve: (3, 1, v, 1) s. predicted: (3, k, n, 1) ŷ.
@@ -268,72 +364,55 @@ class Seen:
     against_white: Value
 
 
-def covariance(known: Folded, seen: Seen) -> Value:
-    """Σ of each channel's rows without lamp modes, (3, N, N): `camssf.curves.covariance.covariance`."""
-    chart_curves, lamp_curves, table_curves = (
+def covariance(known: Folded, seen: Seen) -> tuple[Value, Value]:
+    """Blocks (n, 3 k, 3 k) and U (n, 3 k, u) of Σ, but for lamp modes: `camssf.curves.covariance.covariance`."""
+    over_chart, over_lamp, over_table = (
         seen.curve * smooth_errors(length) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
-    edges = seen.edges @ table_curves
-    floor = ABSOLUTE * (seen.light @ table_curves) + 0.0 * edges
-    chart = edges.graph.op("Concat", RELATIVE * (seen.patches @ chart_curves), floor, edges, axis=3)
-    sigma = known.noise + known.same_patch * outer((known.tolerance * chart).like(known.flat))
-    white = known.white_tolerance * seen.predicted * (seen.white @ chart_curves)
-    sigma = sigma + outer(white.like(known.flat))
-    lamp = known.lamp_tolerance * (seen.against_white @ lamp_curves)
-    return sigma + known.same_shot * outer(lamp.like(known.flat))
+    edges = seen.edges @ over_table
+    g = edges.graph
+    floor = ABSOLUTE * (seen.light @ over_table) + 0.0 * edges
+    chart = g.op("Concat", RELATIVE * (seen.patches @ over_chart), floor, edges, axis=3)
+    rows = known.patchwise((known.tolerance * chart).transpose(2, 0, 1, 3))
+    white = known.white_tolerance * seen.predicted * (seen.white @ over_chart)
+    lamp = known.lamp_tolerance * (seen.against_white @ over_lamp)
+    lamp = lamp.unsqueeze(3) * known.own  # (3, k, n, k, p)
+    common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
+    block = outer(rows) * known.share
+    one = identity(g, size_of(g, block, 1))
+    return block + known.variance.unsqueeze(2) * one, g.op("Concat", *common, axis=2)
 
 
-def fold_evidence(g: Graph, rows: Rows, basis: tuple[Value, Value], scenes: tuple[Value, ...], r: int) -> Folded:
+def fold_evidence(
+    g: Graph, rows: Rows, basis: tuple[Value, Value], scenes: tuple[Value, Value, Value, Value], r: int
+) -> Folded:
     """What the rows need of the evidence; `basis` is mean and anchored atoms, `scenes` the folded integrals."""
     mean, atoms = basis
-    U, bends, V, plain = scenes
     given = rows.given
     shape = g.op("Shape", rows.y)
     k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
-    N = k * n
     steps = g.constant([10], np.int64)
     modes = g.op("Slice", given["lamp_modes"], g.ints(0), g.ints(M), g.ints(2), steps)  # (k, q, v)
     sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
-    loose = g.op("Greater", sizes, 0.0)
-    any_modes = g.op("Greater", sizes.max(0, 1, 2), 0.0)
     K = k * g.op("Shape", modes).slice(1, 2, 0)
-    y = rows.y.unsqueeze(3)  # (3, k, n, 1)
-    flat = g.op("Concat", g.ints(3), N, g.ints(-1), axis=0)
-    count = N.squeeze(0)
-    order = g.op("Range", g.constant(0, np.int64), count, g.constant(1, np.int64))
-    same_patch, same_shot = (same(g, g.op(kind, order, n)) for kind in ("Mod", "Div"))
-    tolerance = given["chart_tolerance"].unsqueeze(1)  # (n, 1)
-    white_tolerance = given["white_tolerance"]
-    lamp_tolerance = given["lamp_tolerance"].unsqueeze(1, 2)
     independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
-    variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)
-    noise = variance.like(g.op("Concat", g.ints(3), N, g.ints(1), axis=0)) * identity(g, count)
-    shots = identity(g, k.squeeze(0))
-    own = shots.unsqueeze(1, 3)  # (k, 1, k, 1): a shot's errors are no other's
-    blocks = g.op("Concat", g.ints(3), N, K, g.ints(-1), axis=0)
+    variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)  # (3, k, n)
+    three_k = k * g.constant([3], np.int64)
+    share = g.op("Expand", CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * EYE[:, None, :, None],
+                 g.op("Concat", g.ints(3), k, g.ints(3), k, axis=0))  # fmt: skip
+    U, bends, V, plain = scenes
     return Folded(
-        mean,
-        atoms,
-        U,
-        bends,
-        V,
-        plain,
-        k,
-        n,
-        N,
-        modes,
-        loose,
-        any_modes,
-        K,
-        y,
-        flat,
-        same_patch,
-        same_shot,
-        tolerance,
-        white_tolerance,
-        lamp_tolerance,
-        noise,
-        own,
-        blocks,
+        mean, atoms, U, bends, V, plain,
+        modes, g.op("Greater", sizes, 0.0), g.op("Greater", sizes.max(0, 1, 2), 0.0), K,
+        rows.y.unsqueeze(3),
+        variance.transpose(2, 0, 1).like(g.op("Concat", n, three_k, axis=0)),
+        given["chart_tolerance"].unsqueeze(1),
+        given["white_tolerance"],
+        given["lamp_tolerance"].unsqueeze(1, 2),
+        share.like(g.op("Concat", three_k, three_k, axis=0)),
+        identity(g, k.squeeze(0)).unsqueeze(1, 3),
+        g.op("Concat", n, three_k, g.ints(-1), axis=0),
+        g.op("Concat", g.ints(1), n * three_k, g.ints(-1), axis=0),
+        g.op("Concat", n * three_k, K, g.ints(3 * r), axis=0),
         r,
-    )
+    )  # fmt: skip
