@@ -194,7 +194,7 @@ def whiten(sensing: Sensing) -> tuple[Floats, Floats]:
 
 
 def whiten_finely(sensing: Sensing) -> tuple[Long, Long]:
-    """The same in long double, from the same float64 numbers: 11 bits more, so that rounding is the judged one's alone.
+    """The same in long double, from the same float64 numbers: 11 bits more, so that rounding is the judged's alone.
 
     Gauss' elimination of (Σ | A | b), row by row; its pivot rows over the pivots' roots are L⁻¹ (A | b).
     """
@@ -219,14 +219,12 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
     return np.asarray(np.where(top > 0, top, bound) if nonnegative else bound)
 
 
-def relative_gap(
-    A: Floats | Long, b: Floats | Long, x: Floats, l2: float, gamma: float, nonnegative: bool
-) -> float:
+def relative_gap(A: Floats | Long, b: Floats | Long, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
     """Relative duality gap of x from whitened rows (N, r), (N,), in their precision; γ > 0 or λ₂ > 0.
 
-    `camssf.curves.proof`'s two gaps, written anew: no normal equations, and with λ₂ > 0 the penalty's conjugate in its
-    plain form, (|g| - γ)₊² / (2 λ₂), which cancels where the engine's does not. A code with a negative entry where
-    x ≥ 0 is asked is judged after that entry is set to zero.
+    The two gaps of `camssf.curves.proof`, written anew: with λ₂ > 0 the penalty's conjugate in its plain form,
+    (|g| - γ)₊² / (2 λ₂), which cancels where the engine's does not. A code with a negative entry where x ≥ 0 is asked
+    is judged after that entry is set to zero.
     """
     z = np.asarray(np.maximum(x, 0.0) if nonnegative else x, dtype=A.dtype)
     r = b - A @ z
@@ -252,8 +250,7 @@ def gaps(A: Floats | Long, b: Floats | Long, x: Floats, problem: Problem) -> Flo
 def convex(sensing: Sensing, problem: Problem) -> list[Convex]:
     """The convex problems of a call, as the reference's layers take them."""
     return [
-        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative)
-        for A, b in zip(*whiten(sensing), strict=True)
+        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative) for A, b in zip(*whiten(sensing), strict=True)
     ]
 
 

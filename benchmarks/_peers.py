@@ -72,7 +72,7 @@ def cvxpy_compiled(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: b
 
 
 def cvxpy_compiled_at_once(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
-    """All problems of a call as one compiled problem (DPP), one solve a call; with p = 1 the same as `cvxpy_compiled`."""
+    """All problems of a call as one compiled problem (DPP), one solve a call; with p = 1 as `cvxpy_compiled`."""
     cp = _load("cvxpy", "cvxpy")
 
     rows = [cp.Parameter(A.shape[1:]) for _ in A]

@@ -141,9 +141,7 @@ def measure(problem: Problem, depths: tuple[int, ...]) -> Measured:
         finished.append(_distance(curves(basis, np.stack([x for x, _ in done])), truth))
         pivots.append(sum(taken for _, taken in done))
     off = {name: np.stack([_distance(curves(basis, z), truth) for z in found]) for name, found in codes.items()}
-    return Measured(
-        off, np.stack(finished), np.array(pivots, float), float(gaps(*fine, exact, problem).max()), asked
-    )
+    return Measured(off, np.stack(finished), np.array(pivots, float), float(gaps(*fine, exact, problem).max()), asked)
 
 
 def _distance(s: Floats, truth: Floats) -> Floats:
@@ -154,7 +152,9 @@ def _distance(s: Floats, truth: Floats) -> Floats:
 def summed(found: list[Measured], depths: tuple[int, ...]) -> dict[str, Any]:
     """A group's worst and median distances, and its pivots, by depth."""
     row: dict[str, Any] = {"calls": len(found), "depths": list(depths)}
-    parts = {name: [one.off[name] for one in found] for name in LAYERS} | {"finished": [one.finished for one in found]}
+    parts = {name: [one.off[name] for one in found] for name in LAYERS} | {
+        "finished": [one.finished for one in found]
+    }
     for name, part in parts.items():
         off = np.stack(part, axis=1).reshape(len(depths), -1)
         row[name] = {"worst": off.max(axis=1).tolist(), "median": np.median(off, axis=1).tolist()}
@@ -203,9 +203,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     depths = tuple(sorted(set(options.depths)))
     out = console()
-    out.print(
-        f"cameras: {options.cameras} of {cameras()[1]}; distance from the exact curve in parts of its peak"
-    )
+    out.print(f"cameras: {options.cameras} of {cameras()[1]}; distance from the exact curve in parts of its peak")
     rows: list[dict[str, Any]] = []
     with progress() as bar:
         for basis in LIGHTS:
@@ -239,7 +237,7 @@ def main(arguments: list[str] | None = None) -> int:
     out.print(table("Calls without a step of the finish (pivots of the others: median, most)", head, lines))
     for row in rows:
         out.print(
-            f"{row['basis']}, λ₂ {row['l2']:g}: {row['calls']} calls; gap of the exact codes <= {row['exact gap']:.1e}"
+            f"{row['basis']}, λ₂ {row['l2']:g}: {row['calls']} calls; exact codes' gap <= {row['exact gap']:.1e}"
             + (f"; {row['asked of cvxpy']} calls asked of cvxpy" if row["asked of cvxpy"] else "")
         )
     held = all(row["exact gap"] <= GAP_BAR for row in rows)
