@@ -17,6 +17,7 @@ from camssf.curves.covariance import (
     ABSOLUTE,
     CHANNEL_SHARE,
     CHART_CORRELATION,
+    DRIFT,
     EDGE,
     FLOOR,
     INDEPENDENT_SHARE,
@@ -376,6 +377,7 @@ def covariance(known: Folded, seen: Seen) -> tuple[Value, Value]:
     rows = known.patchwise((known.tolerance * chart).transpose(2, 0, 1, 3))
     white = known.white_tolerance * seen.predicted * (seen.white @ over_chart)
     lamp = known.lamp_tolerance * (seen.against_white @ over_lamp)
+    lamp = g.op("Concat", lamp, DRIFT * seen.predicted, axis=3)
     lamp = lamp.unsqueeze(3) * known.own  # (3, k, n, k, p)
     common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
     block = outer(rows) * known.share

@@ -35,6 +35,8 @@ CHANNEL_SHARE = rules().number("covariance.channel_share")
 
 A reflectance that is wrong is wrong for all three, but a real table is also wrong in ways finer than smooth errors
 can say, and each channel looks elsewhere. `python -m benchmarks.tables` measures what the number is worth."""
+DRIFT = rules().number("covariance.drift")
+"""Relative change of a shot's light between its chart and its white frame: nobody's fault."""
 FLOOR = rules().number("covariance.floor")
 """No row is believed better than this share of its white signal."""
 
@@ -83,13 +85,11 @@ class Tolerances:
         chart: (N,) τ of each row's patch.
         white: of ρ_w, one number.
         lamp: (N,) of the lamp of each row's shot.
-        drift: relative change of a shot's light between its frames.
     """
 
     chart: Floats
     white: float
     lamp: Floats
-    drift: float = 0.0
 
 
 def smooth_errors(length: float, at: Floats = NODES) -> Floats:
@@ -121,7 +121,7 @@ def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
                                                                          its variance common to the channels
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
         lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels
-                  drift · ŷ                                            one a shot, for all channels
+                  ŷ / 100                                              light that drifts: one a shot, all channels
 
     The lamp's and the white's errors enter with the predicted ŷ, not with the measured y: else a mere scale would eat
     the evidence. No row's independent part is below FLOOR.
@@ -134,9 +134,7 @@ def covariance(seen: Seen, known: Tolerances) -> dict[str, Floats]:
         axis=1,
     )
     white = known.white * seen.predicted[:, None] * (seen.white @ over_chart)
-    lamp = known.lamp[:, None] * (seen.against_white @ over_lamp)
-    if known.drift:
-        lamp = np.column_stack([lamp, known.drift * seen.predicted])
+    lamp = np.column_stack([known.lamp[:, None] * (seen.against_white @ over_lamp), DRIFT * seen.predicted])
     noise = np.maximum(seen.standard_error**2, FLOOR**2)
     own = seen.standard_error**2 + (INDEPENDENT_SHARE * known.chart * seen.signal) ** 2
     independent = np.maximum(own, FLOOR**2) - noise

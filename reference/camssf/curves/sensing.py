@@ -76,6 +76,7 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
                                                                        variance common to the channels
         white     -ŷ_cij Σ ρ_w ε_w L_j s₀ dλ / W_cj                    one ε_w for all rows
         lamp      Σ (R_i - ŷ_cij ρ_w) L_j η_j s₀ dλ / W_cj             one smooth η_j a shot, for all channels
+                  ŷ_cij / 100                                          light that drifts: one a shot, all channels
 
     The lamp's and the white's errors enter with the predicted ŷ, not with the measured y: else a mere scale
     would eat the evidence. For the same reason Ψ is anchored to the first shot's white.

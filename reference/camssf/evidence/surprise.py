@@ -22,7 +22,6 @@ SURPRISE = _NUMBER("verdict.surprise")
 SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
 PRIOR_WEIGHT = _NUMBER("verdict.prior_weight")
-DRIFT = _NUMBER("covariance.drift")
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ def _covariance(
         channel, shot, patch, y, expected, error,
         light * table.values[patch], EDGE * light * slope, light, light * white_reflectance, WAVELENGTHS,
     )  # fmt: skip
-    known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot], DRIFT)
+    known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot])
     sigma = np.sum(list(covariance(seen, known).values()), axis=0)
     for j, each in enumerate(lamps):
         if len(each.modes):

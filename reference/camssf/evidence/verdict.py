@@ -40,7 +40,6 @@ from camssf.evidence.samples import (
     samples,
 )
 from camssf.evidence.surprise import (
-    DRIFT,
     SHARE,
     SURPRISE,
     SUSPECT,
@@ -60,7 +59,7 @@ from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
 
 __all__ = [
-    "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "DRIFT", "FEWEST", "FEW_PATCHES", "FOG", "FREER", "GREENS",
+    "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "FREER", "GREENS",
     "HOPELESS", "MOST_RIVALLED", "POOR_POSE", "RIVAL", "RIVALS", "ROUGH", "SHARE", "SMOOTH", "STRANGE", "SURPRISE",
     "SUSPECT", "TINTED", "VAGUE", "VEIL", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect", "Verdict",
     "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer", "surprise",
