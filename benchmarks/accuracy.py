@@ -39,6 +39,7 @@ from camssf.curves.covariance import (
     ABSOLUTE,
     CHANNEL_SHARE,
     CHART_CORRELATION,
+    DRIFT,
     EDGE,
     INDEPENDENT_SHARE,
     LAMP_CORRELATION,
@@ -261,7 +262,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
 
     Cameras from the shipped prior itself, then what the setting is told may be off: the chart and the white by
     covariance.py's model (each channel sees its own chart, CHANNEL_SHARE of whose smooth errors are common), the
-    lamps as `true_lamp`.
+    lamps as `true_lamp`; and light that drifts between chart and white frame.
     """
     basis = read_basis("cameras")
     given = chart()[slice(*setting.patches)]
@@ -280,6 +281,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
         light = np.stack([true_lamp(name, setting.off, rng) for name in setting.lamps])
         y = np.einsum("km,cnm,mc->knc", light, seen, camera) / ((light * white) @ camera)[:, None, :]
         error = np.hypot(setting.noise[0] * y, setting.noise[1])
+        y = y * (1.0 + DRIFT * rng.normal(size=(len(lamps), 1, 1)))
         own = INDEPENDENT_SHARE * told["chart_tolerance"] * y
         y = y + np.hypot(error, own) * rng.normal(size=y.shape)
         answer = recover(Evidence(y, given, lamps, standard_error=error, **told))
