@@ -150,7 +150,7 @@ def main(arguments: list[str] | None = None) -> int:
                     for j, (_, _, modes) in enumerate(lamps):
                         directions[j, : len(modes)] = modes
                     told = {
-                        "known": (np.stack([power for power, _, _ in lamps]), None),
+                        "known": (np.stack([power for power, _, _ in lamps]), np.zeros_like(directions)),
                         "kind": (np.stack([about[0] for _, about, _ in lamps]), directions),
                     }
                     for how, (light, modes_) in told.items():

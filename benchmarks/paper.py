@@ -256,7 +256,10 @@ def charts(camera: Camera, index: int) -> Scores:
 
 
 def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict[str, Any]) -> Floats:
-    """The product's problem with all correlations of Σ struck out: curves (681, 3)."""
+    """The product's problem with all correlations of the chart's and the white's errors struck out: curves (681, 3).
+
+    Light that drifts between a shot's frames, which any capture has, stays one error a shot.
+    """
     k, n, _ = y.shape
     full = sense(
         Evidence(
@@ -272,7 +275,8 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
         ),
         basis,
     )
-    loose = Sensing(full.matrix, full.target, full.covariance * np.eye(3 * k * n))
+    shots = full.terms["lamp"]
+    loose = Sensing(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
     code = solve(loose, L2, np.array([GAMMA])).values.reshape(3, -1)
     book = anchor(basis, lights[0])
     return np.asarray((book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T)

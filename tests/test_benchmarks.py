@@ -183,6 +183,7 @@ def test_the_oracle_takes_the_one_problem() -> None:
     assert mean + atoms @ one.code[0] == pytest.approx(_common.curves(basis, three.code), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
     status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
@@ -225,6 +226,8 @@ def test_what_the_product_refuses_by_name_is_no_miss(own: float) -> None:
 def test_the_product_s_calls_are_counted_by_their_bars(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    problem = certify.draw_default(0, 0)
+    monkeypatch.setattr(certify, "draw_default", lambda *_: problem)
     good = {"exact_gap": 0.0, "reference_steps": 0.0, "reference_gap": 0.5 * PROVEN, "reference_off": 1e-8}
     for bad, share in (({}, "100.00 %"), ({"reference_steps": 1.0}, "99.50 %"), ({"reference_gap": 1e-9}, "99.50 %")):
         answers = iter([good | bad, *[good] * 199])
@@ -350,6 +353,7 @@ def test_the_fastest_compiled_peer_decides_with_its_rows_free() -> None:
     assert told["met"]  # no bar for two shots
 
 
+@pytest.mark.slow
 def test_an_older_model_is_asked_for_its_codes(tmp_path: Path) -> None:
     problem = solver.problem_of("cameras", 9)
     file = tmp_path / "older.onnx"
@@ -377,6 +381,7 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
     assert (results / "solver.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status = depth.main(["--cameras", "1", "--depths", "1", str(DEPTH)])
     said = capsys.readouterr().out
