@@ -229,12 +229,13 @@ def test_the_product_s_calls_are_counted_by_their_bars(
     problem = certify.draw_default(0, 0)
     monkeypatch.setattr(certify, "draw_default", lambda *_: problem)
     good = {"exact_gap": 0.0, "reference_steps": 0.0, "reference_gap": 0.5 * PROVEN, "reference_off": 1e-8}
+    good |= {"layers_off": 1e-5}
     for bad, share in (({}, "100.00 %"), ({"reference_steps": 1.0}, "99.50 %"), ({"reference_gap": 1e-9}, "99.50 %")):
         answers = iter([good | bad, *[good] * 199])
         monkeypatch.setattr(certify, "judge_default", lambda *_, answers=answers: next(answers))
         rows, held = certify.defaults(0, range(200), ("reference",))
         assert held
-        assert rows[-1]["no finish, gap <= 1e-10"] == share
+        assert rows[-1]["layers, gap <= 1e-10"] == share
     for bad, many in (({"reference_off": 2e-7}, 1), ({"reference_off": np.nan}, 1), ({"reference_steps": 3.0}, 3)):
         answers = iter([good | bad] * many + [good] * (200 - many))
         monkeypatch.setattr(certify, "judge_default", lambda *_, answers=answers: next(answers))
@@ -614,3 +615,18 @@ def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> No
     assert isinstance(last, ast.Return)
     assert last.value is not None
     assert not isinstance(last.value, ast.Constant)
+
+
+@pytest.mark.slow
+def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
+    from benchmarks import lamps
+
+    status = lamps.main(["--every", "60", "--draws", "1"])
+    kept = json.loads((results / "lamps.json").read_text())
+    assert [row["lamps"] for row in kept["rows"]] == [" + ".join(kinds) for kinds in lamps.SETTINGS]
+    for row in kept["rows"]:
+        for how in ("known", "kind"):
+            assert 0.0 < row[how]["rmse"] < 0.2
+            assert row[how]["coverage"] > 0.4
+    assert status == ("MISSED" in capsys.readouterr().out)
