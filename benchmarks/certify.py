@@ -12,7 +12,7 @@ own whitened rows come out of the same graph, built anew with two outputs more (
 
 Bars: recomputed gap <= 1e-9 in every problem that the engine does not refuse by name (`not_converged`, by its own gap
 above 1e-6). Curves within 1e-6 of the peak of an oracle's wherever the optimum is unique. The rows of the two engines
-within 1e-9: whitened rows are known up to a rotation only, so what is compared is what it leaves, Aᵀ Σ⁻¹ A and
+within 1e-11: whitened rows are known up to a rotation only, so what is compared is what it leaves, Aᵀ Σ⁻¹ A and
 Aᵀ Σ⁻¹ b, in parts of the atoms' lengths (and b's); a gap proves an answer to an engine's own rows only. The oracle,
 on every --oracle-every-th call, is cvxpy with Clarabel on columns of unit length, tolerances 1e-12, then exchanges of
 single atoms from its signs (least squares by QR), kept where the gap shrinks. Unique: see `determined`. Where
@@ -83,7 +83,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart
 from camssf.spectra.families import FAMILIES
 
-GAP_BAR, CURVE_BAR, ROWS_BAR = 1e-9, 1e-6, 1e-9
+GAP_BAR, CURVE_BAR, ROWS_BAR = 1e-9, 1e-6, 1e-11
 ALONE_BAR, ALONE_SHARE = 1e-7, 0.99
 """Of the layers' curve on the product's defaults; share of calls that need no finish."""
 SMALLEST, LARGEST = 1e-6, 1.0

@@ -91,14 +91,9 @@ def problems(basis: str, l2: float, count: int, seed: int) -> list[Problem]:
 
 
 def unrolled(each: Convex, layers: str, depths: tuple[int, ...]) -> Floats:
-    """(depths, r) answers of the layers of that kind; one walk along them."""
+    """(depths, r) answers of the nets of those depths; a net's last layers may differ from its others."""
     layer = LAYERS[layers](each)
-    v, kept = np.zeros(each.g.size), []
-    for count in range(1, max(depths) + 1):
-        v = layer(v)
-        if count in depths:
-            kept.append(layer.answer(v))
-    return np.array(kept)
+    return np.stack([layer.unroll(depth) for depth in depths])
 
 
 @dataclass(frozen=True)
