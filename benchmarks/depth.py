@@ -4,9 +4,9 @@ For each depth, the layers of both constructors (`camssf.curves.layers`: `splitt
 the finish: distance of their curve from the exact one, in parts of its peak, over cameras x lamps x channels: worst,
 and in brackets the median. Then what the finish makes of the shipped layers' answer at that depth: the same distance,
 how many calls' layers are proof enough by themselves (relative gap <= 1e-10: the finish takes no step), and how many
-pivots it takes from there in the others. Exact: full depth and the finish, taken whatever the layers' own proof says;
-its relative duality gap, recomputed in long double (`_common.relative_gap`), must be <= 1e-9; the largest is printed.
-Where it is not, cvxpy is asked (`benchmarks.certify`), and that is counted.
+pivots it takes from there in the others. Exact: the shipped depth and the finish, taken whatever the layers' own
+proof says; its relative duality gap, recomputed in long double (`_common.relative_gap`), must be <= 1e-9; the largest
+is printed. Where it is not, cvxpy is asked (`benchmarks.certify`), and that is counted.
 
 24 patches, noise 0.1 % with a foot; lamps D55 | D55 + A | FL2 on `cameras` (one problem of 72 unknowns; γ 0.05 with
 λ₂ 1, γ 1.4 with λ₂ 0, signed, full Σ of the chart's 3 %), D55 | A | FL2 on `gaussian` (a problem a channel;
