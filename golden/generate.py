@@ -22,7 +22,7 @@ import numpy as np
 
 from camssf.curves.code import DEPTH
 from camssf.curves.engine import load_model
-from camssf.curves.finish import PROVEN
+from camssf.curves.finish import PROVEN, SETTLED
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
@@ -246,7 +246,7 @@ def _limits(made: Json, scene: Json) -> list[Json]:
     if stage == "solve" and scene["generic"]:
         found += [limit("code", "outputs", "norm", 1e-9), limit("finish_steps", "outputs", "exact", 0.0)]
     if stage == "ssf" and not np.any(outputs["finish_steps"]):
-        found += [limit("finish_steps", "outputs", "at_most", 0.0), limit("layers_gap", "outputs", "at_most", PROVEN)]
+        found += [limit("finish_steps", "outputs", "at_most", 0.0), limit("layers_gap", "outputs", "at_most", SETTLED)]
     if stage == "layers":
         return found + _layers_limits(made, limit)
     if stage == "calibrate":
