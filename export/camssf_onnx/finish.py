@@ -29,7 +29,9 @@ def finish(problem: Problem, z: Value, before: Value) -> tuple[Value, Value, Val
         gap = gap_of(here, x).unsqueeze(1)
         first = body.op("Equal", step, body.constant(0, np.int64))
         later = body.op("Not", body.op("LessOrEqual", least, PROVEN))
-        open_ = body.op("Or", body.op("And", first, unproven.here(body)), body.op("And", body.op("Not", first), later))
+        open_ = body.op(
+            "Or", body.op("And", first, unproven.here(body)), body.op("And", body.op("Not", first), later)
+        )
         better = body.op("And", open_, body.op("Or", body.op("Less", gap, least), first))
         best, least = body.op("Where", better, x, best), body.op("Where", better, gap, least)
         taken = taken + open_.real() * pivots
