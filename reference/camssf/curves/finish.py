@@ -29,7 +29,7 @@ REFINEMENTS, EXACT = 8, 1e-10
 """Most steps of the last correction against the residual itself; the share of γ below which it stops as soon as it no
 longer halves."""
 SETTLED = 1e-12
-"""A relative duality gap of the layers that needs no walk: the curve is then within 1e-7 of the peak of the exact one."""
+"""A relative duality gap of the layers that needs no walk: the curve is within 1e-7 of the peak of the exact one."""
 PROVEN, WALKS = 1e-9, 3
 """A relative duality gap that is proof enough after a walk; most walks, each from the answer of the one before."""
 RIDGE = 1e-11
