@@ -76,7 +76,6 @@ from camssf.curves.basis import Basis, interpolate, read_basis
 from camssf.curves.code import solve
 from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
 from camssf.curves.engine import SHIPPED, load_model
-from camssf.curves.finish import PROVEN
 from camssf.curves.penalties import GAMMA, L2
 from camssf.curves.ssf import LARGEST_GAP
 from camssf.grid import WAVELENGTHS, Floats
@@ -84,8 +83,8 @@ from camssf.spectra import read_chart
 from camssf.spectra.families import FAMILIES
 
 GAP_BAR, CURVE_BAR, ROWS_BAR = 1e-9, 1e-6, 1e-11
-ALONE_BAR, ALONE_SHARE = 1e-7, 0.99
-"""Of the layers' curve on the product's defaults; share of calls that need no finish."""
+ALONE_GAP, ALONE_BAR, ALONE_SHARE = 1e-10, 1e-7, 0.99
+"""Gap and curve of the layers on the product's defaults; share of calls that need no finish."""
 SMALLEST, LARGEST = 1e-6, 1.0
 """γ, in parts of γ_max."""
 LEARNED = tuple(name for name in SHIPPED if name != "gaussian")
@@ -606,7 +605,7 @@ def defaults(seed: int, numbers: Sequence[int], engines: Sequence[str]) -> tuple
             steps, gap, off = (
                 np.array([measured[f"{engine}_{what}"] for _, measured in group]) for what in ("steps", "gap", "off")
             )
-            alone = (steps == 0) & (gap <= PROVEN)
+            alone = (steps == 0) & (gap <= ALONE_GAP)
             good = bool(alone.mean() >= ALONE_SHARE and (off <= ALONE_BAR).all())
             held &= good or basis != "all"
             needed = [m["layers_off"] for _, m in group if m["reference_steps"] > 0]
