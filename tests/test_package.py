@@ -26,6 +26,7 @@ ROOMS = {
     "curves": {"errors", "grid", "rules", "spectra"},
     "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
     "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "evidence"},
+    "exports": {"errors", "grid", "files", "documents"},
     "direct": {"errors", "grid", "files", "photo"},
     "simulation": {"errors", "grid", "files", "fonts", "spectra", "photo"},
     "calibration": {"errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents"},
@@ -37,8 +38,8 @@ ROOMS = {
         "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration",
     },
     "cli": {
-        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "direct",
-        "simulation", "calibration", "parity", "fleet",
+        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "exports",
+        "direct", "simulation", "calibration", "parity", "fleet",
     },
 }  # fmt: skip
 """What each room may know; docs/architecture.md draws it. photo and curves do not know each other."""

@@ -1,0 +1,42 @@
+"""Commands that hand a result on: export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from camssf.cli.options import Document
+from camssf.cli.reading import read_result
+from camssf.cli.terminal import say
+
+FORMATS = "rawtoaces, spectacle, csv, colour"
+"""Those of `camssf.exports.formats`, which is not loaded to print the help."""
+
+
+def export(
+    document: Document = "-",
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"One of {FORMATS}.")] = "csv",
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", show_default=False, help="The file to write.")
+    ] = None,
+    licence: Annotated[
+        str | None,
+        typer.Option(metavar="TEXT", show_default=False, help="Of the curves, for formats that ask: CC-BY-4.0."),
+    ] = None,
+) -> None:
+    """Write a result in another program's format.
+
+    Its verdict and its hash stand in the file's description. A refused result has nothing to export.
+    """
+    from camssf.errors import InvalidArgument
+    from camssf.exports import FORMATS
+    from camssf.exports import export as write
+    from camssf.exports.formats import UNSTATED
+    from camssf.files import write_file
+
+    if out is None:
+        raise InvalidArgument("No file was named to export to.", "Add -o FILE.")
+    write_file(out, write(read_result(document), to, licence=UNSTATED if licence is None else licence))
+    say("", f"{FORMATS[to].what}: {out}")
