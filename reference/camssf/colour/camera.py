@@ -1,0 +1,136 @@
+"""Result or ssf → camera: curves, and the directions in which they may be off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from camssf.curves.basis import Basis
+from camssf.curves.covariance import smooth_errors
+from camssf.curves.sensing import anchor
+from camssf.curves.ssf import Ssf, moves_of_peak_one
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import Lamp, read_lamp
+
+BAND_CORRELATION = 20.0
+"""Length over which errors of a curve are taken to be alike where only its band is known, nm."""
+LEAST = 1e-6
+"""Directions that hold less than this share of the largest one's variance are left out."""
+
+
+@dataclass(frozen=True)
+class OwnWhite:
+    """What the calibration saw of white: it ties the three channels' scales together.
+
+    Attributes:
+        raw: (3,) white signal of each channel relative to green.
+        lamp: of that shot.
+    """
+
+    raw: Floats
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Curves for colour.
+
+    Attributes:
+        name: of the camera or of the result.
+        values: (681, 3), each channel's peak = 1.
+        modes: (q, 681, 3) directions in which they may be off, each one standard deviation long and independent of
+            the others; (0, 681, 3) for curves that are taken to be exact.
+        own: the calibration's white; None where it is not known.
+    """
+
+    name: str
+    values: Floats
+    modes: Floats
+    own: OwnWhite | None = None
+
+    def __post_init__(self) -> None:
+        m = WAVELENGTHS.size
+        if self.values.shape != (m, 3) or self.modes.shape[1:] != (m, 3):
+            raise InvalidArgument(
+                f"Curves of shape {self.values.shape} with modes of shape {self.modes.shape} are no camera.",
+                "Give (681, 3) and (q, 681, 3), on the grid.",
+            )
+        if not (np.isfinite(self.values).all() and np.isfinite(self.modes).all() and (self.values.max(0) > 0).all()):
+            raise InvalidArgument("A curve is not finite, or has no positive peak.", "Give measured curves.")
+
+
+def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = None) -> Camera:
+    """The answer of `recover` with its whole covariance.
+
+    Args:
+        ssf: on a basis with a prior.
+        basis: that basis.
+        white: (681,) ρ_w L of the first shot, as in the evidence: what the basis was anchored to.
+        own: the calibration's white, where raw frames are known.
+
+    Raises:
+        InvalidArgument: an answer without a covariance.
+    """
+    if ssf.code_covariance is None:
+        raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Take --basis cameras.")
+    anchored = anchor(basis, white)
+    curves = anchored.mean + np.einsum("cmr,cr->cm", anchored.dictionary, ssf.code.T)
+    moves = moves_of_peak_one(anchored, curves) / curves.max(axis=1)[:, None, None]
+    size, axes = np.linalg.eigh(ssf.code_covariance)
+    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
+    return Camera(ssf.basis, ssf.peak()[0], _largest(np.einsum("cmr,crq->qmc", moves, steps)), own)
+
+
+def camera_of_result(document: dict[str, Any]) -> Camera:
+    """The curves of a result document, with modes that its bands allow.
+
+    The document has bands and no covariance: errors are taken to be smooth over BAND_CORRELATION, and independent
+    between the channels. `own` is None where the lamp of the first shot was a file that is not there.
+
+    Raises:
+        InvalidArgument: a refused result.
+    """
+    if "ssf" not in document:
+        reasons = document["verdict"]["reasons"]
+        raise InvalidArgument("This result was refused: it has no curves to see colour with.", reasons[0]["advice"])
+    colours = ("red", "green", "blue")
+    values = np.stack([np.array(document["ssf"][c], dtype=np.float64) for c in colours], axis=1)
+    std = document.get("ssf_std")
+    modes = np.zeros((0, *values.shape))
+    if std is not None:
+        modes = modes_of_bands(np.stack([np.array(std[c], dtype=np.float64) for c in colours], axis=1))
+    camera = document["camera"]
+    try:
+        lamp = read_lamp(document["shots"][0]["lamp"]["name"])
+        own = OwnWhite(np.array(document["channel_gain"], dtype=np.float64), lamp)
+    except CalibrationError:  # a lamp that was measured into a file: what ties the channels is not known
+        own = None
+    return Camera(" ".join(filter(None, (camera["make"], camera["model"]))), values, modes, own)
+
+
+def modes_of_bands(std: Floats) -> Floats:
+    """(q, 681, 3) modes whose variance at each wavelength is the band's (681, 3)."""
+    smooth = _unit_errors()
+    modes = np.zeros((3, smooth.shape[1], *std.shape))
+    for c in range(3):
+        modes[c, :, :, c] = (std[:, c, None] * smooth).T
+    return _largest(modes.reshape(-1, *std.shape))
+
+
+@cache
+def _unit_errors() -> Floats:
+    """(681, p) smooth errors of variance 1 at every wavelength."""
+    smooth = smooth_errors(BAND_CORRELATION, WAVELENGTHS)
+    return np.asarray(smooth / np.linalg.norm(smooth, axis=1, keepdims=True))
+
+
+def _largest(modes: Floats) -> Floats:
+    """The same covariance by as few directions as matter, the largest first."""
+    shape = modes.shape
+    _, size, axes = np.linalg.svd(modes.reshape(len(modes), -1), full_matrices=False)
+    kept = size**2 > LEAST * size[0] ** 2 if size[0] > 0 else np.zeros(size.shape, dtype=bool)
+    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *shape[1:]))
