@@ -27,7 +27,7 @@ ROOMS = {
     "colour": {"errors", "grid", "files", "spectra", "photo", "curves"},
     "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
     "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "evidence"},
-    "exports": {"errors", "grid", "files", "documents"},
+    "exports": {"errors", "grid", "files", "spectra", "colour", "documents"},
     "direct": {"errors", "grid", "files", "photo"},
     "simulation": {"errors", "grid", "files", "fonts", "spectra", "photo"},
     "calibration": {"errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents"},

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from camssf.colour.camera import Camera, camera_of_result, camera_of_ssf
-from camssf.colour.transforms import KINDS, Transform, choose, fit
-from camssf.colour.indices import Quality, quality
+from camssf.colour.indices import Quality, quality_of
 from camssf.colour.spaces import adapt, lab, white_of
 from camssf.colour.standard import PARTS, Colours, Reference, View, standard_colour
+from camssf.colour.transforms import KINDS, Transform, choose, fit
 
 __all__ = [
     "KINDS",
@@ -23,7 +23,7 @@ __all__ = [
     "choose",
     "fit",
     "lab",
-    "quality",
+    "quality_of",
     "standard_colour",
     "white_of",
 ]

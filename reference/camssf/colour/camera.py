@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.curves.basis import Basis
+from camssf.curves.basis import Basis, read_basis
 from camssf.curves.covariance import smooth_errors
 from camssf.curves.sensing import anchor
 from camssf.curves.ssf import Ssf, moves_of_peak_one
@@ -16,8 +16,11 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import Lamp, read_lamp
 
-BAND_CORRELATION = 20.0
-"""Length over which errors of a curve are taken to be alike where only its band is known, nm."""
+BAND_CORRELATION = 10.0
+"""Length over which errors of a curve are taken to be alike where only its band is known, nm. What the photos fix of
+the curves are integrals, so true errors change sign; longer lengths overrate colour's uncertainty even more."""
+SAME_BAND = 0.02
+"""Largest difference between a document's bands and those that its covariance gives, in parts of the largest."""
 LEAST = 1e-6
 """Directions that hold less than this share of the largest one's variance are left out."""
 
@@ -77,19 +80,16 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
     """
     if ssf.code_covariance is None:
         raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Take --basis cameras.")
-    anchored = anchor(basis, white)
-    curves = anchored.mean + np.einsum("cmr,cr->cm", anchored.dictionary, ssf.code.T)
-    moves = moves_of_peak_one(anchored, curves) / curves.max(axis=1)[:, None, None]
-    size, axes = np.linalg.eigh(ssf.code_covariance)
-    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
-    return Camera(ssf.basis, ssf.peak()[0], _largest(np.einsum("cmr,crq->qmc", moves, steps)), own)
+    values = ssf.peak()[0]
+    return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
 
 
 def camera_of_result(document: dict[str, Any]) -> Camera:
-    """The curves of a result document, with modes that its bands allow.
+    """The curves of a result document.
 
-    The document has bands and no covariance: errors are taken to be smooth over BAND_CORRELATION, and independent
-    between the channels. `own` is None where the lamp of the first shot was a file that is not there.
+    Their modes come from the document's covariance where its basis and the lamp of its first shot are at hand, else
+    from its bands: errors are then taken to be smooth over BAND_CORRELATION and independent between the channels,
+    which makes colours look about twice as uncertain as they are. `own` needs that lamp, too.
 
     Raises:
         InvalidArgument: a refused result.
@@ -97,19 +97,51 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
     if "ssf" not in document:
         reasons = document["verdict"]["reasons"]
         raise InvalidArgument("This result was refused: it has no curves to see colour with.", reasons[0]["advice"])
-    colours = ("red", "green", "blue")
-    values = np.stack([np.array(document["ssf"][c], dtype=np.float64) for c in colours], axis=1)
-    std = document.get("ssf_std")
-    modes = np.zeros((0, *values.shape))
-    if std is not None:
-        modes = modes_of_bands(np.stack([np.array(std[c], dtype=np.float64) for c in colours], axis=1))
-    camera = document["camera"]
+    values, std = _stack(document["ssf"]), document.get("ssf_std")
+    named = document["camera"]
+    name = " ".join(filter(None, (named["make"], named["model"]))) or "camera"
     try:
         lamp = read_lamp(document["shots"][0]["lamp"]["name"])
         own = OwnWhite(np.array(document["channel_gain"], dtype=np.float64), lamp)
     except CalibrationError:  # a lamp that was measured into a file: what ties the channels is not known
         own = None
-    return Camera(" ".join(filter(None, (camera["make"], camera["model"]))), values, modes, own)
+    if std is None:
+        return Camera(name, values, np.zeros((0, *values.shape)), own)
+    band = _stack(std)
+    modes = None if own is None else _modes_of_document(document, values, band, own.lamp.values)
+    return Camera(name, values, modes_of_bands(band) if modes is None else modes, own)
+
+
+def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, white: Floats) -> Floats | None:
+    """Modes from the document's covariance; None where it has none, or its basis is not the one at hand."""
+    triangle = document.get("code_covariance")
+    try:
+        basis = read_basis(document["basis"])
+    except InvalidArgument:
+        return None
+    size = 3 * basis.dictionary.shape[2]
+    if triangle is None or not basis.prior or len(triangle) != size * (size + 1) // 2:
+        return None
+    covariance = np.zeros((size, size))
+    covariance[np.tril_indices(size)] = triangle
+    covariance = covariance + np.tril(covariance, -1).T
+    modes = modes_of_code(values, covariance, basis, white)
+    # The document's own bands say whether basis and covariance belong together.
+    found = np.sqrt(np.sum(modes**2, axis=0))
+    return modes if np.abs(found - band).max() < SAME_BAND * band.max() else None
+
+
+def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:
+    """(q, 681, 3) modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
+
+    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ: that gives the curves' scale.
+    """
+    anchored = anchor(basis, white)
+    curves = values.T * ((anchored.mean @ white) / (values.T @ white))[:, None]
+    moves = moves_of_peak_one(anchored, curves) / curves.max(axis=1)[:, None, None]
+    size, axes = np.linalg.eigh(covariance)
+    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
+    return _largest(np.einsum("cmr,crq->qmc", moves, steps))
 
 
 def modes_of_bands(std: Floats) -> Floats:
@@ -126,6 +158,10 @@ def _unit_errors() -> Floats:
     """(681, p) smooth errors of variance 1 at every wavelength."""
     smooth = smooth_errors(BAND_CORRELATION, WAVELENGTHS)
     return np.asarray(smooth / np.linalg.norm(smooth, axis=1, keepdims=True))
+
+
+def _stack(curves: dict[str, Any]) -> Floats:
+    return np.stack([np.array(curves[c], dtype=np.float64) for c in ("red", "green", "blue")], axis=1)
 
 
 def _largest(modes: Floats) -> Floats:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.colour.transforms import Transform, choose, fit, signals_of
 from camssf.colour.spaces import lab, xyz_of
+from camssf.colour.transforms import Transform, choose, fit, signals_of
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer
@@ -40,7 +40,7 @@ class Quality:
     lamp: str
 
 
-def quality(curves: Floats, lamp: str = "D65", name: str = "1931") -> Quality:
+def quality_of(curves: Floats, lamp: str = "D65", name: str = "1931") -> Quality:
     """Luther condition, SMI and the transforms of curves (681, 3) for an observer and a lamp.
 
     Raises:

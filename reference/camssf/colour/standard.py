@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.colour.camera import Camera
-from camssf.colour.transforms import KINDS, Transform, choose, fit, level, signals_of, terms
 from camssf.colour.light import Light, see
 from camssf.colour.reach import distances
 from camssf.colour.spaces import adaptation, lab, lab_slopes, white_of, xyz_of
+from camssf.colour.transforms import KINDS, Transform, choose, fit, level, signals_of, terms
 from camssf.curves.covariance import CHART_CORRELATION, DRIFT, smooth_errors
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats

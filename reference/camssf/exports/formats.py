@@ -8,12 +8,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from camssf.colour.camera import OwnWhite, camera_of_result
 from camssf.errors import InvalidArgument
+from camssf.exports.clf import clf
 from camssf.exports.curves import Curves, one_line, read_result
+from camssf.exports.dcp import dcp
+from camssf.exports.icc import icc
+from camssf.exports.matrices import matrices
 from camssf.exports.rawtoaces import rawtoaces
 from camssf.exports.tables import colour_csv, plain_csv, spectacle_csv
 
 UNSTATED = "not stated by the owner"
+MATRIX_LAMP = "D65"
 
 
 @dataclass(frozen=True)
@@ -23,10 +29,14 @@ class Order:
     Attributes:
         created: time of the export, UTC, where a format asks for it.
         licence: of the curves, where a format asks for it.
+        lamp: that a matrix is made for, where a format holds one.
+        own: what the calibration saw of white, where a format ties the channels together; None where it is not known.
     """
 
     created: datetime
     licence: str = UNSTATED
+    lamp: str = MATRIX_LAMP
+    own: OwnWhite | None = None
 
 
 @dataclass(frozen=True)
@@ -41,11 +51,21 @@ FORMATS = {
     "rawtoaces": Format("rawtoaces camera file (JSON)", lambda c, order: rawtoaces(c, order.created, order.licence)),
     "spectacle": Format("SPECTACLE spectral_response.csv", lambda c, order: spectacle_csv(c)),
     "csv": Format("plain CSV", lambda c, order: plain_csv(c)),
+    "dcp": Format("DNG camera profile", lambda c, order: dcp(c, order.own)),
+    "icc": Format("ICC profile", lambda c, order: icc(c, matrices(c, order.lamp), order.created)),
+    "clf": Format("Common LUT Format", lambda c, order: clf(c, matrices(c, order.lamp))),
     "colour": Format("colour-science CSV", lambda c, order: colour_csv(c)),
 }
 
 
-def export(document: dict[str, Any], to: str, *, created: datetime | None = None, licence: str = UNSTATED) -> bytes:
+def export(
+    document: dict[str, Any],
+    to: str,
+    *,
+    created: datetime | None = None,
+    licence: str = UNSTATED,
+    lamp: str = MATRIX_LAMP,
+) -> bytes:
     """A result in another format.
 
     Args:
@@ -53,6 +73,7 @@ def export(document: dict[str, Any], to: str, *, created: datetime | None = None
         to: one of FORMATS.
         created: aware; now unless given. The environment's SOURCE_DATE_EPOCH comes first.
         licence: that the owner of the curves gives them, for formats that ask for one.
+        lamp: that the matrix of `icc` and `clf` is made for.
 
     Returns:
         The file's content.
@@ -64,7 +85,9 @@ def export(document: dict[str, Any], to: str, *, created: datetime | None = None
         raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")
     if not one_line(licence):
         raise InvalidArgument("The licence is empty.", "Name one, for example CC-BY-4.0, or leave it out.")
-    written = FORMATS[to].write(read_result(document), Order(_time(created), one_line(licence)))
+    curves = read_result(document)
+    order = Order(_time(created), one_line(licence), lamp, camera_of_result(document).own)
+    written = FORMATS[to].write(curves, order)
     return written if isinstance(written, bytes) else written.encode()
 
 
