@@ -26,7 +26,7 @@ ROOMS = {
     "curves": {"errors", "grid", "rules", "spectra"},
     "colour": {"errors", "grid", "files", "spectra", "photo", "curves"},
     "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
-    "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "evidence"},
+    "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "colour", "evidence"},
     "exports": {"errors", "grid", "files", "spectra", "colour", "documents"},
     "direct": {"errors", "grid", "files", "photo"},
     "simulation": {"errors", "grid", "files", "fonts", "spectra", "photo"},

@@ -132,7 +132,7 @@ def colour(
     }
     emit(colour_document(colours, y, error, found, white, about))
     for number, (lab, spread) in enumerate(zip(colours.lab, colours.lab_covariance, strict=True), 1):
-        if colours.reach[number - 1] <= REACH:
+        if not colours.reach[number - 1] > REACH:  # NaN: so many that nobody asked
             words = " ".join(
                 f"{name} {value:.1f} ± {1.96 * size:.1f}"
                 for name, value, size in zip(("L*", "a*", "b*"), lab, spread.diagonal() ** 0.5, strict=True)
