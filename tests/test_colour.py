@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import KINDS, fit, signals_of, terms
 from camssf.curves import Evidence, recover
 from camssf.curves.basis import read_basis
-from camssf.errors import ColourOutOfReach, InvalidArgument, LampUnfit, Overexposed
+from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, LampUnfit, Overexposed
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces
@@ -686,3 +687,58 @@ def test_the_schema_is_sound_and_says_what_everything_is() -> None:
                 walk(each, f"{where}.{name}")
 
     walk(schema, "")
+
+
+def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:
+    """A document of sound form with numbers that no camera has."""
+    rng = np.random.default_rng(seed)
+    given = json.loads(json.dumps(document))
+    for c in rng.choice(["red", "green", "blue"], 2):
+        curve = np.array(given["ssf"][c])
+        kind = rng.integers(6)
+        if kind == 0:
+            curve = -np.abs(curve)
+        elif kind == 1:
+            curve = np.zeros_like(curve)
+        elif kind == 2:
+            curve = rng.normal(size=curve.size)
+        elif kind == 3:
+            curve = curve * 10.0 ** rng.integers(-12, 12)
+        elif kind == 4:
+            curve = np.array(given["ssf"]["red"])
+        curve = np.clip(curve / max(curve.max(), 1e-300), -1e3, 1.0)
+        curve[rng.integers(curve.size)] = 1.0
+        given["ssf"][c] = curve.tolist()
+        if rng.random() < 0.5:
+            given["ssf_std"][c] = (np.abs(rng.normal(size=curve.size)) * 10.0 ** rng.integers(-12, 9)).tolist()
+    size = len(given["code_covariance"])
+    triangle = rng.normal(size=size) * 10.0 ** rng.integers(-6, 9)
+    variances = np.cumsum(np.arange(1, 73)) - 1
+    triangle[variances] = np.abs(triangle[variances])
+    given["code_covariance"] = triangle.tolist()
+    given["channel_gain"] = (rng.normal(size=3) * 10.0 ** rng.integers(-6, 6)).tolist()
+    return given
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: tuple[Path, dict[str, Any]]) -> None:
+    from camssf.documents.report import report
+    from camssf.exports import FORMATS, export
+
+    given = hostile(calibrated[1], seed)
+    for told in ("LED-B3", "auto"):
+        with suppress(CalibrationError):
+            found = standard_colour(
+                camera_of_result(given),
+                told,
+                np.full(3, 0.3),
+                0.01,
+                reference=Reference(raw=np.array([0.7, 1.0, 0.6])),
+            )
+            assert np.isfinite(found.lab).all()
+            assert np.isfinite(found.lab_covariance).all()
+    for to in FORMATS:
+        with suppress(CalibrationError):
+            assert b"nan" not in export(given, to).lower()
+    assert report(given).html

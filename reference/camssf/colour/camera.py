@@ -102,7 +102,8 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
     name = " ".join(filter(None, (named["make"], named["model"]))) or "camera"
     try:
         lamp = read_lamp(document["shots"][0]["lamp"]["name"])
-        own = OwnWhite(np.array(document["channel_gain"], dtype=np.float64), lamp)
+        raw = np.array(document["channel_gain"], dtype=np.float64)
+        own = OwnWhite(raw, lamp) if ((raw > 0) & (lamp.values @ values > 0)).all() else None
     except CalibrationError:  # a lamp that was measured into a file: what ties the channels is not known
         own = None
     if std is None:
@@ -125,9 +126,10 @@ def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, w
     covariance = np.zeros((size, size))
     covariance[np.tril_indices(size)] = triangle
     covariance = covariance + np.tril(covariance, -1).T
-    modes = modes_of_code(values, covariance, basis, white)
-    # The document's own bands say whether basis and covariance belong together.
-    found = np.sqrt(np.sum(modes**2, axis=0))
+    with np.errstate(all="ignore"):  # of a covariance that belongs to other curves: it is compared, not believed
+        modes = modes_of_code(values, covariance, basis, white)
+        # The document's own bands say whether basis and covariance belong together.
+        found = np.sqrt(np.sum(modes**2, axis=0))
     return modes if np.abs(found - band).max() < SAME_BAND * band.max() else None
 
 

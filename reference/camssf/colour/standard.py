@@ -121,7 +121,8 @@ def standard_colour(
         view: how to state the colours.
 
     Raises:
-        InvalidArgument: values that do not fit; "auto" without a reference, or a camera without its own white.
+        InvalidArgument: values that do not fit; "auto" without a reference, or a camera without its own white; curves
+            that carry no colour.
         LampUnfit: the reference's raw ratios contradict the lamp.
     """
     given, view = reference or Reference(), view or View()
@@ -131,11 +132,28 @@ def standard_colour(
     error = np.broadcast_to(np.asarray(standard_error, dtype=np.float64), y.shape)
     if not (np.isfinite(error).all() and (error >= 0).all()):
         raise InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
-    lights = _lights(camera, lamp, given)
-    weights = np.exp([light.log_evidence for light in lights] - np.max([light.log_evidence for light in lights]))
-    weights = weights / weights.sum()
-    answers = [_colours(light, y, error, given, view) for light in lights]
-    return _mixed(answers, weights)
+    try:
+        with np.errstate(all="ignore"):  # what came out is checked
+            found = _answer(_lights(camera, lamp, given), y, error, given, view)
+    except np.linalg.LinAlgError as fault:
+        raise _no_colour() from fault
+    if not all(np.isfinite(each).all() for each in (found.lab, found.xyz_covariance, found.lab_covariance)):
+        raise _no_colour()
+    return found
+
+
+def _no_colour() -> InvalidArgument:
+    return InvalidArgument(
+        "These curves, as uncertain as they are, carry no colour under this lamp.",
+        "Check the curves and the lamp; calibrate with better photos.",
+    )
+
+
+def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference, view: View) -> Colours:
+    """The answers under each light, mixed by their evidence."""
+    evidence = np.array([light.log_evidence for light in lights])
+    weights = np.exp(evidence - evidence.max())
+    return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
 
 
 def _lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:

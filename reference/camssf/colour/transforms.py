@@ -117,7 +117,10 @@ def choose(
     table = surfaces() if among is None else among
     y, target = signals_of(table, lamp, curves), xyz_of(table, lamp, functions)
     white = xyz_of(np.ones(lamp.shape), lamp, functions)
-    foretold = {each: _unseen(y, target, white, each) for each in (KINDS if kind is None else (kind,))}
+    try:
+        foretold = {each: _unseen(y, target, white, each) for each in (KINDS if kind is None else (kind,))}
+    except np.linalg.LinAlgError as fault:
+        raise InvalidArgument("Two of the curves are alike.", "Check that they are red, green and blue.") from fault
     delta = {
         each: float(np.mean(delta_e00(lab(target, white), lab(found, white)))) for each, found in foretold.items()
     }

@@ -7,8 +7,9 @@ import struct
 import numpy as np
 
 from camssf.colour.camera import OwnWhite
+from camssf.errors import InvalidArgument
 from camssf.exports.curves import Curves
-from camssf.exports.matrices import matrices, neutral
+from camssf.exports.matrices import LARGEST, matrices, neutral
 from camssf.grid import Floats
 
 ILLUMINANTS = {"A": 17, "D65": 21}
@@ -24,7 +25,7 @@ def dcp(curves: Curves, own: OwnWhite | None) -> bytes:
     matrix takes white-balanced RGB to XYZ under D50.
 
     Raises:
-        InvalidArgument: nothing ties the channels together.
+        InvalidArgument: nothing ties the channels together, or the curves carry no colour.
     """
     tags: dict[int, tuple[int, bytes, int]] = {
         50708: _text(curves.camera),
@@ -35,6 +36,8 @@ def dcp(curves: Curves, own: OwnWhite | None) -> bytes:
     for which, (lamp, code) in enumerate(ILLUMINANTS.items()):
         found = matrices(curves, lamp)
         colour = neutral(curves, own, lamp)[:, None] * np.linalg.inv(found.to_xyz)
+        if not np.abs(colour).max() < LARGEST:
+            raise InvalidArgument(f"No matrix takes colours under {lamp} to this camera.", "Check the curves.")
         tags |= {
             50721 + which: _rationals(colour),
             50778 + which: (_SHORT, struct.pack("<H", code), 1),

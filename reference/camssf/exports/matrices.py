@@ -25,6 +25,8 @@ ACES: Floats = np.array(
     ]
 )
 """XYZ to ACES2065-1 (SMPTE ST 2065-1)."""
+LARGEST = 100.0
+"""Coefficients of cameras are below 3; beyond this, formats have no room for them."""
 for _each in (D50, ACES_WHITE, ACES):
     _each.setflags(write=False)
 
@@ -56,6 +58,8 @@ def matrices(curves: Curves, lamp: str) -> Matrices:
     """
     found = choose(curves.values, read_lamp(lamp).values, kind="matrix")
     own = found.coefficients.T
+    if not np.abs(own).max() < LARGEST or np.linalg.cond(own) > 1e6:
+        raise InvalidArgument(f"No matrix takes these curves to colour under {lamp}.", "Check the curves.")
     to_aces = ACES @ adaptation(found.white, ACES_WHITE) @ own
     # ACES's published digits give white 1 to 1e-7: the rest is laid on each row's own scale
     to_aces = to_aces / to_aces.sum(axis=1, keepdims=True)
@@ -75,4 +79,6 @@ def neutral(curves: Curves, own: OwnWhite | None, lamp: str) -> Floats:
             "Put the lamp's file where it was, or calibrate with the lamp named.",
         )
     raw = own.raw * (read_lamp(lamp).values @ curves.values) / (own.lamp.values @ curves.values)
+    if not (np.isfinite(raw).all() and (raw > 1e-3 * np.abs(raw).max()).all()):
+        raise InvalidArgument(f"A channel hardly sees white under {lamp}.", "Check the curves.")
     return np.asarray(raw / raw.max())
