@@ -38,6 +38,8 @@ NUMERICAL = {
 COMMANDS = {
     "java": ("java",),
     "strace": ("strace",),
+    "exiftool": ("exiftool",),
+    "transicc": ("transicc",),
     "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
 }
 """Required tools that are programs, by any of these names; every other is a Python package."""

@@ -629,3 +629,22 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
             assert 0.0 < row[how]["rmse"] < 0.2
             assert row[how]["coverage"] > 0.4
     assert status == ("MISSED" in capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two cameras, their makers left out: far looser than the benchmark's bars, which need many."""
+    from benchmarks import colour
+
+    monkeypatch.setattr(_common, "RESULTS", tmp_path)
+    assert colour.main(["--cameras", "2"]) == 0
+    found = json.loads((tmp_path / "colour.json").read_text("utf-8"))
+    for rows in found["delta_e00"].values():
+        assert 0.3 < rows["mean"]["true"] < rows["mean"]["elsewhere"]
+        assert rows["mean"]["two"] < 1.3 * rows["mean"]["true"]
+        assert rows["mean"]["two"] < rows["mean"]["chart"]
+    assert all(0.85 < share < 0.99 for share in found["inside"].values())
+    assert colour.bars(found["delta_e00"], {"named": 0.5})[-1][-1] == "no"
+    assert "95 % region" in capsys.readouterr().out

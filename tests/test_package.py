@@ -24,8 +24,10 @@ ROOMS = {
     "spectra": {"errors", "grid", "files", "fonts"},
     "photo": {"errors", "grid", "rules", "options", "spectra"},
     "curves": {"errors", "grid", "rules", "spectra"},
+    "colour": {"errors", "grid", "files", "spectra", "photo", "curves"},
     "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
-    "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "evidence"},
+    "documents": {"errors", "grid", "files", "fonts", "spectra", "photo", "curves", "colour", "evidence"},
+    "exports": {"errors", "grid", "files", "spectra", "colour", "documents"},
     "direct": {"errors", "grid", "files", "photo"},
     "simulation": {"errors", "grid", "files", "fonts", "spectra", "photo"},
     "calibration": {"errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents"},
@@ -37,8 +39,8 @@ ROOMS = {
         "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "calibration",
     },
     "cli": {
-        "errors", "grid", "options", "files", "spectra", "photo", "curves", "evidence", "documents", "direct",
-        "simulation", "calibration", "parity", "fleet",
+        "errors", "grid", "options", "files", "spectra", "photo", "curves", "colour", "evidence", "documents",
+        "exports", "direct", "simulation", "calibration", "parity", "fleet",
     },
 }  # fmt: skip
 """What each room may know; docs/architecture.md draws it. photo and curves do not know each other."""
@@ -259,6 +261,7 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
             "lamp_unfit",
             "chart_unfit",
             "not_converged",
+            "colour_out_of_reach",
             "invalid_argument",
         ]
     )

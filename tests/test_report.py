@@ -663,6 +663,22 @@ def test_page_tells_the_document_s_numbers() -> None:
     assert found[0] > 0
 
 
+def test_page_says_what_the_curves_are_worth_for_colour() -> None:
+    """Its numbers are those of `quality_of`, and the matrix keeps white."""
+    from camssf.colour import quality_of, white_of
+    from camssf.spectra import read_lamp
+
+    given = document("D55")
+    shown = report(given).html
+    found = quality_of(np.array([given["ssf"][c] for c in CHANNELS]).T, "A")
+    assert f"Sensitivity metamerism index {found.smi:.0f} " in shown
+    assert f"under A {found.matrix.delta_e00['matrix']:.2f} by a matrix" in shown
+    rows = re.findall(r"[XYZ] from A&#x27;s camera RGB</th>((?:<td>.*?</td>)+)", shown)
+    numbers = [[float(n.replace("\u2212", "-")) for n in re.findall(r"<td>(.*?)</td>", row)] for row in rows]
+    assert np.abs(np.sum(numbers, axis=1) - white_of(read_lamp("A").values)).max() < 1e-3
+    assert "worth for colour" not in report(refused()).html
+
+
 def test_page_without_bands_says_so() -> None:
     made = document()
     made["ssf_std"] = None

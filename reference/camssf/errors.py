@@ -17,7 +17,8 @@ CalibrationError
 │   ├── Blurred            blurred
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
-└── NotConverged           not_converged       7   the solver's own proof failed
+├── NotConverged           not_converged       7   the solver's own proof failed
+└── ColourOutOfReach       colour_out_of_reach 8   a colour that no surface has
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -160,3 +161,10 @@ class NotConverged(CalibrationError):
 
     code = "not_converged"
     exit_status = 7
+
+
+class ColourOutOfReach(CalibrationError):
+    """A colour that no surface has under this lamp, so that the curves cannot carry it."""
+
+    code = "colour_out_of_reach"
+    exit_status = 8

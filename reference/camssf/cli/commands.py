@@ -12,6 +12,7 @@ import typer
 
 from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
+from camssf.cli.exports import colour, export
 from camssf.cli.others import cameras, charts, direct, lamps, parity
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
@@ -26,6 +27,11 @@ COMMANDS = (
     (solve, "camssf patches photo.dng --lamp D55 | camssf solve - > result.json"),
     (validate, "camssf validate result.json --truth truth.csv > scored.json"),
     (report, "camssf report result.json -o out/ --photo photo.dng"),
+    (export, "camssf export out/result.json --to rawtoaces -o camera.json"),
+    (
+        colour,
+        "camssf colour out/result.json photo.dng --lamp daylight --region 640,480,40,40 --white-region 700,480,40,40",
+    ),
     (direct, "camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/"),
     (parity, "camssf parity phone.json photo.dng --white white.dng"),
     (lamps, "camssf lamps | grep LED"),

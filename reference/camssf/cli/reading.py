@@ -80,6 +80,17 @@ def parse_share(text: str | None) -> float | None:
         ) from None
 
 
+def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]:
+    """`x,y,w,h` in pixels."""
+    try:
+        x, y, w, h = (float(number) for number in text.split(","))
+    except ValueError:
+        raise InvalidArgument(
+            f"{option} {text!r} is no rectangle.", "Write x,y,width,height in pixels, as in 640,480,40,40."
+        ) from None
+    return x, y, w, h
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """`4000x3000` → width and height, px."""
     found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())

@@ -13,6 +13,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.colour.indices import quality_of
+from camssf.errors import CalibrationError
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 
@@ -20,6 +22,7 @@ Json: TypeAlias = dict[str, Any]
 
 CHANNELS = ("red", "green", "blue")
 BAND = 1.96
+COLOUR_LAMPS = ("D65", "A")
 """Half-width of a 95 % band in standard deviations."""
 
 
@@ -176,6 +179,7 @@ def page(document: Json, previews: Sequence[bytes | None]) -> str:
         _headline(document),
         _section("Spectral sensitivity", _curve_section(document)) if curves else "",
         _section("Where the band comes from", _budget_section(document)),
+        _section("What the curves are worth for colour", _colour_section(document)) if curves else "",
         _section("Measured against synthetic patches", _tile_section(document)),
         _section("Residuals", _residual_section(document)),
         _section("Where each patch lies on the photo", _photo_section(document, previews)),
@@ -468,6 +472,32 @@ def _budget_section(document: Json) -> str:
     return (
         f"<p>All shots together: ± {found['half_width']:.3f} of the peak on average. Each alone: {alone}. "
         f"The other lamps narrow the best single shot's band by {100 * bought:.0f} %.</p>\n{table}"
+    )
+
+
+def _colour_section(document: Json) -> str:
+    """Luther condition, SMI, and the matrices of two lamps: of the curves alone, whatever the photos were like."""
+    curves = np.stack([np.array(document["ssf"][colour], dtype=np.float64) for colour in CHANNELS], axis=1)
+    try:
+        found = [quality_of(curves, lamp) for lamp in COLOUR_LAMPS]
+    except (CalibrationError, np.linalg.LinAlgError):  # curves of a strange document may see no light
+        return ""
+    rows = [
+        [_t(f"{word} from {each.lamp}'s camera RGB"), *(_n(value, 5) for value in row)]
+        for each in found
+        for word, row in zip("XYZ", each.matrix.coefficients.T.tolist(), strict=True)
+    ]
+    misses = "; ".join(
+        f"under {_t(each.lamp)} {each.matrix.delta_e00['matrix']:.2f} by a matrix, "
+        f"{each.polynomial.delta_e00['root-polynomial']:.2f} by a root-polynomial"
+        for each in found
+    )
+    first = found[0]
+    return (
+        f"<p>Sensitivity metamerism index {first.smi:.0f} (100 is an observer's). No matrix of the curves gives "
+        f"{100 * first.luther:.0f} % of the CIE 1931 observer (Luther condition: 0 %). Mean ΔE00 of surfaces that "
+        f"the fit had not seen: {misses}.</p>\n"
+        + _table("White-balanced camera RGB to XYZ; white keeps its colour", ["", "Red", "Green", "Blue"], rows)
     )
 
 

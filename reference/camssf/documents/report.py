@@ -91,11 +91,16 @@ def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
     curves = "ssf" in document
     shown = [*previews, *[None] * (len(document["shots"]) - len(previews))]
     return Report(
-        result_json=readable(_json(document) + "\n").encode(),
+        result_json=document_bytes(document),
         ssf_csv=_csv(document) if curves else None,
         ssf_png=picture(document) if curves else None,
         html=page(document, shown),
     )
+
+
+def document_bytes(document: Json) -> bytes:
+    """A sound document as result.json holds it: the same content gives the same bytes, however it was laid out."""
+    return readable(_json(document) + "\n").encode()
 
 
 def read_document(path: Path | str) -> Json:

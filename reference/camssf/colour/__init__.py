@@ -1,0 +1,29 @@
+"""Curves + lamp → colour: raw signals to CIE XYZ and Lab, with what is not known of them."""
+
+from __future__ import annotations
+
+from camssf.colour.camera import Camera, camera_of_result, camera_of_ssf
+from camssf.colour.indices import Quality, quality_of
+from camssf.colour.spaces import adapt, lab, white_of
+from camssf.colour.standard import PARTS, Colours, Reference, View, standard_colour
+from camssf.colour.transforms import KINDS, Transform, choose, fit
+
+__all__ = [
+    "KINDS",
+    "PARTS",
+    "Camera",
+    "Colours",
+    "Quality",
+    "Reference",
+    "Transform",
+    "View",
+    "adapt",
+    "camera_of_result",
+    "camera_of_ssf",
+    "choose",
+    "fit",
+    "lab",
+    "quality_of",
+    "standard_colour",
+    "white_of",
+]

@@ -1,0 +1,174 @@
+"""Result or ssf → camera: curves, and the directions in which they may be off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from camssf.curves.basis import Basis, read_basis
+from camssf.curves.covariance import smooth_errors
+from camssf.curves.sensing import anchor
+from camssf.curves.ssf import Ssf, moves_of_peak_one
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import Lamp, read_lamp
+
+BAND_CORRELATION = 10.0
+"""Length over which errors of a curve are taken to be alike where only its band is known, nm. What the photos fix of
+the curves are integrals, so true errors change sign; longer lengths overrate colour's uncertainty even more."""
+SAME_BAND = 0.02
+"""Largest difference between a document's bands and those that its covariance gives, in parts of the largest."""
+LEAST = 1e-6
+"""Directions that hold less than this share of the largest one's variance are left out."""
+
+
+@dataclass(frozen=True)
+class OwnWhite:
+    """What the calibration saw of white: it ties the three channels' scales together.
+
+    Attributes:
+        raw: (3,) white signal of each channel relative to green.
+        lamp: of that shot.
+    """
+
+    raw: Floats
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Curves for colour.
+
+    Attributes:
+        name: of the camera or of the result.
+        values: (681, 3), each channel's peak = 1.
+        modes: (q, 681, 3) directions in which they may be off, each one standard deviation long and independent of
+            the others; (0, 681, 3) for curves that are taken to be exact.
+        own: the calibration's white; None where it is not known.
+    """
+
+    name: str
+    values: Floats
+    modes: Floats
+    own: OwnWhite | None = None
+
+    def __post_init__(self) -> None:
+        m = WAVELENGTHS.size
+        if self.values.shape != (m, 3) or self.modes.shape[1:] != (m, 3):
+            raise InvalidArgument(
+                f"Curves of shape {self.values.shape} with modes of shape {self.modes.shape} are no camera.",
+                "Give (681, 3) and (q, 681, 3), on the grid.",
+            )
+        if not (np.isfinite(self.values).all() and np.isfinite(self.modes).all() and (self.values.max(0) > 0).all()):
+            raise InvalidArgument("A curve is not finite, or has no positive peak.", "Give measured curves.")
+
+
+def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = None) -> Camera:
+    """The answer of `recover` with its whole covariance.
+
+    Args:
+        ssf: on a basis with a prior.
+        basis: that basis.
+        white: (681,) ρ_w L of the first shot, as in the evidence: what the basis was anchored to.
+        own: the calibration's white, where raw frames are known.
+
+    Raises:
+        InvalidArgument: an answer without a covariance.
+    """
+    if ssf.code_covariance is None:
+        raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Take --basis cameras.")
+    values = ssf.peak()[0]
+    return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
+
+
+def camera_of_result(document: dict[str, Any]) -> Camera:
+    """The curves of a result document.
+
+    Their modes come from the document's covariance where its basis and the lamp of its first shot are at hand, else
+    from its bands: errors are then taken to be smooth over BAND_CORRELATION and independent between the channels,
+    which makes colours look about twice as uncertain as they are. `own` needs that lamp, too.
+
+    Raises:
+        InvalidArgument: a refused result.
+    """
+    if "ssf" not in document:
+        reasons = document["verdict"]["reasons"]
+        raise InvalidArgument("This result was refused: it has no curves to see colour with.", reasons[0]["advice"])
+    values, std = _stack(document["ssf"]), document.get("ssf_std")
+    named = document["camera"]
+    name = " ".join(filter(None, (named["make"], named["model"]))) or "camera"
+    try:
+        lamp = read_lamp(document["shots"][0]["lamp"]["name"])
+        raw = np.array(document["channel_gain"], dtype=np.float64)
+        own = OwnWhite(raw, lamp) if ((raw > 0) & (lamp.values @ values > 0)).all() else None
+    except CalibrationError:  # a lamp that was measured into a file: what ties the channels is not known
+        own = None
+    if std is None:
+        return Camera(name, values, np.zeros((0, *values.shape)), own)
+    band = _stack(std)
+    modes = None if own is None else _modes_of_document(document, values, band, own.lamp.values)
+    return Camera(name, values, modes_of_bands(band) if modes is None else modes, own)
+
+
+def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, white: Floats) -> Floats | None:
+    """Modes from the document's covariance; None where it has none, or its basis is not the one at hand."""
+    triangle = document.get("code_covariance")
+    try:
+        basis = read_basis(document["basis"])
+    except InvalidArgument:
+        return None
+    size = 3 * basis.dictionary.shape[2]
+    if triangle is None or not basis.prior or len(triangle) != size * (size + 1) // 2:
+        return None
+    covariance = np.zeros((size, size))
+    covariance[np.tril_indices(size)] = triangle
+    covariance = covariance + np.tril(covariance, -1).T
+    with np.errstate(all="ignore"):  # of a covariance that belongs to other curves: it is compared, not believed
+        modes = modes_of_code(values, covariance, basis, white)
+        # The document's own bands say whether basis and covariance belong together.
+        found = np.sqrt(np.sum(modes**2, axis=0))
+    return modes if np.abs(found - band).max() < SAME_BAND * band.max() else None
+
+
+def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:
+    """(q, 681, 3) modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
+
+    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ: that gives the curves' scale.
+    """
+    anchored = anchor(basis, white)
+    curves = values.T * ((anchored.mean @ white) / (values.T @ white))[:, None]
+    moves = moves_of_peak_one(anchored, curves) / curves.max(axis=1)[:, None, None]
+    size, axes = np.linalg.eigh(covariance)
+    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
+    return _largest(np.einsum("cmr,crq->qmc", moves, steps))
+
+
+def modes_of_bands(std: Floats) -> Floats:
+    """(q, 681, 3) modes whose variance at each wavelength is the band's (681, 3)."""
+    smooth = _unit_errors()
+    modes = np.zeros((3, smooth.shape[1], *std.shape))
+    for c in range(3):
+        modes[c, :, :, c] = (std[:, c, None] * smooth).T
+    return _largest(modes.reshape(-1, *std.shape))
+
+
+@cache
+def _unit_errors() -> Floats:
+    """(681, p) smooth errors of variance 1 at every wavelength."""
+    smooth = smooth_errors(BAND_CORRELATION, WAVELENGTHS)
+    return np.asarray(smooth / np.linalg.norm(smooth, axis=1, keepdims=True))
+
+
+def _stack(curves: dict[str, Any]) -> Floats:
+    return np.stack([np.array(curves[c], dtype=np.float64) for c in ("red", "green", "blue")], axis=1)
+
+
+def _largest(modes: Floats) -> Floats:
+    """The same covariance by as few directions as matter, the largest first."""
+    shape = modes.shape
+    _, size, axes = np.linalg.svd(modes.reshape(len(modes), -1), full_matrices=False)
+    kept = size**2 > LEAST * size[0] ** 2 if size[0] > 0 else np.zeros(size.shape, dtype=bool)
+    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *shape[1:]))

@@ -1,0 +1,90 @@
+"""Colours → "camssf-colour/1": plain data, whose form is data/colour.schema.json."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from camssf import __version__
+from camssf.colour.indices import Quality
+from camssf.colour.reach import REACH
+from camssf.colour.regions import Region
+from camssf.colour.standard import Colours
+from camssf.grid import Floats
+
+FORMAT = "camssf-colour/1"
+OBSERVERS = {"1931": "CIE 1931 2°", "1964": "CIE 1964 10°"}
+
+
+def colour_document(
+    colours: Colours, signals: Floats, errors: Floats, regions: Sequence[Region], white: Region, about: dict[str, Any]
+) -> dict[str, Any]:
+    """The document of colours measured in a photo.
+
+    Args:
+        colours: m of them.
+        signals, errors: (m, 3) that they were made from.
+        regions: where these were measured.
+        white: the reference.
+        about: `result`, `photo` and `reference` as the schema has them, `lamp` as it was asked for.
+    """
+    return {
+        "format": FORMAT,
+        "generator": {"name": "camssf", "version": __version__},
+        "result": about["result"],
+        "photo": about["photo"],
+        "observer": OBSERVERS[colours.view.observer],
+        "white": {"of": colours.view.white, "xyz": colours.white.tolist()},
+        "lamp": {
+            "asked": about["lamp"],
+            "weights": [{"name": name, "weight": weight} for name, weight in colours.lamps],
+            "surprise": colours.surprise,
+        },
+        "reference": about["reference"] | {"rectangle": list(white.rectangle), "raw": white.raw.tolist()},
+        "transforms": [
+            {
+                "lamp": name,
+                "kind": transform.kind,
+                "coefficients": transform.coefficients.tolist(),
+                "delta_e00": transform.delta_e00,
+            }
+            for (name, _), transform in zip(colours.lamps, colours.transforms, strict=True)
+        ],
+        "regions": [_region(colours, signals, errors, region, i) for i, region in enumerate(regions)],
+    }
+
+
+def _region(colours: Colours, signals: Floats, errors: Floats, region: Region, i: int) -> dict[str, Any]:
+    far = bool(colours.reach[i] > REACH)
+    found: dict[str, Any] = {
+        "rectangle": list(region.rectangle),
+        "status": "colour_out_of_reach" if far else "ok",
+        "reach": None if np.isnan(colours.reach[i]) else float(colours.reach[i]),
+        "signal": signals[i].tolist(),
+        "standard_error": errors[i].tolist(),
+    }
+    if far:
+        return found
+    return found | {
+        "xyz": colours.xyz[i].tolist(),
+        "xyz_covariance": colours.xyz_covariance[i].tolist(),
+        "lab": colours.lab[i].tolist(),
+        "lab_covariance": colours.lab_covariance[i].tolist(),
+        "parts": {name: np.sqrt(np.diagonal(part[1][i])).tolist() for name, part in colours.parts.items()},
+    }
+
+
+def quality_document(quality: Quality) -> dict[str, Any]:
+    """Luther condition, SMI and transforms as plain data."""
+    return {
+        "luther": quality.luther,
+        "vora": quality.vora,
+        "smi": quality.smi,
+        "lamp": quality.lamp,
+        "transforms": [
+            {"kind": each.kind, "coefficients": each.coefficients.tolist(), "delta_e00": each.delta_e00[each.kind]}
+            for each in (quality.matrix, quality.polynomial)
+        ],
+    }

@@ -1,0 +1,96 @@
+"""Photo + rectangles → raw signals: measured as patches are (docs/patches.md), black or dark frame subtracted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.errors import ChartNotFound, InvalidArgument, Overexposed
+from camssf.grid import Floats
+from camssf.photo.mosaic import Mosaic
+from camssf.photo.patches import FEWEST, SHRINK, measure_patches
+from camssf.photo.pose import Pose
+from camssf.photo.signals import CLIPPED
+
+Rectangle = tuple[float, float, float, float]
+"""x, y of the top left corner, width, height: pixels of the active area, as the sensor lies."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle's raw signals.
+
+    Attributes:
+        rectangle: where it lies.
+        raw: (3,) DN above black.
+        error: (3,) standard error of it, DN.
+    """
+
+    rectangle: Rectangle
+    raw: Floats
+    error: Floats
+
+
+def measure_regions(
+    photo: Mosaic, rectangles: Sequence[Rectangle], *, dark: Mosaic | None = None, lens_shading: str = "as-stored"
+) -> list[Region]:
+    """Raw signals of rectangles of one photo. Dust and hot pixels are left out, as in patches.
+
+    Raises:
+        InvalidArgument: a rectangle that leaves the photo or holds too few samples.
+        Overexposed: samples at the ceiling.
+        FramesDiffer: a dark frame of other settings.
+    """
+    height, width = photo.samples.shape
+    quads = []
+    for number, (x, y, w, h) in enumerate(rectangles, 1):
+        if not (np.isfinite([x, y, w, h]).all() and w > 0 and h > 0):
+            raise InvalidArgument(f"Region {number} is empty.", "Write x,y,width,height in pixels.")
+        if x < 0 or y < 0 or x + w > width or y + h > height:
+            raise InvalidArgument(
+                f"Region {number} leaves the photo, which is {width} × {height}.",
+                "Pixels are counted in the sensor's own orientation, from its top left.",
+            )
+        # the borders of pixels lie half a pixel outside their centres; `measure_patches` takes the inner part
+        left, right, top, bottom = x, x + w - 1, y, y + h - 1
+        quad = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], dtype=np.float64)
+        centre = quad.mean(axis=0)
+        quads.append(centre + (quad - centre) / SHRINK)
+    pose = Pose("regions", quads[0], np.stack(quads), 0, "by hand", 1.0, ())
+    try:
+        means = measure_patches(photo, pose, dark=dark, lens_shading=lens_shading)
+    except ChartNotFound as error:
+        raise InvalidArgument(
+            f"A region holds fewer than {FEWEST} good samples of a colour.",
+            "Give 12 × 12 pixels or more.",
+        ) from error
+    for number, clipped in enumerate(means.chart.clipped.max(axis=1), 1):
+        if clipped > CLIPPED:
+            raise Overexposed(
+                f"Region {number}: {clipped:.1%} of its samples are at the ceiling.",
+                "Take the photo again with less exposure.",
+                value=float(clipped),
+                threshold=CLIPPED,
+            )
+    black = means.black if means.dark is None else means.dark.mean
+    of_black = 0.0 if means.dark is None else means.dark.standard_error
+    raw, spread = means.chart.mean - black, np.hypot(means.chart.standard_error, of_black)
+    return [Region(*each) for each in zip(rectangles, raw, spread, strict=True)]
+
+
+def against(regions: Sequence[Region], white: Region, reflectance: float) -> tuple[Floats, Floats]:
+    """Signals and their standard errors (m, 3) in units of a perfect diffuser, from raw ones and a reference's.
+
+    Raises:
+        InvalidArgument: a reference without light, or a reflectance that is none.
+    """
+    if not 0.02 <= reflectance <= 1.2:
+        raise InvalidArgument(f"A reference of reflectance {reflectance:g} is none.", "Write 18 % as 0.18.")
+    if not (white.raw > 10.0 * white.error).all():
+        raise InvalidArgument("The reference lies in the dark.", "Choose a lit white or grey surface.")
+    raw, error = (np.stack([getattr(each, name) for each in regions]) for name in ("raw", "error"))
+    y = raw / white.raw
+    spread = np.hypot(error / white.raw, y * white.error / white.raw)
+    return reflectance * y, reflectance * spread

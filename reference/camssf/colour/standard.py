@@ -1,0 +1,341 @@
+"""Signals → standard colour: XYZ and Lab under a stated observer and white, with a covariance and its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.colour.camera import Camera
+from camssf.colour.light import Light, see
+from camssf.colour.reach import distances
+from camssf.colour.spaces import adaptation, lab, lab_slopes, white_of, xyz_of
+from camssf.colour.transforms import KINDS, Transform, choose, fit, level, signals_of, terms
+from camssf.curves.covariance import CHART_CORRELATION, DRIFT, smooth_errors
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import Lamp, read_lamp
+from camssf.spectra.families import FAMILIES
+from camssf.spectra.surfaces import observer, surfaces
+
+PARTS = ("curves", "lamp", "noise", "reference", "metamers")
+"""Where the covariance of a colour comes from."""
+AUTO = "auto"
+ADAPTED = ("lamp", "D50", "D65")
+REFERENCE_TOLERANCE = 0.01
+"""Relative error of a white or grey reference of which nothing else is said."""
+NEARBY = 0.25
+"""Surfaces whose ln r/g and ln b/g differ by so much are alike: what their colours miss tells of this one."""
+COMMON = 5.0
+"""Surfaces that stand for all others, where few are alike."""
+CONTRADICTED = 18.4
+"""χ² of the reference's two ratios above which the lamp is not the one that was named: 1 in 10,000."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How colour is to be stated.
+
+    Attributes:
+        observer: "1931" (2°) or "1964" (10°).
+        white: "lamp", the light itself; or "D50", "D65", to which colours are adapted by CAT16.
+        kind: of transform, of `camssf.colour.KINDS`; chosen by cross-validation unless given.
+    """
+
+    observer: str = "1931"
+    white: str = "lamp"
+    kind: str | None = None
+
+    def __post_init__(self) -> None:
+        observer(self.observer)
+        if self.white not in ADAPTED:
+            raise InvalidArgument(f"Colour is not stated for {self.white!r}.", f"Take one of {', '.join(ADAPTED)}.")
+        if self.kind is not None and self.kind not in KINDS:
+            raise InvalidArgument(f"There is no transform {self.kind!r}.", f"Take one of {', '.join(KINDS)}.")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The white or grey surface, in the same light, that signals were divided by.
+
+    Attributes:
+        tolerance: relative error of its reflectance.
+        raw: (3,) its raw signals, black subtracted: what they say of the lamp. None to leave it unasked.
+        error: relative error of these.
+    """
+
+    tolerance: float = REFERENCE_TOLERANCE
+    raw: Floats | None = None
+    error: float = 0.0
+
+
+@dataclass(frozen=True)
+class Colours:
+    """m standard colours. Y of a perfect white diffuser is 1.
+
+    Attributes:
+        xyz, lab: (m, 3).
+        xyz_covariance, lab_covariance: (m, 3, 3).
+        parts: what these are the sum of, of PARTS, (m, 3, 3) of XYZ and of Lab.
+        white: (3,) XYZ of the white that Lab is relative to, and that XYZ is adapted to where that was asked.
+        view: how they are stated.
+        lamps: names of the lamps that were weighed, and their weights.
+        transforms: of each lamp, in that order.
+        reach: (m,) how far the signals lie from those of any surface, in standard deviations.
+        surprise: χ² of the reference's ratios under the likeliest lamp; None where they were not asked.
+    """
+
+    xyz: Floats
+    lab: Floats
+    xyz_covariance: Floats
+    lab_covariance: Floats
+    parts: dict[str, tuple[Floats, Floats]]
+    white: Floats
+    view: View
+    lamps: tuple[tuple[str, float], ...]
+    transforms: tuple[Transform, ...]
+    reach: Floats
+    surprise: float | None
+
+
+def standard_colour(
+    camera: Camera,
+    lamp: str | Lamp,
+    signals: ArrayLike,
+    standard_error: ArrayLike = 0.0,
+    *,
+    reference: Reference | None = None,
+    view: View | None = None,
+) -> Colours:
+    """Colours of surfaces from their signals.
+
+    Args:
+        camera: `camera_of_ssf` or `camera_of_result`.
+        lamp: as `read_lamp` takes it; "auto" weighs the four kinds by what the reference's raw ratios say.
+        signals: (m, 3) or (3,), in units of a perfect white diffuser in the same place: raw signal of the surface
+            over that of a white or grey reference, times the reference's reflectance.
+        standard_error: of the signals.
+        reference: what was divided by.
+        view: how to state the colours.
+
+    Raises:
+        InvalidArgument: values that do not fit; "auto" without a reference, or a camera without its own white; curves
+            that carry no colour.
+        LampUnfit: the reference's raw ratios contradict the lamp.
+    """
+    given, view = reference or Reference(), view or View()
+    y = np.atleast_2d(np.asarray(signals, dtype=np.float64))
+    if y.ndim != 2 or y.shape[1] != 3 or not np.isfinite(y).all():
+        raise InvalidArgument(f"Signals of shape {y.shape} are no colours.", "Give finite signals (m, 3).")
+    error = np.broadcast_to(np.asarray(standard_error, dtype=np.float64), y.shape)
+    if not (np.isfinite(error).all() and (error >= 0).all()):
+        raise InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
+    try:
+        with np.errstate(all="ignore"):  # what came out is checked
+            found = _answer(_lights(camera, lamp, given), y, error, given, view)
+    except np.linalg.LinAlgError as fault:
+        raise _no_colour() from fault
+    if not all(np.isfinite(each).all() for each in (found.lab, found.xyz_covariance, found.lab_covariance)):
+        raise _no_colour()
+    return found
+
+
+def _no_colour() -> InvalidArgument:
+    return InvalidArgument(
+        "These curves, as uncertain as they are, carry no colour under this lamp.",
+        "Check the curves and the lamp; calibrate with better photos.",
+    )
+
+
+def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference, view: View) -> Colours:
+    """The answers under each light, mixed by their evidence."""
+    evidence = np.array([light.log_evidence for light in lights])
+    weights = np.exp(evidence - evidence.max())
+    return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
+
+
+def _lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:
+    """The lamp, or the four kinds, conditioned on the reference's raw ratios where they can be used."""
+    ratios = None
+    if given.raw is not None and camera.own is not None:
+        raw = np.asarray(given.raw, dtype=np.float64)
+        if raw.shape != (3,) or not (np.isfinite(raw).all() and (raw > 0).all()):
+            raise InvalidArgument("The reference's raw signals are not three positive numbers.", "Take a lit white.")
+        ratios = np.log(raw[[0, 2]] / raw[1])
+    error = float(np.hypot(given.error, given.tolerance / 2.0))
+    if lamp != AUTO:
+        known = lamp if isinstance(lamp, Lamp) else read_lamp(lamp)
+        light = see(camera, known, ratios, error)
+        if light.surprise is not None and light.surprise > CONTRADICTED:
+            raise LampUnfit(
+                f"The reference is not white under {known.name}: its raw ratios are off, χ² = {light.surprise:.0f}.",
+                "Check --lamp and that the reference is neutral and lit by that lamp alone; or say --lamp auto.",
+                value=light.surprise,
+                threshold=CONTRADICTED,
+            )
+        return [light]
+    if ratios is None:
+        raise InvalidArgument(
+            "Nothing tells which lamp it is.",
+            "Name a white or grey reference in the photo and take a result whose first lamp goes by name; or name "
+            "the lamp.",
+        )
+    return [see(camera, read_lamp(name), ratios, error) for name in FAMILIES]
+
+
+def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: View) -> Colours:
+    """Under one lamp."""
+    transform = choose(light.curves, light.power, view.observer, view.kind)
+    functions = observer(view.observer)
+    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
+    turn = np.eye(3) if aim is None else adaptation(transform.white, aim)
+    white = transform.white if aim is None else aim
+    xyz = transform.apply(y) @ turn.T
+    slopes = lab_slopes(xyz, white)
+
+    def of_xyz(covariance: Floats) -> tuple[Floats, Floats]:
+        """A covariance of XYZ under the lamp, as stated, and of Lab."""
+        stated = turn @ covariance @ turn.T
+        return stated, slopes @ stated @ np.swapaxes(slopes, -1, -2)
+
+    steps_xyz, steps_lab = _steps(light, y, transform.kind, functions, aim)
+    p = light.of_lamp
+    parts = {
+        "curves": (_outer(steps_xyz[p:]), _outer(steps_lab[p:])),
+        "lamp": (_outer(steps_xyz[:p]), _outer(steps_lab[:p])),
+        "noise": of_xyz(_outer(_by_signal(transform, y, error[None] * np.eye(3)[:, None]))),
+        "reference": of_xyz(_outer(_by_signal(transform, y, y * _of_reference(light, given)[:, None]))),
+        "metamers": of_xyz(_metamers(transform, y)),
+    }
+    total = [np.sum([part[i] for part in parts.values()], axis=0) for i in (0, 1)]
+    spread = np.einsum("kmc,kmd->mcd", *[_by_signal_error(y, error, light, given)] * 2)
+    return Colours(
+        xyz, lab(xyz, white), total[0], total[1], parts, white, view, ((light.name, 1.0),), (transform,),
+        distances(y, spread, light), light.surprise,
+    )  # fmt: skip
+
+
+def _steps(light: Light, y: Floats, kind: str, functions: Floats, aim: Floats | None) -> tuple[Floats, Floats]:
+    """How XYZ and Lab (K, m, 3) answer to one standard deviation of each joint error of lamp and curves."""
+    if not len(light.power_modes):
+        return np.zeros((0, *y.shape)), np.zeros((0, *y.shape))
+    sides = [_at(light, sign, y, kind, functions, aim) for sign in (1.0, -1.0)]
+    xyz, colour = (0.5 * (plus - minus) for plus, minus in zip(*sides, strict=True))
+    return xyz, colour
+
+
+def _at(
+    light: Light, sign: float, y: Floats, kind: str, functions: Floats, aim: Floats | None
+) -> tuple[Floats, Floats]:
+    """XYZ and Lab with each of the K errors in turn, fitted anew: what the answer were, had it been so."""
+    table = surfaces()
+    power = np.maximum(light.power + sign * light.power_modes, 0.0)  # (K, m)
+    curves = light.curves + sign * light.curve_modes
+    seen = power[:, :, None] * curves
+    sensed = np.einsum("nm,kmc->knc", table, seen, optimize=True) / seen.sum(axis=1)[:, None]
+    lit = power[:, :, None] * functions
+    scale = lit[:, :, 1].sum(axis=1)[:, None]
+    target = np.einsum("nm,kmc->knc", table, lit, optimize=True) / scale[:, None]
+    whites = lit.sum(axis=1) / scale
+    found = terms(y, kind) @ fit(sensed, target, whites, kind)  # (K, m, 3)
+    if aim is None:
+        return found, lab(found, whites[:, None])
+    turned = found @ np.swapaxes(adaptation(whites, aim), -1, -2)
+    return turned, lab(turned, aim)
+
+
+def _by_signal(transform: Transform, y: Floats, moves: Floats) -> Floats:
+    """How XYZ (K, m, 3) answers to moves (K, m, 3) of the signals."""
+    return 0.5 * (transform.apply(y + moves) - transform.apply(y - moves))
+
+
+def _of_reference(light: Light, given: Reference) -> Floats:
+    """Relative moves (K, 3) of the signals: the reference's smooth error, and light that differs between places."""
+    seen = light.power[:, None] * light.curves
+    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS).T @ (seen / seen.sum(axis=0))
+    return np.concatenate([given.tolerance * smooth, np.full((1, 3), DRIFT)])
+
+
+def _by_signal_error(y: Floats, error: Floats, light: Light, given: Reference) -> Floats:
+    """Moves (K, m, 3) of the signals by noise, by the reference, and by what lamp and curves leave open."""
+    seen = light.power[:, None] * light.curves
+    moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
+    # of a surface like those of the set that look most like it: its signals answer to an error as theirs do
+    table = surfaces()
+    sensed = signals_of(table, light.power, light.curves)
+    nearest = _likeness(sensed, y)
+    nearest = nearest / nearest.sum(axis=1, keepdims=True)
+    shift = np.einsum("nm,kmc->knc", table, moved, optimize=True) / seen.sum(axis=0)
+    shift = shift - sensed * (moved.sum(axis=1) / seen.sum(axis=0))[:, None]  # (K, n, 3)
+    relative = shift / level(sensed)
+    of_light = np.einsum("yn,knc->kyc", nearest, relative) * level(y)
+    return np.concatenate([of_light, error[None] * np.eye(3)[:, None], y * _of_reference(light, given)[:, None]])
+
+
+def _metamers(transform: Transform, y: Floats) -> Floats:
+    """Covariance (m, 3, 3) of what the transform misses on surfaces that look alike.
+
+    From surfaces that the fit had not seen: those near in ln r/g and ln b/g count most, and all of them as much as
+    COMMON near ones; the errors grow with the level of the signals.
+    """
+    outer = transform.residual[:, :, None] * transform.residual[:, None]
+    weights = _likeness(transform.signals, y)
+    near = np.einsum("yn,ncd->ycd", weights, outer) + COMMON * outer.mean(axis=0)
+    near = near / (weights.sum(axis=1) + COMMON)[:, None, None]
+    return np.asarray(near * level(y)[..., None] ** 2)
+
+
+def _likeness(known: Floats, y: Floats) -> Floats:
+    """(m, n) weights, 1 for a surface of the very same ratios."""
+    apart = _ratios(y)[:, None] - _ratios(known)
+    return np.asarray(np.exp(-0.5 * np.sum((apart / NEARBY) ** 2, axis=2)) + 1e-12)
+
+
+def _ratios(y: Floats) -> Floats:
+    logs = np.log(np.maximum(y, 1e-3 * level(y)))
+    return np.asarray(logs[:, [0, 2]] - logs[:, 1:2])
+
+
+def _outer(steps: Floats) -> Floats:
+    return np.asarray(np.einsum("kmc,kmd->mcd", steps, steps))
+
+
+def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
+    """One answer of several, by the law of total variance; what they differ by belongs to the lamp."""
+    if len(answers) == 1:
+        return answers[0]
+
+    def mean(values: Sequence[Floats]) -> Floats:
+        return np.asarray(np.tensordot(weights, np.stack(values), axes=1))
+
+    xyz, colours = mean([a.xyz for a in answers]), mean([a.lab for a in answers])
+    between = tuple(
+        mean([_outer((getattr(a, name) - middle)[None]) for a in answers])
+        for name, middle in (("xyz", xyz), ("lab", colours))
+    )
+    parts = {
+        name: (mean([a.parts[name][0] for a in answers]), mean([a.parts[name][1] for a in answers])) for name in PARTS
+    }
+    parts["lamp"] = (parts["lamp"][0] + between[0], parts["lamp"][1] + between[1])
+    best = answers[int(weights.argmax())]
+    return replace(
+        best, xyz=xyz, lab=colours, parts=parts,
+        xyz_covariance=np.sum([part[0] for part in parts.values()], axis=0),
+        lab_covariance=np.sum([part[1] for part in parts.values()], axis=0),
+        white=mean([a.white for a in answers]),
+        lamps=tuple((a.lamps[0][0], float(w)) for a, w in zip(answers, weights, strict=True)),
+        transforms=tuple(a.transforms[0] for a in answers),
+        reach=np.min([a.reach for a in answers], axis=0),
+    )  # fmt: skip
+
+
+def of_surfaces(reflectance: Floats, lamp: Floats, view: View) -> tuple[Floats, Floats]:
+    """True XYZ and Lab (m, 3) of known reflectances (m, 681) under a lamp (681,), stated as the view says."""
+    found, own = xyz_of(reflectance, lamp, observer(view.observer)), white_of(lamp, view.observer)
+    if view.white == "lamp":
+        return found, lab(found, own)
+    aim = white_of(read_lamp(view.white).values, view.observer)
+    turned = found @ adaptation(own, aim).T
+    return turned, lab(turned, aim)

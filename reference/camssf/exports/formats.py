@@ -1,0 +1,98 @@
+"""The formats by name, and the one way to all of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from camssf.colour.camera import OwnWhite, camera_of_result
+from camssf.errors import InvalidArgument
+from camssf.exports.clf import clf
+from camssf.exports.curves import Curves, one_line, read_result
+from camssf.exports.dcp import dcp
+from camssf.exports.icc import icc
+from camssf.exports.matrices import matrices
+from camssf.exports.rawtoaces import rawtoaces
+from camssf.exports.tables import colour_csv, plain_csv, spectacle_csv
+
+UNSTATED = "not stated by the owner"
+MATRIX_LAMP = "D65"
+
+
+@dataclass(frozen=True)
+class Order:
+    """What an export is asked for beside the result.
+
+    Attributes:
+        created: time of the export, UTC, where a format asks for it.
+        licence: of the curves, where a format asks for it.
+        lamp: that a matrix is made for, where a format holds one.
+        own: what the calibration saw of white, where a format ties the channels together; None where it is not known.
+    """
+
+    created: datetime
+    licence: str = UNSTATED
+    lamp: str = MATRIX_LAMP
+    own: OwnWhite | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: what it is in words, and its writer."""
+
+    what: str
+    write: Callable[[Curves, Order], str | bytes]
+
+
+FORMATS = {
+    "rawtoaces": Format("rawtoaces camera file (JSON)", lambda c, order: rawtoaces(c, order.created, order.licence)),
+    "spectacle": Format("SPECTACLE spectral_response.csv", lambda c, order: spectacle_csv(c)),
+    "csv": Format("plain CSV", lambda c, order: plain_csv(c)),
+    "dcp": Format("DNG camera profile", lambda c, order: dcp(c, order.own)),
+    "icc": Format("ICC profile", lambda c, order: icc(c, matrices(c, order.lamp), order.created)),
+    "clf": Format("Common LUT Format", lambda c, order: clf(c, matrices(c, order.lamp))),
+    "colour": Format("colour-science CSV", lambda c, order: colour_csv(c)),
+}
+
+
+def export(
+    document: dict[str, Any],
+    to: str,
+    *,
+    created: datetime | None = None,
+    licence: str = UNSTATED,
+    lamp: str = MATRIX_LAMP,
+) -> bytes:
+    """A result in another format.
+
+    Args:
+        document: of a result, "camssf-result/1".
+        to: one of FORMATS.
+        created: aware; now unless given. The environment's SOURCE_DATE_EPOCH comes first.
+        licence: that the owner of the curves gives them, for formats that ask for one.
+        lamp: that the matrix of `icc` and `clf` is made for.
+
+    Returns:
+        The file's content.
+
+    Raises:
+        InvalidArgument: an unknown format, a document that breaks its form, or a refused one.
+    """
+    if to not in FORMATS:
+        raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")
+    if not one_line(licence):
+        raise InvalidArgument("The licence is empty.", "Name one, for example CC-BY-4.0, or leave it out.")
+    curves = read_result(document)
+    order = Order(_time(created), one_line(licence), lamp, camera_of_result(document).own)
+    written = FORMATS[to].write(curves, order)
+    return written if isinstance(written, bytes) else written.encode()
+
+
+def _time(created: datetime | None) -> datetime:
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if epoch.isdecimal() and int(epoch) < 1 << 37:
+        return datetime.fromtimestamp(int(epoch), UTC)
+    return datetime.now(UTC) if created is None else created.astimezone(UTC)

@@ -1,0 +1,68 @@
+"""Curves + lamp → an ICC version 4.3 matrix profile (ICC.1:2010): linear, white-balanced camera RGB to D50 XYZ."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from datetime import datetime
+
+import numpy as np
+
+from camssf.exports.curves import Curves
+from camssf.exports.matrices import D50, Matrices
+from camssf.grid import Floats
+
+_ID = slice(84, 100)
+
+
+def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
+    """The profile: class input, curves of one, colorants that sum to D50."""
+    colorants = _fixed(found.to_d50.T)
+    colorants[1] = _fixed(D50) - colorants[0] - colorants[2]  # so that the sum is D50 to the last bit
+    says = f"{curves.camera}, {found.lamp}: {curves.description}"
+    linear = b"curv" + bytes(4) + struct.pack(">I", 0)
+    tags = {
+        "desc": _text(says),
+        "cprt": _text("No copyright is claimed on this profile."),
+        "wtpt": _xyz(_fixed(D50)),
+        "rXYZ": _xyz(colorants[0]),
+        "gXYZ": _xyz(colorants[1]),
+        "bXYZ": _xyz(colorants[2]),
+        "rTRC": linear,
+        "gTRC": linear,
+        "bTRC": linear,
+    }
+    table, data, places = struct.pack(">I", len(tags)), b"", dict[bytes, int]()
+    start = 128 + 4 + 12 * len(tags)
+    for name, content in tags.items():
+        if content not in places:
+            places[content] = start + len(data)
+            data += content + bytes(-len(content) % 4)
+        table += struct.pack(">4sII", name.encode(), places[content], len(content))
+    time = struct.pack(">6H", *created.timetuple()[:6])
+    header = struct.pack(
+        ">I4s4s4s4s4s12s4s4sI4s4sQI12s4s",
+        128 + len(table) + len(data), bytes(4), b"\x04\x30\0\0", b"scnr", b"RGB ", b"XYZ ", time, b"acsp", bytes(4),
+        0, bytes(4), bytes(4), 0, 1, _fixed(D50).astype(">i4").tobytes(), bytes(4),
+    ).ljust(128, b"\0")  # fmt: skip
+    profile = bytearray(header + table + data)
+    # the identifier is taken with flags, intent and itself at zero
+    blank = bytearray(profile)
+    blank[44:48], blank[64:68] = bytes(4), bytes(4)
+    profile[_ID] = hashlib.md5(blank, usedforsecurity=False).digest()
+    return bytes(profile)
+
+
+def _fixed(values: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """As s15Fixed16Number."""
+    return np.rint(np.asarray(values) * 65536.0).astype(np.int64)
+
+
+def _xyz(fixed: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> bytes:
+    return b"XYZ " + bytes(4) + fixed.astype(">i4").tobytes()
+
+
+def _text(words: str) -> bytes:
+    """multiLocalizedUnicodeType, one language."""
+    coded = words.encode("utf-16-be")
+    return b"mluc" + bytes(4) + struct.pack(">II2s2sII", 1, 12, b"en", b"US", len(coded), 28) + coded

@@ -1,0 +1,84 @@
+"""Curves + lamp → the 3 × 3 matrices that colour formats hold. All give white its exact colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.colour.camera import OwnWhite
+from camssf.colour.spaces import adaptation
+from camssf.colour.transforms import choose
+from camssf.errors import InvalidArgument
+from camssf.exports.curves import Curves
+from camssf.grid import Floats
+from camssf.spectra import read_lamp
+
+D50: Floats = np.array([0.9642, 1.0, 0.8249])
+"""White of ICC's connection space and of DNG's forward matrices."""
+ACES_WHITE: Floats = np.array([0.32168 / 0.33767, 1.0, (1.0 - 0.32168 - 0.33767) / 0.33767])
+ACES: Floats = np.array(
+    [
+        [1.0498110175, 0.0, -0.0000974845],
+        [-0.4959030231, 1.3733130458, 0.0982400361],
+        [0.0, 0.0, 0.9912520182],
+    ]
+)
+"""XYZ to ACES2065-1 (SMPTE ST 2065-1)."""
+LARGEST = 100.0
+"""Coefficients of cameras are below 3; beyond this, formats have no room for them."""
+for _each in (D50, ACES_WHITE, ACES):
+    _each.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """What a lamp makes of curves.
+
+    Attributes:
+        lamp: its name.
+        to_d50: (3, 3) white-balanced camera RGB to XYZ, adapted by CAT16 from the lamp to D50: M @ (1, 1, 1) = D50.
+        to_aces: (3, 3) the same to ACES2065-1: M @ (1, 1, 1) = (1, 1, 1).
+        to_xyz: (3, 3) the same to XYZ under the lamp itself.
+        delta_e00: mean over surfaces that the fit had not seen.
+    """
+
+    lamp: str
+    to_d50: Floats
+    to_aces: Floats
+    to_xyz: Floats
+    delta_e00: float
+
+
+def matrices(curves: Curves, lamp: str) -> Matrices:
+    """The matrices for a lamp, by least squares over 190 surfaces.
+
+    Raises:
+        InvalidArgument: an unknown lamp, or one that the curves do not see.
+    """
+    found = choose(curves.values, read_lamp(lamp).values, kind="matrix")
+    own = found.coefficients.T
+    if not np.abs(own).max() < LARGEST or np.linalg.cond(own) > 1e6:
+        raise InvalidArgument(f"No matrix takes these curves to colour under {lamp}.", "Check the curves.")
+    to_aces = ACES @ adaptation(found.white, ACES_WHITE) @ own
+    # ACES's published digits give white 1 to 1e-7: the rest is laid on each row's own scale
+    to_aces = to_aces / to_aces.sum(axis=1, keepdims=True)
+    return Matrices(lamp, adaptation(found.white, D50) @ own, to_aces, own, found.delta_e00["matrix"])
+
+
+def neutral(curves: Curves, own: OwnWhite | None, lamp: str) -> Floats:
+    """Raw signals (3,) of white under a lamp, the largest 1.
+
+    Raises:
+        InvalidArgument: the lamp of the calibration is not known, so nothing ties the channels together.
+    """
+    if own is None:
+        raise InvalidArgument(
+            f"The lamp of the result's first shot, {curves.lamps[0]}, is not here: nobody knows how sensitive the "
+            "channels are against each other, which this format must say.",
+            "Put the lamp's file where it was, or calibrate with the lamp named.",
+        )
+    raw = own.raw * (read_lamp(lamp).values @ curves.values) / (own.lamp.values @ curves.values)
+    if not (np.isfinite(raw).all() and (raw > 1e-3 * np.abs(raw).max()).all()):
+        raise InvalidArgument(f"A channel hardly sees white under {lamp}.", "Check the curves.")
+    return np.asarray(raw / raw.max())

@@ -1,0 +1,54 @@
+"""Curves → a camera file of rawtoaces: JSON in its schema 1.0.0.
+
+rawtoaces asks for 81 samples, 380 to 780 nm every 5 nm. Nothing is known above 720 nm, where cameras have a filter
+against infrared: there stands 0, and the comments say so.
+"""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+
+from camssf.exports.curves import Curves
+from camssf.grid import WAVELENGTHS
+
+SCHEMA_VERSION = "1.0.0"
+_LAST = 780
+
+
+def rawtoaces(curves: Curves, created: datetime, licence: str) -> str:
+    """The file's text.
+
+    Args:
+        curves: to be written, every tenth sample of them.
+        created: in the header, UTC.
+        licence: that the owner of the curves gives them.
+    """
+    rows = {f"{nm:.0f}": row for nm, row in zip(WAVELENGTHS[::10], curves.values[::10].tolist(), strict=True)}
+    rows |= {str(nm): [0.0, 0.0, 0.0] for nm in range(725, _LAST + 1, 5)}
+    document = {
+        "header": {
+            "schema_version": SCHEMA_VERSION,
+            "manufacturer": curves.make or None,
+            "model": curves.model or None,
+            "type": "camera",
+            "description": curves.description,
+            "document_creator": curves.generator,
+            "unique_identifier": curves.sha256,
+            "measurement_equipment": "photos of a colour chart",
+            "laboratory": None,
+            "document_creation_date": f"{created:%Y-%m-%dT%H:%M:%SZ}",
+            "comments": "Each channel's peak is 1. Nothing is known above 720 nm: 0 stands there.",
+            "license": licence,
+        },
+        "spectral_data": {
+            "units": "relative",
+            "reflection_geometry": None,
+            "transmission_geometry": None,
+            "bandwidth_FWHM": None,
+            "bandwidth_corrected": None,
+            "index": {"main": ["R", "G", "B"]},
+            "data": {"main": rows},
+        },
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

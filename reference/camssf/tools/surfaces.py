@@ -1,0 +1,78 @@
+"""data/rawtoaces and colour-science → data/colour.json: the surfaces and observers that colour is fitted with.
+
+`python -m camssf.tools.surfaces` writes it from a checkout, `--check` proves that its sources still give the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from camssf.curves.basis import NODES
+from camssf.files import write_file
+from camssf.spectra import colour_science
+from camssf.spectra.surfaces import FORMAT
+from camssf.tools.tabulate import Json, as_text
+
+COMMAND = "python -m camssf.tools.surfaces"
+PLACE = Path(__file__).parents[1] / "data" / "colour.json"
+SOURCE = Path(__file__).parents[3] / "data" / "rawtoaces" / "training_spectral.json"
+OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10 Degree Standard Observer"}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command; 1 if `--check` finds a difference."""
+    parser = argparse.ArgumentParser(prog=COMMAND, description="Write data/colour.json, or check it.")
+    parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
+    made = as_text(tabulate())
+    if not parser.parse_args(arguments).check:
+        write_file(PLACE, made)
+        print(f"{len(made) / 1e3:.0f} kB")
+        return 0
+    same = PLACE.read_text("utf-8") == made
+    print(
+        "the same" if same else f"drifted; if that is meant, run `{COMMAND}`", file=sys.stdout if same else sys.stderr
+    )
+    return int(not same)
+
+
+def tabulate() -> Json:
+    """The file's content."""
+    data = SOURCE.read_bytes()
+    table = json.loads(data)["spectral_data"]["data"]["main"]
+    science = colour_science()
+    observers = {}
+    for name, long_name in OBSERVERS.items():
+        functions = science.MSDS_CMFS[long_name]
+        at = np.arange(380, 721)
+        rows = {int(nm): row for nm, row in zip(functions.wavelengths, functions.values.tolist(), strict=True)}
+        observers[name] = [[rows[int(nm)][i] for nm in at] for i in range(3)]
+    return {
+        "format": FORMAT,
+        "generator": COMMAND,
+        "surfaces": {
+            "name": "rawtoaces-data 1.1.0, training_spectral.json",
+            "licence": "Apache-2.0",
+            "sha256": hashlib.sha256(data).hexdigest(),
+            "start": 380.0,
+            "step": 5.0,
+            "values": np.array([table[f"{nm:.0f}"] for nm in NODES]).T.tolist(),
+        },
+        "observers": {
+            "name": f"colour-science {version('colour-science')}",
+            "licence": "BSD-3-Clause",
+            "start": 380.0,
+            "step": 1.0,
+            "values": observers,
+        },
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

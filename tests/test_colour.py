@@ -1,0 +1,744 @@
+"""Colour: against colour-science, against truth, and each part of the covariance against drawing it."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from problems import bell, measured_cameras, toy_camera
+from scenes import mosaic
+
+import camssf
+from camssf import cli
+from camssf.colour import (
+    PARTS,
+    Camera,
+    Reference,
+    View,
+    adapt,
+    camera_of_result,
+    camera_of_ssf,
+    choose,
+    lab,
+    quality_of,
+    standard_colour,
+    white_of,
+)
+from camssf.colour.camera import OwnWhite, modes_of_bands
+from camssf.colour.light import see
+from camssf.colour.reach import MOST, REACH, check_reach
+from camssf.colour.regions import against, measure_regions
+from camssf.colour.spaces import lab_slopes, xyz_of
+from camssf.colour.standard import of_surfaces
+from camssf.colour.transforms import KINDS, fit, signals_of, terms
+from camssf.curves import Evidence, recover
+from camssf.curves.basis import read_basis
+from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, LampUnfit, Overexposed
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.surfaces import observer, surfaces
+
+ROOT = Path(__file__).parents[1]
+SCHEMA = Path(camssf.__file__).parent / "data" / "colour.schema.json"
+CHART = read_chart("classic24").values
+
+
+def power(name: str) -> Floats:
+    return read_lamp(name).values
+
+
+def exact(curves: Floats | None = None) -> Camera:
+    curves = toy_camera() if curves is None else curves
+    return Camera("toy", curves / curves.max(axis=0), np.zeros((0, *curves.shape)))
+
+
+def blurred(size: float = 0.02) -> Camera:
+    """With two errors of its curves: red too far right, green too wide."""
+    one = exact()
+    modes = np.zeros((2, *one.values.shape))
+    modes[0, :, 0] = size * np.gradient(one.values[:, 0], WAVELENGTHS) * 40
+    modes[1, :, 1] = size * bell(500, 15)
+    return replace(one, modes=modes)
+
+
+def spread(parts: dict[str, tuple[Floats, Floats]], name: str) -> Floats:
+    return np.sqrt(np.diagonal(parts[name][1], axis1=1, axis2=2))
+
+
+# -- spaces -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lamp", ["D50", "A", "FL2"])
+def test_lab_and_cat16_are_colour_science_s(lamp: str) -> None:
+    import colour
+
+    xyz, white = xyz_of(CHART, power(lamp), observer("1931")), white_of(power(lamp))
+    theirs = colour.XYZ_to_Lab(xyz, colour.XYZ_to_xy(white))
+    assert np.abs(lab(xyz, white) - theirs).max() < 1e-10
+    aim = white_of(power("D65"))
+    theirs = colour.chromatic_adaptation(xyz, white, aim, method="Von Kries", transform="CAT16")
+    assert np.abs(adapt(xyz, white, aim) - theirs).max() < 1e-12
+    assert np.abs(adapt(white, white, aim) - aim).max() < 1e-14
+
+
+@pytest.mark.parametrize("name", ["1931", "1964"])
+def test_xyz_is_colour_science_s(name: str) -> None:
+    import colour
+
+    long = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10 Degree Standard Observer"}[name]
+    shape = colour.SpectralShape(380, 720, 1)
+    functions = colour.MSDS_CMFS[long].copy().trim(shape)
+    lamp = colour.SDS_ILLUMINANTS["D65"].copy().interpolate(shape)
+    table = colour.MultiSpectralDistributions(CHART[:, ::2].T, WAVELENGTHS[::2])
+    theirs = colour.msds_to_XYZ(table, functions, lamp, method="Integration", shape=shape) / 100.0
+    assert np.abs(xyz_of(CHART, power("D65"), observer(name)) - theirs).max() < 2e-4
+
+
+def test_slopes_of_lab_are_its_derivatives() -> None:
+    white = white_of(power("D50"))
+    xyz = np.concatenate([xyz_of(CHART, power("D50"), observer("1931")), [[0.001, 0.002, 0.003]]])
+    for c in range(3):
+        step = 1e-7 * np.eye(3)[c]
+        numeric = (lab(xyz + step, white) - lab(xyz - step, white)) / 2e-7
+        assert np.abs(lab_slopes(xyz, white)[..., c] - numeric).max() < 1e-5 * np.abs(numeric).max()
+
+
+def test_an_unknown_observer_white_and_kind_are_errors() -> None:
+    for wrong in ({"observer": "1932"}, {"white": "D55"}, {"kind": "cube"}):
+        with pytest.raises(InvalidArgument):
+            View(**wrong)
+    with pytest.raises(InvalidArgument):
+        choose(toy_camera(), power("D55"), kind="cube")
+
+
+# -- what ships -------------------------------------------------------------------------------------------------
+
+
+def test_the_surfaces_are_what_their_source_says() -> None:
+    from camssf.tools import surfaces as tool
+
+    stored = json.loads(tool.PLACE.read_text("utf-8"))
+    assert stored["surfaces"]["sha256"] == hashlib.sha256(tool.SOURCE.read_bytes()).hexdigest()
+    assert tool.main(["--check"]) == 0
+    assert surfaces().shape == (190, WAVELENGTHS.size)
+    notice = (ROOT / "NOTICE").read_text("utf-8")
+    assert "camssf/data/colour.json" in notice
+
+
+def test_a_drift_of_the_surfaces_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from camssf.tools import surfaces as tool
+
+    other = tmp_path / "colour.json"
+    other.write_text(tool.PLACE.read_text("utf-8").replace("0.0893", "0.0894", 1), "utf-8")
+    monkeypatch.setattr(tool, "PLACE", other)
+    assert tool.main(["--check"]) == 1
+
+
+# -- transforms -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("lamp", ["D55", "A", "LED-B3"])
+def test_white_keeps_its_colour(kind: str, lamp: str) -> None:
+    found = choose(toy_camera(), power(lamp), kind=kind)
+    assert np.abs(found.apply(np.ones(3)) - white_of(power(lamp))).max() < 1e-12
+    assert np.abs(found.apply(np.full(3, 0.3)) - 0.3 * white_of(power(lamp))).max() < 1e-12
+
+
+def test_more_light_changes_no_hue() -> None:
+    found = choose(toy_camera(), power("D55"))
+    y = signals_of(CHART, power("D55"), toy_camera())
+    assert found.kind == "root-polynomial"
+    assert np.abs(found.apply(0.1 * y) - 0.1 * found.apply(y)).max() < 1e-14
+
+
+def test_the_fit_is_the_best_one_that_keeps_white() -> None:
+    """Against scipy, which minimises the same sum over what the constraint leaves free."""
+    from scipy.optimize import lsq_linear
+
+    y, white = signals_of(surfaces(), power("A"), toy_camera()), white_of(power("A"))
+    target = xyz_of(surfaces(), power("A"), observer("1931"))
+    for kind, p in KINDS.items():
+        rows = terms(y, kind)
+        free = rows[:, :-1] - rows[:, -1:]  # the last coefficient is what white leaves
+        for c in range(3):
+            best = lsq_linear(free, target[:, c] - white[c] * rows[:, -1], tol=1e-14).x
+            ours = fit(y, target, white, kind)[:, c]
+            assert np.abs(ours[:-1] - best).max() < 1e-8
+            assert ours.shape == (p,)
+
+
+def test_an_observer_needs_no_fit() -> None:
+    """Where the Luther condition holds, a matrix gives every colour, and cross-validation chooses it."""
+    mixed = observer("1931") @ np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.0, 0.1, 0.8]])
+    found = choose(mixed, power("FL2"))
+    assert found.kind == "matrix"
+    assert found.delta_e00["matrix"] < 1e-6
+    other = choose(mixed, power("FL2"), "1964")
+    assert other.delta_e00[other.kind] > 0.1
+
+
+def test_unseen_surfaces_judge_the_kinds() -> None:
+    found = choose(toy_camera(), power("D55"))
+    assert found.delta_e00["root-polynomial"] < found.delta_e00["matrix"]
+    y = signals_of(surfaces(), power("D55"), toy_camera())
+    seen = found.apply(y) - xyz_of(surfaces(), power("D55"), observer("1931"))
+    left = found.residual * np.mean(y, axis=1, keepdims=True)
+    assert (seen**2).sum() < (left**2).sum()  # what was left out is missed by more
+
+
+def test_curves_that_do_not_see_the_lamp_are_refused() -> None:
+    curves = toy_camera()
+    curves[:, 2] = 0.0
+    with pytest.raises(InvalidArgument, match="no response"):
+        choose(curves, power("D55"))
+
+
+# -- standard colour --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("view", [View(), View("1964"), View(white="D65"), View("1964", "D50", "matrix")])
+def test_colours_of_a_camera_that_is_nearly_an_observer_are_true(view: View) -> None:
+    curves = observer(view.observer)
+    y = signals_of(CHART, power("A"), curves)
+    found = standard_colour(exact(curves), "A", y, view=view)
+    xyz, colours = of_surfaces(CHART, power("A"), view)
+    assert np.abs(found.xyz - xyz).max() < 1e-9
+    assert np.abs(found.lab - colours).max() < 1e-6
+
+
+def test_parts_add_up_and_are_covariances() -> None:
+    y = signals_of(CHART, power("A"), toy_camera())
+    found = standard_colour(blurred(), "A", y, 0.01 * y, view=View(white="D65"))
+    assert tuple(found.parts) == PARTS
+    for i, total in enumerate((found.xyz_covariance, found.lab_covariance)):
+        assert np.abs(total - sum(part[i] for part in found.parts.values())).max() < 1e-12 * np.abs(total).max()
+        assert (np.linalg.eigvalsh(total) > 0).all()
+        for part in found.parts.values():
+            least = np.linalg.eigvalsh(part[i])
+            assert (least > -1e-12 * np.abs(total).max()).all()
+
+
+def drawn(draw: Callable[[np.random.Generator], Floats], count: int = 400) -> Floats:
+    rng = np.random.default_rng(5)
+    values = np.stack([draw(rng) for _ in range(count)])
+    return np.asarray(values.std(axis=0))
+
+
+def test_the_curves_part_is_what_drawing_curves_gives() -> None:
+    camera, light = blurred(), "LED-B3"
+    y = signals_of(CHART[:6], power(light), toy_camera())
+    told = replace(read_lamp(light), tolerance=0.0)
+    found = standard_colour(camera, told, y, view=View(kind="root-polynomial"))
+    assert not spread(found.parts, "lamp").any()
+
+    def draw(rng: np.random.Generator) -> Floats:
+        values = camera.values + np.einsum("q,qmc->mc", rng.normal(size=2), camera.modes)
+        return standard_colour(exact(values), told, y, view=View(kind="root-polynomial")).lab
+
+    assert np.abs(spread(found.parts, "curves") / drawn(draw, 200) - 1).max() < 0.2
+
+
+def test_the_lamp_part_is_what_drawing_lamps_gives() -> None:
+    y = signals_of(CHART[:6], power("A"), toy_camera())
+    told = read_lamp("bulb")
+    view = View(white="D65", kind="root-polynomial")
+    found = standard_colour(exact(), replace(told, tolerance=0.0), y, view=view)
+
+    def draw(rng: np.random.Generator) -> Floats:
+        values = told.values * (1 + 0.5 * rng.normal(size=len(told.modes)) @ told.modes)
+        return standard_colour(
+            exact(), replace(told, values=values, tolerance=0.0, modes=told.modes[:0]), y, view=view
+        ).lab
+
+    half = replace(told, tolerance=0.0, modes=0.5 * told.modes)
+    half_found = standard_colour(exact(), half, y, view=view)
+    ours, theirs = spread(half_found.parts, "lamp"), drawn(draw, 200)
+    assert (np.abs(ours - theirs).max(axis=1) < 0.1 * theirs.max(axis=1)).all()
+    assert (spread(found.parts, "lamp") > spread(half_found.parts, "lamp")).all()
+
+
+def test_the_noise_part_is_what_drawing_noise_gives() -> None:
+    y = signals_of(CHART, power("D55"), toy_camera())
+    told = replace(read_lamp("D55"), tolerance=0.0)
+    found = standard_colour(exact(), told, y, 0.01 * y)
+    transform = found.transforms[0]
+    got = drawn(lambda rng: lab(transform.apply(y + 0.01 * y * rng.normal(size=y.shape)), transform.white), 2000)
+    assert np.abs(spread(found.parts, "noise") / got - 1).max() < 0.12
+    assert not spread(standard_colour(exact(), told, y).parts, "noise").any()
+
+
+def test_the_metamers_part_is_what_unseen_surfaces_miss() -> None:
+    """The share of surfaces, each left out of its own fit, within their region."""
+    y = signals_of(surfaces(), power("D55"), toy_camera())
+    found = choose(toy_camera(), power("D55"))
+    missed = found.residual * np.mean(y, axis=1, keepdims=True)
+    told = replace(read_lamp("D55"), tolerance=0.0)
+    parts = [standard_colour(exact(), told, y[i : i + 64]).parts["metamers"][0] for i in range(0, len(y), 64)]
+    chi = np.einsum("mc,mc->m", missed, np.linalg.solve(np.concatenate(parts), missed[..., None])[..., 0])
+    assert 0.9 < np.mean(chi < 7.815) < 0.99
+    assert 2.0 < chi.mean() < 4.0  # of three numbers
+
+
+def test_many_colours_at_once_are_the_same_as_one_by_one() -> None:
+    y = signals_of(surfaces()[: MOST + 6], power("D65"), toy_camera())
+    many = standard_colour(blurred(), "D65", y, 0.002)
+    assert np.isnan(many.reach).all()
+    for i in (0, 50, MOST + 5):
+        one = standard_colour(blurred(), "D65", y[i], 0.002)
+        assert np.abs(one.lab[0] - many.lab[i]).max() < 1e-9
+        assert np.abs(one.lab_covariance[0] - many.lab_covariance[i]).max() < 1e-9
+
+
+@pytest.mark.parametrize("wrong", [np.ones(2), np.array([[1.0, np.nan, 1.0]]), np.ones((1, 1, 3))])
+def test_signals_that_are_none_are_refused(wrong: Floats) -> None:
+    with pytest.raises(InvalidArgument, match="Signals"):
+        standard_colour(exact(), "D55", wrong)
+
+
+def test_errors_that_are_none_are_refused() -> None:
+    with pytest.raises(InvalidArgument, match="standard error"):
+        standard_colour(exact(), "D55", np.ones(3), -0.1)
+
+
+# -- out of reach -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("signal", "far"),
+    [
+        ((1.0, 1.0, 1.0), False),
+        ((0.0, 0.0, 0.0), False),
+        ((0.4, 0.2, 0.1), False),
+        ((1.3, 1.3, 1.3), True),  # brighter than white
+        ((0.02, 0.9, 0.02), True),  # no surface is so green to curves that overlap
+        ((-0.2, 0.1, 0.1), True),
+    ],
+)
+def test_a_colour_that_no_surface_has_is_found_out(signal: tuple[float, ...], far: bool) -> None:
+    found = standard_colour(blurred(0.005), "D55", np.array(signal), 0.002)
+    assert (found.reach[0] > REACH) == far
+    if far:
+        with pytest.raises(ColourOutOfReach, match="Colour 1") as caught:
+            check_reach(found.reach)
+        assert caught.value.value == found.reach[0]
+        assert caught.value.exit_status == 8
+
+
+def test_every_real_surface_is_in_reach() -> None:
+    for name in ("D55", "A", "LED-B3", "FL2"):
+        y = signals_of(surfaces()[:60], power(name), toy_camera())
+        assert standard_colour(exact(), name, y, 0.002).reach.max() < 3.0
+
+
+# -- lamps by what the reference says ---------------------------------------------------------------------------
+
+
+def owned(camera: Camera, name: str = "D55") -> Camera:
+    raw = power(name) @ camera.values
+    return replace(camera, own=OwnWhite(raw / raw[1], read_lamp(name)))
+
+
+@pytest.mark.parametrize(
+    ("true", "kind"), [("D65", "daylight"), ("2500K", "bulb"), ("LED-B4", "white-led"), ("FL2", "fluorescent")]
+)
+def test_auto_gives_nearly_the_colours_of_the_lamp_named(true: str, kind: str) -> None:
+    camera = owned(blurred(0.005))
+    y, raw = signals_of(CHART[:18], power(true), camera.values), 3000.0 * (power(true) @ camera.values)
+    truth = of_surfaces(CHART[:18], power(true), View())[1]
+    named = standard_colour(camera, true, y, reference=Reference(raw=raw))
+    auto = standard_colour(camera, "auto", y, reference=Reference(raw=raw))
+    weights = dict(auto.lamps)
+    assert set(weights) == {"daylight", "bulb", "white-led", "fluorescent"}
+    assert abs(sum(weights.values()) - 1) < 1e-12
+    assert weights[kind] > 0.02
+    off, off_named = (np.linalg.norm(each.lab - truth, axis=1).mean() for each in (auto, named))
+    assert off < off_named + 4.0
+    chi = np.einsum(
+        "mc,mc->m", truth - auto.lab, np.linalg.solve(auto.lab_covariance, (truth - auto.lab)[..., None])[..., 0]
+    )
+    assert np.mean(chi < 7.815) > 0.8
+    assert spread(auto.parts, "lamp").mean() > spread(named.parts, "lamp").mean()
+
+
+def test_the_reference_narrows_a_lamp_known_by_kind() -> None:
+    camera = owned(exact())
+    y, raw = signals_of(CHART, power("D75"), camera.values), power("D75") @ camera.values
+    alone = standard_colour(camera, "daylight", y)
+    asked = standard_colour(camera, "daylight", y, reference=Reference(raw=raw))
+    assert spread(asked.parts, "lamp").mean() < 0.7 * spread(alone.parts, "lamp").mean()
+    assert asked.surprise is not None
+    assert alone.surprise is None
+    # and moves it: the estimate is bluer than the kind's mean
+    light = see(camera, read_lamp("daylight"), np.log((raw / raw[1])[[0, 2]]), 0.005)
+    assert light.power[:100].mean() / light.power[-100:].mean() > 1.05 * (
+        read_lamp("daylight").values[:100].mean() / read_lamp("daylight").values[-100:].mean()
+    )
+
+
+def test_conditioning_is_bayes_by_drawing() -> None:
+    """Weighted draws of a bulb's temperature and the smooth error give the mean and spread that `see` states."""
+    camera = owned(exact())
+    told = read_lamp("bulb")
+    raw = power("2600K") @ camera.values
+    seen = np.log((raw / raw[1])[[0, 2]])
+    light = see(camera, told, seen, 0.02)
+    from camssf.colour.light import OWN_WHITE, lamp_modes
+
+    rng = np.random.default_rng(3)
+    modes = lamp_modes(told)
+    u = rng.normal(size=(40000, len(modes)))
+    powers = told.values * np.maximum(1 + u @ modes, 0.02)
+    own = read_lamp("D55").values * (1 + 0.02 * 0)
+    logs = np.log(camera.own.raw * (powers @ camera.values) / (own @ camera.values))  # type: ignore[union-attr]
+    ratios = logs[:, [0, 2]] - logs[:, 1:2]
+    from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
+
+    smooth = 0.02 * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T * own
+    of_own = (smooth @ camera.values / (own @ camera.values)).T
+    of_own = of_own[[0, 2]] - of_own[1]
+    noise = of_own @ of_own.T + (OWN_WHITE**2 + 0.02**2) * (np.eye(2) + 1)
+    off = seen - ratios
+    weight = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, np.linalg.inv(noise), off))
+    weight /= weight.sum()
+    mean = weight @ powers
+    std = np.sqrt(weight @ (powers - mean) ** 2)
+    stated = np.sqrt((light.power_modes**2).sum(axis=0))
+    assert np.abs(light.power - mean).max() < 0.25 * std.max()
+    assert np.abs(stated / std - 1).max() < 0.15
+
+
+def test_a_reference_that_contradicts_the_lamp_is_refused() -> None:
+    camera = owned(blurred(0.005))
+    raw = power("A") @ camera.values
+    with pytest.raises(LampUnfit, match="not white under D55"):
+        standard_colour(camera, "D55", np.full(3, 0.5), reference=Reference(raw=raw))
+    standard_colour(camera, "A", np.full(3, 0.5), reference=Reference(raw=raw))
+
+
+@pytest.mark.parametrize("raw", [None, np.array([1.0, 0.0, 1.0]), np.array([1.0, 1.0])])
+def test_auto_needs_a_reference(raw: Floats | None) -> None:
+    with pytest.raises(InvalidArgument):
+        standard_colour(owned(exact()), "auto", np.full(3, 0.5), reference=Reference(raw=raw))
+    with pytest.raises(InvalidArgument, match="Nothing tells"):
+        standard_colour(exact(), "auto", np.full(3, 0.5), reference=Reference(raw=np.ones(3)))
+
+
+# -- cameras ----------------------------------------------------------------------------------------------------
+
+
+def test_a_camera_of_an_ssf_has_its_bands() -> None:
+    lamps = np.stack([power("D55"), power("A")])
+    y = ((lamps[:, None] * CHART) @ toy_camera()) / (lamps @ toy_camera())[:, None]
+    evidence = Evidence(y, CHART, lamps, standard_error=0.003 * y)
+    answer = recover(evidence, engine="reference")
+    camera = camera_of_ssf(answer, read_basis("cameras"), lamps[0])
+    curves, std = answer.peak()
+    assert np.array_equal(camera.values, curves)
+    assert np.abs(np.sqrt((camera.modes**2).sum(axis=0)) - std).max() < 1e-4 * std.max()
+    # channels err together: what drawing the code gives
+    rng = np.random.default_rng(2)
+    codes = answer.code.T.ravel() + rng.multivariate_normal(np.zeros(answer.code.size), answer.code_covariance, 3000)
+    from camssf.curves.sensing import anchor
+
+    basis = anchor(read_basis("cameras"), lamps[0])
+    drawn = basis.mean + np.einsum("cmr,ncr->ncm", basis.dictionary, codes.reshape(-1, 3, answer.code.shape[0]))
+    drawn = drawn / drawn[:, np.arange(3), curves.argmax(axis=0)][..., None]
+    at = [(0, 440), (1, 300), (2, 160), (0, 300)]
+    picked = np.stack([drawn[:, c, m] for c, m in at])
+    ours = np.stack([camera.modes[:, m, c] for c, m in at]) @ np.stack([camera.modes[:, m, c] for c, m in at]).T
+    assert np.abs(ours - np.cov(picked)).max() < 0.12 * np.abs(ours).max()
+    with pytest.raises(InvalidArgument, match="prior"):
+        camera_of_ssf(replace(answer, code_covariance=None), read_basis("cameras"), lamps[0])
+
+
+def test_modes_of_bands_have_the_bands() -> None:
+    std = 0.01 + 0.02 * toy_camera()
+    modes = modes_of_bands(std)
+    assert np.abs(np.sqrt((modes**2).sum(axis=0)) / std - 1).max() < 1e-3
+
+
+def test_a_camera_must_have_the_grid_and_a_peak() -> None:
+    with pytest.raises(InvalidArgument, match="no camera"):
+        Camera("x", np.ones((3, 681)), np.zeros((0, 681, 3)))
+    with pytest.raises(InvalidArgument, match="peak"):
+        Camera("x", np.zeros((681, 3)), np.zeros((0, 681, 3)))
+
+
+# -- indices ----------------------------------------------------------------------------------------------------
+
+
+def test_an_observer_fulfils_luther() -> None:
+    found = quality_of(observer("1931") @ np.array([[1, 0.2, 0], [0, 1, 0.1], [0.1, 0, 1]]))
+    assert found.luther < 1e-12
+    assert abs(found.vora - 1) < 1e-12
+    assert abs(found.smi - 100) < 1e-6
+
+
+def test_real_cameras_are_where_cameras_are() -> None:
+    found = [quality_of(curves) for curves in list(measured_cameras().values())[::17]]
+    assert all(70 < each.smi < 95 for each in found)
+    assert all(0.85 < each.vora < 1 for each in found)
+    assert all(0 < each.luther < 0.2 for each in found)
+    assert all(each.matrix.kind == "matrix" and each.polynomial.kind == "root-polynomial" for each in found)
+
+
+# -- regions ----------------------------------------------------------------------------------------------------
+
+
+def picture() -> Any:
+    """Black 512; left half 1512 above black 1000, right half 2512; one hot pixel."""
+    rng = np.random.default_rng(1)
+    samples = np.full((80, 100), 1512.0)
+    samples[:, 50:] = 2512.0
+    samples = np.rint(samples + 3 * rng.normal(size=samples.shape)).astype(np.uint16)
+    samples[20, 20] = 16383
+    return mosaic(samples)
+
+
+def test_regions_are_measured() -> None:
+    left, right = measure_regions(picture(), [(10, 10, 30, 40), (60, 10, 30, 40)])
+    assert np.abs(left.raw - 1000).max() < 1
+    assert np.abs(right.raw - 2000).max() < 1
+    assert (left.error > 0.05).all()
+    assert (left.error < 0.4).all()
+    y, error = against([left], right, 0.9)
+    assert np.abs(y - 0.45).max() < 1e-3
+    assert np.abs(error / (0.9 * np.hypot(left.error / 2000, 0.5 * right.error / 2000)) - 1).max() < 0.01
+
+
+def test_a_region_is_measured_to_its_borders() -> None:
+    samples = np.full((80, 100), 1512, np.uint16)
+    samples[10:50, 10:40] += np.uint16(1)
+    (inside,) = measure_regions(mosaic(samples), [(10, 10, 30, 40)])
+    assert np.array_equal(inside.raw, [1001.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("rectangle", "words"),
+    [
+        ((90, 10, 30, 40), "leaves the photo"),
+        ((-1, 10, 30, 40), "leaves the photo"),
+        ((10, 10, 0, 40), "empty"),
+        ((10, 10, float("nan"), 40), "empty"),
+        ((10, 10, 4, 4), "samples"),
+    ],
+)
+def test_a_region_that_is_none_is_refused(rectangle: Any, words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        measure_regions(picture(), [rectangle])
+
+
+def test_a_clipped_region_is_refused() -> None:
+    samples = np.full((80, 100), 16383, np.uint16)
+    with pytest.raises(Overexposed, match="Region 1"):
+        measure_regions(mosaic(samples), [(10, 10, 30, 40)])
+
+
+def test_a_reference_must_be_lit() -> None:
+    left, right = measure_regions(picture(), [(10, 10, 30, 40), (60, 10, 30, 40)])
+    with pytest.raises(InvalidArgument, match="reflectance"):
+        against([left], right, 18.0)
+    with pytest.raises(InvalidArgument, match="dark"):
+        against([left], replace(right, raw=np.array([1.0, 1.0, 1.0]), error=np.ones(3)), 0.9)
+
+
+# -- the whole way ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A folder with chart-D55.dng, chart-A.dng and the result of both."""
+    from camssf.calibration import attempt
+    from camssf.documents.report import document_bytes
+    from camssf.options import Options
+    from camssf.simulation.frames import Scene, simulate
+
+    folder = tmp_path_factory.mktemp("colour")
+    scene = simulate("Nikon 5100 (NPL)", ["D55", "A"], folder, scene=Scene(size=(900, 675)), seed=3)
+    frames = {role: [str(getattr(shot, role)) for shot in scene.shots] for role in ("chart", "white", "dark")}
+    found = attempt(
+        frames["chart"],
+        [shot.lamp for shot in scene.shots],
+        white=frames["white"],
+        dark=frames["dark"],
+        options=Options(engine="reference"),
+    )
+    document = found.document()
+    (folder / "result.json").write_bytes(document_bytes(document))
+    return folder, document
+
+
+def place(document: dict[str, Any], patch: int) -> str:
+    outline = np.array(document["shots"][0]["pose"]["patches"][patch])
+    x, y = outline.min(axis=0) + 12
+    return f"{x:.0f},{y:.0f},56,56"
+
+
+@pytest.mark.slow
+def test_a_result_s_own_covariance_is_taken(calibrated: tuple[Path, dict[str, Any]]) -> None:
+    document = calibrated[1]
+    camera = camera_of_result(document)
+    band = np.array([document["ssf_std"][c] for c in ("red", "green", "blue")]).T
+    assert np.abs(np.sqrt((camera.modes**2).sum(axis=0)) - band).max() < 1e-4 * band.max()
+    assert camera.own is not None
+    assert camera.own.lamp.name == "D55"
+    y = signals_of(CHART, power("LED-B3"), camera.values)
+    by_band = camera_of_result({name: value for name, value in document.items() if name != "code_covariance"})
+    ours, theirs = (
+        np.sqrt(np.diagonal(standard_colour(each, "LED-B3", y).parts["curves"][1], axis1=1, axis2=2)).mean()
+        for each in (camera, by_band)
+    )
+    assert ours < theirs < 4 * ours  # bands alone overrate, and must not underrate
+    other = document | {"code_covariance": (4.0 * np.array(document["code_covariance"])).tolist()}
+    assert np.array_equal(camera_of_result(other).modes, by_band.modes)  # a covariance that is not the bands'
+    assert camera_of_result(document | {"ssf_std": None}).modes.shape[0] == 0
+    nameless = json.loads(json.dumps(document))
+    nameless["shots"][0]["lamp"]["name"] = "lost.csv"
+    assert camera_of_result(nameless).own is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("told", ["A", "bulb", "auto"])
+def test_the_command_states_true_colours(
+    told: str, calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    folder, document = calibrated
+    patches = (0, 4, 12, 14, 15)
+    regions = [word for patch in patches for word in ("--region", place(document, patch))]
+    white = xyz_of(CHART[18], power("A"), observer("1931"))[1]
+    arguments = ["--lamp", told, "--white-region", place(document, 18), "--white-reflectance", f"{white:.4f}"]
+    status = cli.main(
+        ["colour", str(folder / "result.json"), str(folder / "chart-A.dng"), *regions, *arguments, "--adapt", "D65"]
+    )
+    said = capsys.readouterr()
+    assert status == 0, said.err
+    found = json.loads(said.out)
+    jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(found)
+    assert found["result"]["sha256"] == hashlib.sha256((folder / "result.json").read_bytes()).hexdigest()
+    assert found["white"]["of"] == "D65"
+    truth = of_surfaces(CHART[list(patches)], power("A"), View(white="D65"))[1]
+    got = np.array([region["lab"] for region in found["regions"]])
+    off = got - truth
+    assert np.linalg.norm(off, axis=1).mean() < 3.5
+    chi = [o @ np.linalg.solve(region["lab_covariance"], o) for o, region in zip(off, found["regions"], strict=True)]
+    assert max(chi) < 16.3
+    assert said.err.count("region ") == len(patches)
+
+
+@pytest.mark.slow
+def test_the_command_says_no(calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
+    folder, document = calibrated
+    base = ["colour", str(folder / "result.json"), str(folder / "chart-D55.dng")]
+    here, white = ["--region", place(document, 3)], ["--white-region", place(document, 18)]
+    dark = ["--white-region", place(document, 23)]
+    for arguments, status, words in (
+        ([], 2, "needs a region"),
+        (here, 2, "needs a region"),
+        (["--region", "1,2,3", *white], 2, "no rectangle"),
+        (["--region", "1,2,x,4", *white], 2, "no rectangle"),
+        ([*here, *white, "--observer", "1932"], 2, "observer"),
+        ([*here, *white, "--adapt", "D55"], 2, "D55"),
+        ([*here, *white, "--lamp", "A"], 6, "not white under A"),
+        ([*here, *white, "--lamp", "nonsense"], 2, "No lamp"),
+        ([*here, *white, "--white-reflectance", "90"], 2, "reflectance"),
+        (["--region", place(document, 18), *dark, "--white-reflectance", "0.9"], 8, "Colour 1"),
+    ):
+        assert cli.main([*base, *arguments]) == status, arguments
+        assert words in capsys.readouterr().err, arguments
+    refused = json.loads((folder / "result.json").read_text("utf-8"))
+    refused["camera"]["model"] = "other"
+    other = folder / "other.json"
+    other.write_text(json.dumps(refused), "utf-8")
+    assert cli.main(["colour", str(other), base[2], *here, *white]) == 5
+    assert "each has its own curves" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
+    calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    folder, document = calibrated
+    arguments = ["--region", place(document, 18), "--region", place(document, 22)]
+    white = ["--white-region", place(document, 22), "--white-reflectance", "0.9"]
+    assert cli.main(["colour", str(folder / "result.json"), str(folder / "chart-D55.dng"), *arguments, *white]) == 8
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(found)
+    assert [region["status"] for region in found["regions"]] == ["colour_out_of_reach", "ok"]
+    assert "lab" not in found["regions"][0]
+
+
+def test_the_schema_is_sound_and_says_what_everything_is() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads(SCHEMA.read_text("utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+    def walk(node: Any, where: str) -> None:
+        for name, each in node.get("properties", {}).items():
+            if isinstance(each, dict) and each:
+                assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
+                walk(each, f"{where}.{name}")
+
+    walk(schema, "")
+
+
+def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:
+    """A document of sound form with numbers that no camera has."""
+    rng = np.random.default_rng(seed)
+    given = json.loads(json.dumps(document))
+    for c in rng.choice(["red", "green", "blue"], 2):
+        curve = np.array(given["ssf"][c])
+        kind = rng.integers(6)
+        if kind == 0:
+            curve = -np.abs(curve)
+        elif kind == 1:
+            curve = np.zeros_like(curve)
+        elif kind == 2:
+            curve = rng.normal(size=curve.size)
+        elif kind == 3:
+            curve = curve * 10.0 ** rng.integers(-12, 12)
+        elif kind == 4:
+            curve = np.array(given["ssf"]["red"])
+        curve = np.clip(curve / max(curve.max(), 1e-300), -1e3, 1.0)
+        curve[rng.integers(curve.size)] = 1.0
+        given["ssf"][c] = curve.tolist()
+        if rng.random() < 0.5:
+            given["ssf_std"][c] = (np.abs(rng.normal(size=curve.size)) * 10.0 ** rng.integers(-12, 9)).tolist()
+    size = len(given["code_covariance"])
+    triangle = rng.normal(size=size) * 10.0 ** rng.integers(-6, 9)
+    variances = np.cumsum(np.arange(1, 73)) - 1
+    triangle[variances] = np.abs(triangle[variances])
+    given["code_covariance"] = triangle.tolist()
+    given["channel_gain"] = (rng.normal(size=3) * 10.0 ** rng.integers(-6, 6)).tolist()
+    return given
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: tuple[Path, dict[str, Any]]) -> None:
+    from camssf.documents.report import report
+    from camssf.exports import FORMATS, export
+
+    given = hostile(calibrated[1], seed)
+    for told in ("LED-B3", "auto"):
+        with suppress(CalibrationError):
+            found = standard_colour(
+                camera_of_result(given),
+                told,
+                np.full(3, 0.3),
+                0.01,
+                reference=Reference(raw=np.array([0.7, 1.0, 0.6])),
+            )
+            assert np.isfinite(found.lab).all()
+            assert np.isfinite(found.lab_covariance).all()
+    for to in FORMATS:
+        with suppress(CalibrationError):
+            assert b"nan" not in export(given, to).lower()
+    assert report(given).html

@@ -1,0 +1,472 @@
+"""Exports: each is read back by somebody else's program and gives the same numbers; a refused result gives none."""
+
+import copy
+import hashlib
+import io
+import json
+import os
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_report import document, refused
+
+from camssf import cli
+from camssf.cli.exports import FORMATS as TOLD
+from camssf.colour import View, adapt, lab, white_of
+from camssf.colour.spaces import xyz_of
+from camssf.colour.standard import of_surfaces
+from camssf.colour.transforms import signals_of
+from camssf.documents.report import report
+from camssf.errors import InvalidArgument
+from camssf.exports import FORMATS, export, read_result
+from camssf.exports.matrices import ACES, ACES_WHITE, D50, matrices
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.surfaces import observer
+
+ROOT = Path(__file__).parents[1]
+RAWTOACES = ROOT / "data" / "rawtoaces"
+THEN = datetime(2026, 11, 22, 3, 4, 5, tzinfo=UTC)
+GRID_5 = np.arange(380, 721, 5)
+
+
+@pytest.fixture(autouse=True)
+def _no_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+
+
+def result(**changes: Any) -> dict[str, Any]:
+    return copy.deepcopy(document("D55", "A")) | changes
+
+
+def true_curves(result: dict[str, Any]) -> Floats:
+    return np.array([result["ssf"][name] for name in ("red", "green", "blue")]).T
+
+
+def strict(text: bytes) -> Any:
+    def never(word: str) -> Any:
+        raise AssertionError(word)
+
+    return json.loads(text.decode(), parse_constant=never)
+
+
+# -- what all have in common ------------------------------------------------------------------------------------
+
+
+def said(content: bytes, words: str) -> bool:
+    """In whatever coding the format has."""
+    return any(words.encode(coding) in content for coding in ("utf-8", "utf-16-be"))
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_verdict_and_hash_travel(to: str) -> None:
+    given = result()
+    found = export(given, to, created=THEN)
+    sha256 = hashlib.sha256(report(given).result_json).hexdigest()
+    assert said(found, sha256)
+    assert said(found, f"Verdict: {given['verdict']['status']}")
+    given["channel_gain"][0] += 0.001  # another result has another hash
+    assert not said(export(given, to, created=THEN), sha256)
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_doubtful_verdict_says_why(to: str) -> None:
+    doubt = {"code": "glare", "message": "m", "advice": "a", "value": None, "threshold": None}
+    given = result(verdict={"status": "doubtful", "reasons": [doubt, doubt | {"code": "blurred"}, doubt]})
+    assert said(export(given, to), "Verdict: doubtful (glare, blurred).")
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_refused_result_exports_nothing(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InvalidArgument, match="was refused"):
+        export(refused(shots=True), to)
+    given, out = tmp_path / "result.json", tmp_path / "file"
+    given.write_bytes(report(refused()).result_json)
+    assert cli.main(["export", str(given), "--to", to, "-o", str(out)]) == 2
+    assert "was refused" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_the_same_result_gives_the_same_bytes(to: str) -> None:
+    shuffled = dict(reversed(result().items()))
+    assert export(result(), to, created=THEN) == export(shuffled, to, created=THEN)
+
+
+@pytest.mark.parametrize("to", [name for name in FORMATS if name not in ("icc", "dcp")])
+def test_a_hostile_name_stays_in_its_line(to: str) -> None:
+    plain = export(result(), to, created=THEN)
+    given = result(camera={"make": 'M"\n1,2,3,4\u2028', "model": "X\x1b[2J\r\n\ud800"})
+    found = export(given, to, created=THEN)
+    assert found.count(b"\n") == plain.count(b"\n")
+    assert b"\x1b" not in found
+
+
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [
+        ({}, "lacks"),
+        ({"format": "camssf-result/2"}, "must be"),
+        ({"ssf": {}}, "lacks"),
+        ({"channel_gain": [1.0, 1.0]}, "entries"),
+        ({"channel_gain": [1.0, 1.0, float("nan")]}, "finite"),
+    ],
+)
+def test_a_document_that_breaks_its_form_is_refused(broken: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        export(result() | broken if broken else {}, "csv")
+
+
+def test_an_unknown_format_lists_the_known() -> None:
+    with pytest.raises(InvalidArgument, match="rawtoaces"):
+        export(result(), "pdf")
+
+
+def test_the_command_line_names_the_formats() -> None:
+    assert ", ".join(FORMATS) == TOLD
+
+
+def test_the_command_line_writes_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given, out = tmp_path / "result.json", tmp_path / "curves.csv"
+    given.write_bytes(report(result()).result_json)
+    assert cli.main(["export", str(given), "--to", "csv", "-o", str(out)]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "plain CSV" in said.err
+    assert out.read_bytes() == export(result(), "csv")
+    assert cli.main(["export", str(given), "--to", "csv"]) == 2
+    assert cli.main(["export", str(given), "--to", "nothing", "-o", str(out)]) == 2
+    assert out.read_bytes() == export(result(), "csv")
+
+
+# -- rawtoaces --------------------------------------------------------------------------------------------------
+
+
+def test_rawtoaces_meets_its_schema_and_holds_the_curves() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8"))
+    given = result()
+    found = strict(export(given, "rawtoaces", created=THEN, licence="CC-BY-4.0"))
+    judge = jsonschema.Draft4Validator(schema)
+    judge.validate(found)
+    header = found["header"]
+    assert header["license"] == "CC-BY-4.0"
+    assert header["document_creation_date"] == "2026-11-22T03:04:05Z"
+    assert (header["manufacturer"], header["model"]) == (given["camera"]["make"], given["camera"]["model"])
+    table = found["spectral_data"]["data"]["main"]
+    theirs = json.loads((RAWTOACES / "Nikon_D850_380_780_5.json").read_text("utf-8"))
+    assert list(table) == list(theirs["spectral_data"]["data"]["main"])  # the 81 samples of a camera of theirs
+    assert found["spectral_data"]["index"] == theirs["spectral_data"]["index"]
+    assert np.array_equal([table[str(nm)] for nm in GRID_5], true_curves(given)[::10])
+    assert not np.any([table[str(nm)] for nm in range(725, 781, 5)])
+    del found["header"]["license"]  # the judge judges
+    assert not judge.is_valid(found)
+
+
+def test_a_camera_without_a_name_exports_to_rawtoaces() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8"))
+    found = strict(export(result(camera={"make": "", "model": ""}), "rawtoaces"))
+    jsonschema.Draft4Validator(schema).validate(found)
+    assert found["header"]["manufacturer"] is None
+    assert "unnamed camera" in found["header"]["description"]
+
+
+def test_the_time_is_utc_and_can_be_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+    found = strict(export(result(), "rawtoaces", created=THEN))
+    assert found["header"]["document_creation_date"] == "2001-09-09T01:46:40Z"
+
+
+def test_an_empty_licence_is_an_error() -> None:
+    with pytest.raises(InvalidArgument, match="licence"):
+        export(result(), "rawtoaces", licence=" \n")
+
+
+# -- tables -----------------------------------------------------------------------------------------------------
+
+
+def test_plain_csv_reads_back(tmp_path: Path) -> None:
+    given, path = result(), tmp_path / "curves.csv"
+    path.write_bytes(export(given, "csv"))
+    found = np.genfromtxt(path, delimiter=",", skip_header=1, names=True)
+    assert found.dtype.names == ("wavelength_nm", "red", "green", "blue", "red_std", "green_std", "blue_std")
+    for name in ("red", "green", "blue"):
+        assert np.array_equal(found[name], given["ssf"][name])
+        assert np.array_equal(found[f"{name}_std"], given["ssf_std"][name])
+
+
+def test_plain_csv_is_a_camera_to_camssf(tmp_path: Path) -> None:
+    from camssf.spectra import read_camera
+
+    path = tmp_path / "curves.csv"
+    path.write_bytes(export(result(), "csv"))
+    assert np.abs(read_camera(str(path)).values - true_curves(result())).max() < 1e-12
+
+
+SPECTACLE = """
+import sys, json, pathlib
+import scipy.integrate
+from spectacle import spectral
+table, name = spectral.load_spectral_response(pathlib.Path(sys.argv[1]), return_filename=True)
+print(json.dumps([table.tolist(), str(name)]))
+"""
+
+
+@pytest.mark.parametrize("judge", ["numpy", "pyspectacle"])
+def test_spectacle_s_own_reader_takes_it(judge: str, tmp_path: Path) -> None:
+    """SPECTACLE is GPL and needs an old SciPy: an environment of its own, named by CAMSSF_SPECTACLE, judges."""
+    given = result()
+    (tmp_path / "calibration").mkdir()
+    path = tmp_path / "calibration" / "spectral_response.csv"
+    path.write_bytes(export(given, "spectacle"))
+    if judge == "numpy":
+        table = np.loadtxt(path, delimiter=",").T
+    else:
+        python = os.environ.get("CAMSSF_SPECTACLE")
+        if not python:
+            pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+        done = subprocess.run(
+            [python, "-W", "ignore", "-c", SPECTACLE, str(tmp_path)],
+            capture_output=True, text=True, check=True, timeout=120, env=os.environ | {"HOME": str(tmp_path)},
+        )  # fmt: skip
+        numbers, name = json.loads(done.stdout.splitlines()[-1])
+        assert name == str(path)
+        table = np.array(numbers)
+    assert np.array_equal(table[0], np.arange(380, 721))
+    curves, std = true_curves(given)[::2].T, np.array(list(given["ssf_std"].values())[1:])[:, ::2]
+    assert np.array_equal(table[1:5], curves[[0, 1, 2, 1]])
+    assert np.array_equal(table[5:9], std[[0, 1, 2, 1]])
+
+
+def test_spectacle_without_bands_says_nan(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_bytes(export(result(ssf_std=None), "spectacle"))
+    assert np.isnan(np.loadtxt(path, delimiter=",")[:, 5:]).all()
+
+
+def test_colour_science_reads_its_csv(tmp_path: Path) -> None:
+    import colour
+    from colour.characterisation import RGB_CameraSensitivities
+
+    given, path = result(), tmp_path / "curves.csv"
+    path.write_bytes(export(given, "colour"))
+    read = colour.read_sds_from_csv_file(str(path))
+    camera = RGB_CameraSensitivities(colour.MultiSpectralDistributions({name: read[name] for name in "RGB"}))
+    assert np.array_equal(camera.wavelengths, WAVELENGTHS)
+    assert [label.casefold()[0] for label in camera.labels] == ["r", "g", "b"]
+    assert np.array_equal(camera.values, true_curves(given))
+
+
+def test_a_result_read_twice_is_the_same() -> None:
+    once = read_result(result())
+    assert once.lamps == ("D55", "A")
+    assert once.std is not None
+    assert read_result(result(ssf_std=None)).std is None
+
+
+# -- matrices ---------------------------------------------------------------------------------------------------
+
+
+def balanced(result: dict[str, Any], lamp: str) -> tuple[Floats, Floats, Floats]:
+    """White-balanced camera RGB (24, 3) of the chart under a lamp, its XYZ, and the lamp's white."""
+    power = read_lamp(lamp).values
+    chart = read_chart("classic24").values
+    y = signals_of(chart, power, true_curves(result))
+    return y, xyz_of(chart, power, observer("1931")), white_of(power)
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A", "LED-B3"])
+def test_the_matrices_are_good_and_keep_white(lamp: str) -> None:
+    curves = read_result(result())
+    found = matrices(curves, lamp)
+    y, xyz, white = balanced(result(), lamp)
+    assert np.abs(found.to_d50 @ np.ones(3) - D50).max() < 1e-12
+    assert np.abs(found.to_aces @ np.ones(3) - 1).max() < 1e-12
+    assert np.abs(found.to_xyz @ np.ones(3) - white).max() < 1e-12
+    assert np.linalg.norm(lab(y @ found.to_xyz.T, white) - lab(xyz, white), axis=1).mean() < 4
+    turned = adapt(xyz, white, D50)
+    assert np.linalg.norm(lab(y @ found.to_d50.T, D50) - lab(turned, D50), axis=1).mean() < 4
+
+
+def test_aces_is_colour_science_s() -> None:
+    import colour
+
+    space = colour.RGB_COLOURSPACES["ACES2065-1"]
+    assert np.abs(space.matrix_XYZ_to_RGB - ACES).max() < 1e-9
+    assert np.abs(colour.xy_to_XYZ(space.whitepoint) - ACES_WHITE).max() < 1e-12
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_littlecms_reads_the_profile(lamp: str) -> None:
+    from PIL import Image, ImageCms
+
+    profile = ImageCms.getOpenProfile(io.BytesIO(export(result(), "icc", created=THEN, lamp=lamp)))
+    inside = profile.profile
+    wanted = matrices(read_result(result()), lamp).to_d50
+    got = np.array([inside.red_colorant[0], inside.green_colorant[0], inside.blue_colorant[0]]).T
+    assert np.abs(got - wanted).max() < 2.5 / 65536  # two roundings stand in green's
+    assert np.array_equal(np.rint(got.sum(axis=1) * 65536), np.rint(D50 * 65536))
+    assert (inside.version, inside.device_class, inside.xcolor_space.strip()) == (4.3, "scnr", "RGB")
+    assert inside.creation_date == THEN.replace(tzinfo=None)
+    assert inside.is_matrix_shaper
+    assert read_result(result()).sha256 in inside.profile_description
+    transform = ImageCms.buildTransform(profile, ImageCms.createProfile("LAB"), "RGB", "LAB", ImageCms.Intent(1))
+    swatch = Image.new("RGB", (4, 4), (255, 255, 255))
+    assert ImageCms.applyTransform(swatch, transform).getpixel((0, 0)) == (255, 128, 128)  # L* 100, a* = b* = 0
+
+
+def test_lcms_sees_the_colours_that_we_do(tmp_path: Path) -> None:
+    """transicc in floating point, against our own matrix."""
+    if shutil.which("transicc") is None:
+        pytest.skip("transicc (liblcms2-utils) is not on this machine")
+    path = tmp_path / "camera.icc"
+    path.write_bytes(export(result(), "icc", created=THEN))
+    y = np.clip(balanced(result(), "D65")[0], 0, 1)
+    given = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in y)
+    done = subprocess.run(
+        ["transicc", "-n", f"-i{path}", "-o*XYZ", "-t1", "-c0"],
+        input=given, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    got = np.array([float(word) for word in done.stdout.split()]).reshape(-1, 3)[: len(y)] / 100
+    assert np.abs(got - y @ matrices(read_result(result()), "D65").to_d50.T).max() < 2e-4
+
+
+def test_the_profile_s_identifier_is_its_own() -> None:
+    content = bytearray(export(result(), "icc", created=THEN))
+    assert int.from_bytes(content[:4], "big") == len(content)
+    known = bytes(content[84:100])
+    content[44:48], content[64:68], content[84:100] = bytes(4), bytes(4), bytes(16)
+    assert hashlib.md5(content, usedforsecurity=False).digest() == known
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_opencolorio_applies_the_clf(lamp: str, tmp_path: Path) -> None:
+    ocio = pytest.importorskip("PyOpenColorIO")
+    path = tmp_path / "camera.clf"
+    path.write_bytes(export(result(), "clf", lamp=lamp))
+    transform = ocio.FileTransform(str(path))
+    processor = ocio.Config.CreateRaw().getProcessor(transform)
+    said_ = processor.createGroupTransform().getFormatMetadata()
+    assert read_result(result()).description in [child.getElementValue() for child in said_.getChildElements()]
+    y = balanced(result(), lamp)[0]
+    got = np.array([processor.getDefaultCPUProcessor().applyRGB(row.tolist()) for row in y])
+    assert np.abs(got - y @ matrices(read_result(result()), lamp).to_aces.T).max() < 3e-7  # it works in float32
+
+
+def test_exiftool_reads_the_dcp(tmp_path: Path) -> None:
+    if shutil.which("exiftool") is None:
+        pytest.skip("exiftool is not on this machine")
+    given, path = result(), tmp_path / "camera.dcp"
+    path.write_bytes(export(given, "dcp"))
+    done = subprocess.run(
+        ["exiftool", "-j", "-n", "-validate", "-warning", "-a", str(path)],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "Warning" not in json.loads(done.stdout)[0], done.stdout
+    done = subprocess.run(["exiftool", "-j", "-n", str(path)], capture_output=True, text=True, timeout=60, check=True)
+    (found,) = json.loads(done.stdout)
+    curves = read_result(given)
+    assert found["FileType"] == "DCP"
+    assert found["UniqueCameraModel"] == curves.camera
+    assert found["ProfileCopyright"] == curves.description
+    assert (found["CalibrationIlluminant1"], found["CalibrationIlluminant2"]) == (17, 21)
+    for which, lamp in ((1, "A"), (2, "D65")):
+        forward, colour = (
+            np.array([float(word) for word in found[f"{name}Matrix{which}"].split()]).reshape(3, 3)
+            for name in ("Forward", "Color")
+        )
+        assert np.abs(forward - matrices(curves, lamp).to_d50).max() < 1e-7
+        assert np.abs(forward.sum(axis=1) - D50).max() < 1e-6
+        # a colour matrix takes XYZ to the raw RGB of the very camera: its white is what the curves see of the lamp
+        power = read_lamp(lamp).values
+        first = read_lamp("D55").values
+        raw = np.array(given["channel_gain"]) * (power @ true_curves(given)) / (first @ true_curves(given))
+        white = colour @ white_of(power)
+        assert np.abs(white - raw / raw.max()).max() < 1e-6
+        y, xyz, _ = balanced(given, lamp)
+        back = np.linalg.solve(colour, (y * raw / raw.max()).T).T
+        assert np.linalg.norm(lab(back, white_of(power)) - lab(xyz, white_of(power)), axis=1).mean() < 4
+
+
+def test_a_dcp_needs_the_lamp_that_ties_the_channels() -> None:
+    given = result()
+    given["shots"][0]["lamp"]["name"] = "lost.csv"
+    with pytest.raises(InvalidArgument, match=r"lost\.csv"):
+        export(given, "dcp")
+    assert export(given, "icc", created=THEN)  # its white is balanced
+
+
+def test_an_unknown_lamp_of_a_matrix_is_an_error() -> None:
+    with pytest.raises(InvalidArgument, match="No lamp"):
+        export(result(), "clf", lamp="nonsense")
+
+
+DEVELOP = """
+[Version]
+AppVersion=5.9
+Version=349
+[Exposure]
+Auto=false
+HistogramMatching=false
+[White Balance]
+Enabled=true
+Setting=Camera
+[Color Management]
+InputProfile=file:{profile}
+ToneCurve=false
+ApplyLookTable=false
+ApplyBaselineExposureOffset=false
+ApplyHueSatMap=false
+WorkingProfile=ProPhoto
+OutputProfile=RTv4_sRGB
+OutputProfileIntent=Relative
+"""
+
+
+@pytest.mark.slow
+def test_rawtherapee_develops_true_colours_with_the_dcp(tmp_path: Path) -> None:
+    """From a simulated photo to sRGB, compared with the chart's own colours."""
+    if shutil.which("rawtherapee-cli") is None:
+        pytest.skip("rawtherapee-cli is not on this machine")
+    import tifffile
+
+    from camssf.calibration import attempt
+    from camssf.colour.transforms import delta_e00
+    from camssf.options import Options
+    from camssf.simulation.frames import Scene, simulate
+
+    scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
+    shot = scene.shots[0]
+    found = attempt(
+        str(shot.chart),
+        [shot.lamp],
+        white=[str(shot.white)],
+        dark=[str(shot.dark)],
+        options=Options(engine="reference"),
+    ).document()
+    profile, steps, picture = tmp_path / "camera.dcp", tmp_path / "steps.pp3", tmp_path / "picture.tif"
+    profile.write_bytes(export(found, "dcp"))
+    steps.write_text(DEVELOP.format(profile=profile), "utf-8")
+    subprocess.run(
+        ["rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", shot.chart],
+        check=True, capture_output=True, timeout=300, env=os.environ | {"HOME": str(tmp_path)},
+    )  # fmt: skip
+    coded = tifffile.imread(picture) / 65535.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    outlines = np.array(found["shots"][0]["pose"]["patches"])
+    low, high = outlines.min(axis=1).astype(int) + 20, outlines.max(axis=1).astype(int) - 20
+    rgb = np.array([linear[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
+    rgb *= 0.885 / rgb[18, 1]
+    to_xyz = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072175], [0.0193339, 0.119192, 0.9503041]]
+    )
+    ours = lab(rgb @ to_xyz.T, to_xyz @ np.ones(3))
+    truth = of_surfaces(read_chart("classic24").values, read_lamp("D55").values, View(white="D65"))[1]
+    inside = np.arange(24) != 17  # cyan lies outside of sRGB
+    assert delta_e00(ours, truth)[inside].mean() < 2.0
