@@ -17,7 +17,7 @@ from camssf.curves.sensing import anchor, sense
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
-LARGEST_GAP = 1e-6
+LARGEST_GAP = 1e-9
 """Relative duality gap above which there is no answer."""
 ENGINES = ("onnx", "reference")
 BY_CHANNEL = ("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")
@@ -101,7 +101,7 @@ def recover(
 
     Raises:
         InvalidArgument: values or names that do not fit.
-        NotConverged: a relative duality gap above 1e-6.
+        NotConverged: a relative duality gap above 1e-9.
     """
     evidence = evidence_of("recover", evidence, former, named)
     known = basis if isinstance(basis, Basis) else read_basis(str(basis))

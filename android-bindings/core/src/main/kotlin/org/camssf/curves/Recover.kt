@@ -41,7 +41,7 @@ internal object Recover {
     val GAMMA get() = Rules.shipped.number("calibration.gamma")
 
     /** Relative duality gap above which there is no answer. */
-    const val LARGEST_GAP = 1e-6
+    const val LARGEST_GAP = 1e-9
 
     /**
      * The curves that explain the signals.
@@ -51,7 +51,7 @@ internal object Recover {
      * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
      * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
      * @throws LampUnfit a lamp without power on the grid.
-     * @throws NotConverged a relative duality gap above 1e-6, or curves that do not see white.
+     * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
      */
     fun recover(engine: Engine, evidence: Evidence, frames: Frames?, penalties: Penalties): Ssf {
         check(evidence, engine.basis)
