@@ -32,6 +32,7 @@ from rich.progress import Progress
 
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
 from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
@@ -42,7 +43,7 @@ from camssf.curves.covariance import (
     smooth_errors,
 )
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.tools.learn import learn, maker_of, read_curves

@@ -11,11 +11,12 @@ import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.code import solve
 from camssf.curves.engine import load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError
 from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh

@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import chi2, norm
 
 from camssf.curves.basis import NODES, Basis, interpolate
+from camssf.curves.choice import recover
 from camssf.curves.covariance import smooth_errors
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import sense
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -91,6 +91,22 @@ def gaussian_basis(count: int = 18, width: float = 50.0) -> Basis:
 
 _STRAIGHT: Floats = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) / 5.0)
 """(681, 69) weights of the nodes in a curve that is straight between them."""
+
+
+def widened(basis: Basis, scale: float) -> Basis:
+    """The same basis for cameras that spread so much wider: s = μ + scale · Ψ x.
+
+    Raises:
+        InvalidArgument: a scale that is not positive, or any but 1 on a basis without a prior.
+    """
+    if scale == 1.0:
+        return basis
+    if not (np.isfinite(scale) and scale > 0 and basis.prior):
+        raise InvalidArgument(
+            f"A prior cannot be {scale} times as wide on the {basis.name} basis.",
+            "Give a number above 0, and 1 on a basis without a prior.",
+        )
+    return replace(basis, dictionary=scale * basis.dictionary)
 
 
 def interpolate(nodes: Floats) -> Floats:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis
+from camssf.curves.choice import recover
 from camssf.curves.evidence import Evidence
 from camssf.curves.predict import predict
-from camssf.curves.ssf import Ssf, recover, respond
+from camssf.curves.ssf import Ssf, respond
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
