@@ -11,13 +11,14 @@ form from A, Σ and λ₂; nothing is trained.
 
   that is W₁ b = α β W g, W₂ = α β (2 ρ W - I), W₃ = I - α ρ W, θ = γ / (ρ + λ₂), β = ρ / (ρ + λ₂). The state v keeps
   what soft() cut away (ADMM's multiplier): LISTA's layer (Gregor and LeCun 2010) with one linear skip more. With
-  ρ = 2 λ₂ and α = 3/2 a layer's matrix on the support, 1 - α + α β + α ρ W (2 β - 1), has its eigenvalues
-  between 0 and 1/2, whatever H is: there the error halves, or better, in each layer.
+  ρ = 2 λ₂ and α = 3/2 a layer's matrix on the support, 1 - α β + α (2 β - 1) ρ W, is ½ ρ W with eigenvalues
+  between 0 and 1/2, whatever H is: there the error halves, or better, in each layer. γ moves that bound a little
+  (docs/solver.md, "How fast").
 - `ista`: the iterative soft thresholding itself: W₁ b = g / ‖M‖, W₂ = I - M / ‖M‖, W₃ = 0, θ = γ / ‖M‖. LISTA's form
-  without a skip, its weights not learned. On the paper's basis it is 12 % of the peak off after 20,000 layers.
+  without a skip, its weights not learned.
 
-ALISTA (Liu et al. 2019) takes its weights from A alone by a criterion of coherence, which is useless at a coherence
-of 0.9999999.
+ALISTA (Liu et al. 2019) takes its weights from A alone by a criterion of coherence, and looks for the sparsest code
+of exact rows, not for this problem's optimum. Each of these relations is a test in tests/test_layers.py.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.curves.basis import Basis, read_basis
+from camssf.curves.basis import Basis, read_basis, widened
 from camssf.curves.evidence import Evidence, array_of, evidence_of, tolerance_of
 from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf, respond
@@ -62,6 +62,7 @@ def predict(
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
     evidence.check_for(basis)
+    basis = widened(basis, ssf.prior_scale)
     others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))
     if others.shape[1:] != (WAVELENGTHS.size,):
         raise InvalidArgument(f"`of` has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
