@@ -73,12 +73,14 @@ LensShading: TypeAlias = Annotated[
         help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
     ),
 ]
-BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
+BasisName: TypeAlias = Annotated[
+    str, typer.Option(metavar="NAME", help="auto, phones, cameras, or gaussian (the paper's).")
+]
 Gamma: TypeAlias = Annotated[
     float | None,
     typer.Option(
         show_default=False,
-        help="The l1 penalty γ; unless given, 0.05 on `cameras`, chosen from the measured noise on `gaussian`.",
+        help="The l1 penalty γ; unless given, 0.05; chosen from the measured noise on `gaussian`.",
     ),
 ]
 L2: TypeAlias = Annotated[

@@ -135,9 +135,7 @@ def believed(make: str) -> dict[str, float]:
     """What a file's own word for the maker says of the basis beforehand: odds, never a proof."""
     name = make.casefold()
     return {
-        basis: CLEAR
-        for basis, makers in rules().makers.items()
-        if any(name.startswith(maker) for maker in makers)
+        basis: CLEAR for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
     }
 
 
