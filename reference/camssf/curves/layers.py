@@ -23,6 +23,7 @@ of exact rows, not for this problem's optimum. Each of these relations is a test
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,8 @@ from camssf.grid import Floats
 
 DEPTH = 32
 RELAXATION = 1.5
+SETTLING = 8
+"""So many layers at the end of a net of at least twice as many take the residual from the rows themselves."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ class Layer:
         W2, W3: (r, r).
         theta: θ.
         nonnegative: soft() gives no negative values.
+        exact: the same step with the residual taken from the rows, where the constructor has one: W₂ and W₃ keep only
+            the digits that their condition leaves, so the last layers of a net are taken by it (`settling`).
     """
 
     W1b: Floats
@@ -50,6 +55,7 @@ class Layer:
     W3: Floats
     theta: float
     nonnegative: bool
+    exact: Callable[[Floats], Floats] | None = None
 
     def __call__(self, v: Floats) -> Floats:
         """The next state."""
@@ -62,8 +68,12 @@ class Layer:
     def unroll(self, depth: int) -> Floats:
         """x after so many layers, from v = 0."""
         v = np.zeros(self.W1b.size)
-        for _ in range(depth):
+        last = 0 if self.exact is None else settling(depth)
+        for _ in range(depth - last):
             v = self(v)
+        for _ in range(last):
+            assert self.exact is not None
+            v = self.exact(v)
         return self.answer(v)
 
 
@@ -76,14 +86,27 @@ def splitting(problem: Problem) -> Layer:
     u = W @ problem.g
     # g is large where A is, and W keeps only the digits that its condition leaves: one step on the residual.
     Wg = u + W @ (problem.A.T @ (problem.b - problem.A @ u) - rho * u)
-    step = RELAXATION * rho / (rho + problem.l2)
+    share = rho / (rho + problem.l2)
+    step, theta = RELAXATION * share, problem.gamma / (rho + problem.l2)
+
+    def exact(v: Floats) -> Floats:
+        """v + α β W (Aᵀ (b - A x) + ρ (x - v / β)), which is v + α β (W (g + ρ (2 x - v / β)) - x)."""
+        x = soft(v, theta, problem.nonnegative)
+        return np.asarray(v + step * W @ (problem.A.T @ (problem.b - problem.A @ x) + rho * (x - v / share)))
+
     return Layer(
         step * Wg,
         step * (2.0 * rho * W - one),
         one - RELAXATION * rho * W,
-        problem.gamma / (rho + problem.l2),
+        theta,
         problem.nonnegative,
+        exact,
     )
+
+
+def settling(depth: int) -> int:
+    """How many layers of a net take the residual from the rows: its last ones, none of a shallow net."""
+    return SETTLING if depth >= 2 * SETTLING else 0
 
 
 def ista(problem: Problem) -> Layer:
