@@ -1,13 +1,15 @@
 """Measured cameras → the `cameras` basis: `python -m camssf.tools.learn curves.csv -o cameras.npz`.
 
 `python -m camssf.tools.learn mine.csv --extend cameras -o mine.npz` learns from the shipped basis' cameras and
-one's own together; a basis file carries the curves that it was learned from, one's own included.
+one's own together; a basis file carries the curves that it was learned from, one's own included. Where measured
+curves may not be passed on, as those of `phones`, `--statistics` leaves them out: the file carries their mean, their
+spread and how many there were of each maker, which is all that extending needs.
 
 Fifty cameras are few. They are enlarged at random by what makes cameras differ: the sensor and its colour filters
 shift and widen along the wavelength, lens and infrared cut filter weigh it smoothly, neighbouring pixels leak into
 each other. Makers are fewer still, and a camera yet unseen may come from another one: a maker weighs by the root of
 the number of its cameras, and the spread between cameras counts FEW_MAKERS times. Principal components of it all,
-each scaled by its spread, make a code's prior standard normal.
+each scaled by its spread, make a code's prior standard normal. Six phones of two makers are fewer yet: WIDE.
 """
 
 from __future__ import annotations
@@ -18,11 +20,12 @@ import hashlib
 import io
 import sys
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, fields, replace
 from decimal import Decimal, localcontext
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +43,9 @@ FEW_MAKERS = 2.0
 """What a covariance estimated from n groups falls short of for a member of a new one, in squared lengths:
 (n + 1) (n - 1) / (n (n - 3)), the variance of Student's predictive distribution. The eight makers of rawtoaces,
 weighed by the roots of their numbers, are worth n = (Σ w)² / Σ w² = 5.9."""
+BEYOND = 20.0
+"""Past its ends a measured curve falls straight to 0 over so many nm. Filters cut there, but not at once: of the 52
+cameras of rawtoaces green keeps .4 of its 400 nm at 390, and .7 of its 700 nm at 710."""
 
 
 @dataclass(frozen=True)
@@ -51,16 +57,39 @@ class Enlargement:
         width: relative change of width about the channel's centre of gravity.
         warp: smooth change of ln s, over 120 nm.
         cross_talk: share of the other channels that leaks in.
+        few_makers: by how much the spread between cameras counts more, in squared lengths.
     """
 
     shift: float = 4.5
     width: float = 0.06
     warp: float = 0.25
     cross_talk: float = 0.02
+    few_makers: float = FEW_MAKERS
+
+
+WIDE = Enlargement(6.0, 0.08, 0.3, 0.03, 4.0)
+"""For six phones of two makers: chosen by leaving phones and makers out, `python -m benchmarks.phones --choose`."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is kept of cameras whose curves are not.
+
+    Attributes:
+        mean: (3, 69), peak 1.
+        spread: (3, 69, r) root of their covariance, the enlargement's included: a basis' dictionary.
+        names: of the cameras.
+    """
+
+    mean: Floats
+    spread: Floats
+    names: tuple[str, ...]
 
 
 def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """Cameras of a CSV with columns camera, wavelength_nm, R, G, B: name → (69, 3) on the 5-nm nodes, peak 1.
+
+    Where a table ends within the grid its curves fall to 0 over BEYOND.
 
     Raises:
         InvalidArgument: unreadable, curves that do not cover 400 to 700 nm, or fewer than `least`.
@@ -89,7 +118,8 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
             or (table[:, 1:].max(0) <= 0).any()
         ):
             raise InvalidArgument(f"{name} in {path} does not cover 400 to 700 nm with numbers.", "Leave it out.")
-        response = np.stack([np.interp(NODES, table[:, 0], table[:, c], 0.0, 0.0) for c in (1, 2, 3)], axis=1)
+        ends = np.clip(1.0 - np.maximum(table[0, 0] - NODES, NODES - table[-1, 0]) / BEYOND, 0.0, 1.0)
+        response = np.stack([ends * np.interp(NODES, table[:, 0], table[:, c]) for c in (1, 2, 3)], axis=1)
         curves[name] = np.maximum(response, 0.0) / response.max(axis=0)
     if len(curves) < least:
         raise InvalidArgument(f"{path} holds {len(curves)} camera(s).", "A spread needs at least two.")
@@ -149,6 +179,7 @@ def learn(
     size: Enlargement | None = None,
     copies: int = COPIES,
     seed: int = SEED,
+    known: Statistics | None = None,
 ) -> tuple[Floats, Floats]:
     """Mean (3, 69) and dictionary (3, 69, components), whitened: columns are components times their spread.
 
@@ -159,21 +190,33 @@ def learn(
         size: of the random changes.
         copies: of each camera, itself included.
         seed: of the random changes; the same seed gives the same basis.
+        known: further cameras, of which only this is known; as if their curves stood among the others, enlarged
+            as they were.
     """
-    enlarged = enlarge(curves, size or Enlargement(), copies, np.random.default_rng(seed))
-    enlarged = enlarged.reshape(copies, *curves.shape)
-    weight = _weights(makers or [str(i) for i in range(len(curves))])
+    size = size or Enlargement()
+    enlarged = enlarge(curves, size, copies, np.random.default_rng(seed)).reshape(copies, *curves.shape)
+    known_makers = [maker_of(name) for name in known.names] if known else []
+    weight = _weights([*(makers or [str(i) for i in range(len(curves))]), *known_makers])
+    weight, rest = weight[: len(curves)], weight[len(curves) :].sum()
     mean, dictionary = [], []
     for c in range(3):
         # Rows know no scale, so none may be left to the prior: curves of equal area, the mean's peak at 1.
         shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
+        area = known.mean[c].sum() if known else 1.0
         centre = weight @ shapes.mean(axis=0)
+        if known:
+            centre = centre + rest * known.mean[c] / area
         height = centre.max()
         shapes, centre = shapes / height, centre / height
         cameras = shapes.mean(axis=0)
         between, within = cameras - centre, shapes - cameras
-        rows = np.sqrt(weight)[:, None] * np.stack([np.sqrt(FEW_MAKERS) * between, *within / np.sqrt(copies)])
-        _, spread, directions = np.linalg.svd(rows.reshape(-1, NODES.size), full_matrices=False)
+        rows = np.sqrt(weight)[:, None] * np.stack([np.sqrt(size.few_makers) * between, *within / np.sqrt(copies)])
+        rows = rows.reshape(-1, NODES.size)
+        if known:
+            away = known.mean[c] / area / height - centre
+            own = known.spread[c].T / area / height
+            rows = np.concatenate([rows, np.sqrt(rest) * np.stack([np.sqrt(size.few_makers) * away, *own])])
+        _, spread, directions = np.linalg.svd(rows, full_matrices=False)
         atoms = directions[:components].T * spread[:components]
         atoms *= np.where(atoms[np.abs(atoms).argmax(axis=0), np.arange(components)] < 0, -1.0, 1.0)
         mean.append(centre)
@@ -200,38 +243,54 @@ class TrainingSet:
     Attributes:
         curves: by name, (69, 3) on the 5-nm nodes, peak 1.
         files, sha256, licences: of the CSV files, oldest first.
+        papers: in which the curves were published, where somebody asks to be named.
+        size: how the curves are enlarged.
+        known: further cameras, of which no curves are kept.
+        noun: what `known`, or all of them, are.
     """
 
     curves: dict[str, Floats]
     files: tuple[str, ...]
     sha256: tuple[str, ...]
     licences: tuple[str, ...]
+    papers: tuple[str, ...] = ()
+    size: Enlargement = field(default_factory=Enlargement)
+    known: Statistics | None = None
+    noun: str = "cameras"
 
     def joined(self, other: TrainingSet) -> TrainingSet:
-        """Both sets as one.
+        """Both sets as one, the other's curves enlarged as these.
 
         Raises:
             InvalidArgument: a camera is in both.
         """
-        known = {name.casefold() for name in self.curves}
+        names = [*self.curves, *(self.known.names if self.known else ())]
+        known = {name.casefold() for name in names}
         twice = [name for name in other.curves if name.casefold() in known]
         if twice:
             raise InvalidArgument(
                 f"{twice[0]} is in {', '.join(other.files)} and in the basis already.",
                 "Give it another name, the maker first, to let both count.",
             )
-        return TrainingSet(
-            self.curves | other.curves,
-            self.files + other.files,
-            self.sha256 + other.sha256,
-            self.licences + other.licences,
+        return replace(
+            self,
+            curves=self.curves | other.curves,
+            files=self.files + other.files,
+            sha256=self.sha256 + other.sha256,
+            licences=self.licences + other.licences,
+            papers=self.papers + other.papers,
         )
 
     def source(self, components: int) -> str:
         """In words, for the report."""
         origins = zip(self.files, self.sha256, self.licences, strict=True)
         parts = [f"{file}, SHA-256 {digest[:16]}..., licence {licence}" for file, digest, licence in origins]
-        return f"{components} components learned from {len(self.curves)} measured cameras ({'; '.join(parts)})"
+        parts += [f"published in {paper}" for paper in self.papers]
+        groups = [(len(self.known.names), self.noun)] if self.known else []
+        if self.curves or not groups:
+            groups.append((len(self.curves), "cameras" if self.known else self.noun))
+        who = " and ".join(f"{count} measured {noun}" for count, noun in groups)
+        return f"{components} components learned from {who} ({'; '.join(parts)})"
 
 
 def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSet:
@@ -241,7 +300,7 @@ def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSe
 
 
 def training_set_of(spec: str) -> TrainingSet:
-    """The cameras that a basis was learned from: `cameras`, or a file that this command wrote.
+    """What a basis was learned from: `cameras`, `phones`, or a file that this command wrote.
 
     Raises:
         InvalidArgument: no such basis, or one that does not carry its cameras.
@@ -249,39 +308,86 @@ def training_set_of(spec: str) -> TrainingSet:
     read_basis(spec)  # says what is wrong with it
     try:
         with basis_file(spec).open("rb") as stream, np.load(stream, allow_pickle=False) as content:
-            names, curves = (content[key] for key in ("cameras", "curves"))
-            origins = [tuple(map(str, np.atleast_1d(content[key]))) for key in ("files", "sha256", "licence")]
-    except (OSError, KeyError, ValueError) as error:
+            return _carried(content)
+    except (OSError, KeyError, ValueError, TypeError) as error:
         raise InvalidArgument(
             f"{spec!r} does not carry the cameras it was learned from ({error}), so nothing can be added to them.",
             "Learn anew from all curves in one CSV.",
         ) from error
-    if curves.shape != (len(names), NODES.size, 3) or not np.isfinite(curves).all():
-        raise InvalidArgument(f"{spec!r} holds curves of shape {curves.shape}.", "Learn anew from all curves.")
-    return TrainingSet(dict(zip(map(str, names), curves, strict=True)), *origins)
+
+
+def _carried(content: Mapping[str, Any]) -> TrainingSet:
+    """From the arrays of a basis file; those of version 0.1 say nothing of papers, enlargement and statistics."""
+
+    def words(key: str) -> tuple[str, ...]:
+        return tuple(map(str, np.atleast_1d(content[key]))) if key in content else ()
+
+    names, curves = tuple(map(str, content["cameras"])), content["curves"]
+    _hold(curves, (len(names), NODES.size, 3))
+    size, known = Enlargement(), None
+    if "enlargement" in content:
+        _hold(content["enlargement"], (len(fields(Enlargement)),))
+        size = Enlargement(*map(float, content["enlargement"]))
+    if "known" in content:
+        known = Statistics(content["known_mean"], content["known_spread"], words("known"))
+        _hold(known.mean, (3, NODES.size))
+        _hold(known.spread, (3, NODES.size, known.spread.shape[-1]))
+    files, sha256, licences = (tuple(map(str, np.atleast_1d(content[key]))) for key in ("files", "sha256", "licence"))
+    return TrainingSet(
+        dict(zip(names, curves, strict=True)),
+        files,
+        sha256,
+        licences,
+        papers=words("papers"),
+        size=size,
+        known=known,
+        noun=str(content["noun"]) if "noun" in content else "cameras",
+    )
+
+
+def _hold(array: Floats, shape: tuple[int, ...]) -> None:
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"an array of shape {array.shape}, where {shape} of finite numbers is needed")
 
 
 Crowd, read_crowd, crowd_of = TrainingSet, read_training_set, training_set_of
 """Their names in version 0.1; to be removed in the release after the next."""
 
 
-def save(training: TrainingSet, components: int, path: Path) -> str:
-    """Learn from a training set and write the basis file, whole or not at all; returns what it says of itself."""
-    stack = np.stack(list(training.curves.values()))
-    mean, dictionary = learn(stack, makers=[maker_of(name) for name in training.curves], components=components)
+def save(training: TrainingSet, components: int, path: Path, *, statistics: bool = False) -> str:
+    """Learn from a training set and write the basis file, whole or not at all; returns what it says of itself.
+
+    With `statistics` the file holds no curves, only what was learned from them.
+    """
+    names = list(training.curves)
+    stack = np.stack(list(training.curves.values())) if names else np.zeros((0, NODES.size, 3))
+    makers = [maker_of(name) for name in names]
+    mean, dictionary = learn(stack, makers=makers, components=components, size=training.size, known=training.known)
     source = training.source(components)
+    known = training.known
+    if statistics:
+        known = Statistics(mean, dictionary, (*(known.names if known else ()), *names))
+        names, stack = [], stack[:0]
+    arrays: dict[str, Any] = {
+        "mean": mean,
+        "dictionary": dictionary,
+        "source": np.array(source),
+        "files": np.array(training.files),
+        "sha256": np.array(training.sha256),
+        "licence": np.array(training.licences),
+        "cameras": np.array(names, dtype=np.str_),
+        "curves": stack,
+    }
+    if training.papers or known or training.size != Enlargement():
+        arrays |= {
+            "papers": np.array(training.papers, dtype=np.str_),
+            "enlargement": np.array(astuple(training.size)),
+            "noun": np.array(training.noun),
+        }
+    if known:
+        arrays |= {"known": np.array(known.names), "known_mean": known.mean, "known_spread": known.spread}
     content = io.BytesIO()
-    np.savez_compressed(
-        content,
-        mean=mean,
-        dictionary=dictionary,
-        source=np.array(source),
-        files=np.array(training.files),
-        sha256=np.array(training.sha256),
-        licence=np.array(training.licences),
-        cameras=np.array(list(training.curves)),
-        curves=stack,
-    )
+    np.savez_compressed(content, **arrays)
     write_file(path, content.getvalue())
     return source
 
@@ -296,18 +402,38 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--components", type=int, default=COMPONENTS)
     parser.add_argument("--licence", default="that of the curves", help="licence of the curves, kept in the file")
     parser.add_argument(
-        "--extend", metavar="BASIS", help="learn from this basis' cameras, too: `cameras`, or a file of this command"
+        "--paper",
+        action="append",
+        default=[],
+        help="where the curves were published, kept in the file; repeatable",
     )
+    parser.add_argument("--statistics", action="store_true", help="keep no curves in the file, only what was learned")
+    parser.add_argument(
+        "--extend", metavar="BASIS", help="learn from this basis' cameras, too: a name, or a file of this command"
+    )
+    fresh = parser.add_argument_group("without --extend, which takes both from the basis")
+    fresh.add_argument("--wide", action="store_true", help="enlarge more: for a handful of one or two makers")
+    fresh.add_argument("--noun", choices=("cameras", "phones"), default="cameras", help="what the curves are of")
     options = parser.parse_args(arguments)
     try:
         if not 1 <= options.components <= NODES.size:
             raise InvalidArgument(
                 f"A basis of {options.components} components cannot be learned.", f"Take 1 to {NODES.size}."
             )
+        if options.extend and (options.wide or options.noun != "cameras"):
+            raise InvalidArgument(
+                "--wide and --noun do not go with --extend.", "Leave them out: the basis that is extended says both."
+            )
         training = read_training_set(options.curves, options.licence, least=0 if options.extend else 2)
+        training = replace(
+            training,
+            papers=tuple(options.paper),
+            size=WIDE if options.wide else Enlargement(),
+            noun=options.noun,
+        )
         if options.extend:
             training = training_set_of(options.extend).joined(training)
-        source = save(training, options.components, options.output)
+        source = save(training, options.components, options.output, statistics=options.statistics)
     except CalibrationError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return error.exit_status
