@@ -73,7 +73,7 @@ LensShading: TypeAlias = Annotated[
         help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
     ),
 ]
-BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
+BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's), cameras or phones.")]
 Gamma: TypeAlias = Annotated[
     float | None,
     typer.Option(

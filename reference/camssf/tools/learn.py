@@ -9,7 +9,7 @@ Fifty cameras are few. They are enlarged at random by what makes cameras differ:
 shift and widen along the wavelength, lens and infrared cut filter weigh it smoothly, neighbouring pixels leak into
 each other. Makers are fewer still, and a camera yet unseen may come from another one: a maker weighs by the root of
 the number of its cameras, and the spread between cameras counts FEW_MAKERS times. Principal components of it all,
-each scaled by its spread, make a code's prior standard normal. Six phones of two makers are fewer yet: WIDE.
+each scaled by its spread, make a code's prior standard normal. Six phones of two makers are fewer yet: HANDFUL.
 """
 
 from __future__ import annotations
@@ -55,9 +55,12 @@ class Enlargement:
     Attributes:
         shift: along the wavelength, nm; half of its variance common to the three channels.
         width: relative change of width about the channel's centre of gravity.
-        warp: smooth change of ln s, over 120 nm.
+        warp: smooth change of ln s.
         cross_talk: share of the other channels that leaks in.
         few_makers: by how much the spread between cameras counts more, in squared lengths.
+        smooth: correlation length of the warp, nm.
+        own_mean: the mean is that of the cameras, not of their copies. Curves are never negative, so cross-talk moves
+            the mean of copies: R's centre of gravity by 5 nm where it is 0.1.
     """
 
     shift: float = 4.5
@@ -65,10 +68,15 @@ class Enlargement:
     warp: float = 0.25
     cross_talk: float = 0.02
     few_makers: float = FEW_MAKERS
+    smooth: float = 120.0
+    own_mean: bool = False
 
 
-WIDE = Enlargement(6.0, 0.08, 0.3, 0.03, 4.0)
-"""For six phones of two makers: chosen by leaving phones and makers out, `python -m benchmarks.phones --choose`."""
+HANDFUL = Enlargement(3.0, 0.04, 0.15, 0.10, 1.0, 60.0, own_mean=True)
+"""For six phones of two makers, by leaving phones and makers out: `python -m benchmarks.phones --choose`. Phones lie
+closer together than cameras do, so less shift and width; what their bands lack is at the feet of the curves and finer
+than 120 nm, so more cross-talk and a shorter warp. Counting the spread between phones more than once widens only what
+is wide enough."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +136,7 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
 
 def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Generator) -> Floats:
     """(cameras, 69, 3) → (cameras · copies, 69, 3), peak 1; the first copy of each camera is the camera itself."""
-    root = _smooth_root()
+    root = _smooth_root(size.smooth)
     enlarged = [curves]
     for _ in range(copies - 1):
         for camera in curves:
@@ -148,16 +156,16 @@ def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Gener
 
 
 @cache
-def _smooth_root() -> Floats:
-    """L with L Lᵀ = exp(-½ (Δλ / 120 nm)²) + 1e-9 I on the nodes, rounded once.
+def _smooth_root(length: float) -> Floats:
+    """L with L Lᵀ = exp(-½ (Δλ / length)²) + 1e-9 I on the nodes, rounded once.
 
-    The condition is 5e10: in float64 another processor's Cholesky gives an L that is 4e-8 off, and so another basis.
+    Of 120 nm the condition is 5e10: in float64 another processor's Cholesky gives an L that is 4e-8 off, and so another basis.
     In 60 decimal digits there is one answer, whatever the machine.
     """
     size = NODES.size
     with localcontext() as context:
         context.prec = 60
-        gaps = [(Decimal(float(node - NODES[0])) / 120) ** 2 / 2 for node in NODES]
+        gaps = [(Decimal(float(node - NODES[0])) / Decimal(length)) ** 2 / 2 for node in NODES]
         smooth = [(-gap).exp() for gap in gaps]  # the nodes are even: of the distance alone
         smooth[0] += Decimal("1e-9")
         rows: list[list[Decimal]] = []
@@ -203,7 +211,7 @@ def learn(
         # Rows know no scale, so none may be left to the prior: curves of equal area, the mean's peak at 1.
         shapes = enlarged[..., c] / enlarged[..., c].sum(axis=2, keepdims=True)  # (copies, cameras, 69)
         area = known.mean[c].sum() if known else 1.0
-        centre = weight @ shapes.mean(axis=0)
+        centre = weight @ (shapes[0] if size.own_mean else shapes.mean(axis=0))
         if known:
             centre = centre + rest * known.mean[c] / area
         height = centre.max()
@@ -327,7 +335,8 @@ def _carried(content: Mapping[str, Any]) -> TrainingSet:
     size, known = Enlargement(), None
     if "enlargement" in content:
         _hold(content["enlargement"], (len(fields(Enlargement)),))
-        size = Enlargement(*map(float, content["enlargement"]))
+        *numbers, own_mean = map(float, content["enlargement"])
+        size = Enlargement(*numbers, own_mean=bool(own_mean))
     if "known" in content:
         known = Statistics(content["known_mean"], content["known_spread"], words("known"))
         _hold(known.mean, (3, NODES.size))
@@ -381,7 +390,7 @@ def save(training: TrainingSet, components: int, path: Path, *, statistics: bool
     if training.papers or known or training.size != Enlargement():
         arrays |= {
             "papers": np.array(training.papers, dtype=np.str_),
-            "enlargement": np.array(astuple(training.size)),
+            "enlargement": np.array(astuple(training.size), dtype=np.float64),
             "noun": np.array(training.noun),
         }
     if known:
@@ -412,7 +421,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--extend", metavar="BASIS", help="learn from this basis' cameras, too: a name, or a file of this command"
     )
     fresh = parser.add_argument_group("without --extend, which takes both from the basis")
-    fresh.add_argument("--wide", action="store_true", help="enlarge more: for a handful of one or two makers")
+    fresh.add_argument("--handful", action="store_true", help="enlarge as suits a few of one or two makers")
     fresh.add_argument("--noun", choices=("cameras", "phones"), default="cameras", help="what the curves are of")
     options = parser.parse_args(arguments)
     try:
@@ -420,15 +429,15 @@ def main(arguments: list[str] | None = None) -> int:
             raise InvalidArgument(
                 f"A basis of {options.components} components cannot be learned.", f"Take 1 to {NODES.size}."
             )
-        if options.extend and (options.wide or options.noun != "cameras"):
+        if options.extend and (options.handful or options.noun != "cameras"):
             raise InvalidArgument(
-                "--wide and --noun do not go with --extend.", "Leave them out: the basis that is extended says both."
+                "--handful and --noun do not go with --extend.", "Leave them out: the basis that is extended says both."
             )
         training = read_training_set(options.curves, options.licence, least=0 if options.extend else 2)
         training = replace(
             training,
             papers=tuple(options.paper),
-            size=WIDE if options.wide else Enlargement(),
+            size=HANDFUL if options.handful else Enlargement(),
             noun=options.noun,
         )
         if options.extend:
