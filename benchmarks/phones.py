@@ -7,14 +7,14 @@ laboratory; nothing is ever fitted to them. Without a table the command says wha
 Each phone is solved on the same draws with `cameras` as shipped, with a basis learned from the other phones, and with
 one learned from the other makers' phones alone; joint reference, elastic net. Settings are those of
 benchmarks.accuracy; "low" noise is hypot(0.1 %, 0.0002), "off" lamps are off by a drawn temperature and a smooth 2 %,
-both declared. RMSE on peak-normalised curves, 400 to 700 nm; coverage of the 95 % bands, overall and of the phone that
-fares worst in that setting.
+both declared. RMSE on peak-normalised curves, 400 to 700 nm; coverage of the 95 % bands, overall and of the phone
+that fares worst in that setting.
 
 The choice: by how many nats the evidence of `phones` (the phone itself left out) is above that of `cameras` (the
 camera's maker left out; as shipped for phones and the other laboratory's). 20 : 1 is 3 nats.
 
-`--choose` compares enlargements instead: how HANDFUL in camssf.tools.learn was chosen. Coverage comes first (.93 to .98 in
-every setting, worst phone .88), then RMSE.
+`--choose` compares enlargements instead: how HANDFUL in camssf.tools.learn was chosen. Coverage comes first (.93 to
+.98 in every setting, worst phone .88), then RMSE.
 """
 
 from __future__ import annotations
@@ -167,7 +167,8 @@ def measure(
                 for name, basis in device.bases.items():
                     answer = solve(PRODUCT, setting, y, error, basis)
                     rmse, covered = score(answer, device.curves)
-                    assert covered is not None and answer.log_evidence is not None  # a learned basis has both
+                    assert covered is not None  # a learned basis has bands
+                    assert answer.log_evidence is not None
                     kept[name].append((rmse.mean(), covered[:, SEEN].mean(), answer.log_evidence))
                 if bar is not None and task is not None:
                     bar.advance(task)
@@ -180,9 +181,7 @@ def measure(
 
 def odds(runs: Mapping[str, Mapping[str, Runs]], phones: str) -> dict[str, Floats]:
     """By setting, (draws, devices) nats by which the evidence is for the phones' basis."""
-    return {
-        setting: bases[phones].log_evidence - bases[CAMERAS].log_evidence for setting, bases in runs.items()
-    }
+    return {setting: bases[phones].log_evidence - bases[CAMERAS].log_evidence for setting, bases in runs.items()}
 
 
 def choice(nats: Mapping[str, Floats], names: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -27,6 +27,7 @@ NUMERICAL = {
     "test_families",
     "test_golden",
     "test_onnx",
+    "test_phones",
     "test_sensing",
     "test_ssf",
     "test_code",
