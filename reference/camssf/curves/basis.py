@@ -1,7 +1,8 @@
 """The bases: a mean and a dictionary for each channel, so that s = μ + Ψ x.
 
-`gaussian` is the paper's: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` is learned from
-measured cameras and whitened, so that a code's prior is standard normal; `camssf.tools.learn` makes its file.
+`gaussian` is the paper's: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` and `phones` are
+learned from measured cameras and phones and whitened, so that a code's prior is standard normal;
+`camssf.tools.learn` makes their files.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ NODES: Floats = WAVELENGTHS[::10]
 """The 69 wavelengths, 5 nm apart, on which measured cameras are known; between them curves run straight."""
 
 FWHM_TO_SIGMA = 1.0 / np.sqrt(8.0 * np.log(2.0))
-NAMES = ("cameras", "gaussian")
+LEARNED = ("cameras", "phones")
+"""Shipped with the package: data/NAME.npz."""
+NAMES = (*LEARNED, "gaussian")
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Basis:
     """Where the curves live.
 
     Attributes:
-        name: "gaussian", "cameras", or a file's name.
+        name: "gaussian", "cameras", "phones", or a file's name.
         mean: (3, 681) μ of R, G, B.
         dictionary: (3, 681, r) Ψ of R, G, B.
         prior: True where x is standard normal a priori (whitened), so that bands exist.
@@ -124,7 +127,7 @@ def fold(values: Floats) -> Floats:
 
 def basis_file(spec: str) -> Any:
     """Where the arrays of a learned basis lie: in the package, or a file."""
-    return resources.files("camssf") / "data" / "cameras.npz" if spec == "cameras" else Path(spec)
+    return resources.files("camssf") / "data" / f"{spec}.npz" if spec in LEARNED else Path(spec)
 
 
 @lru_cache(maxsize=8)
