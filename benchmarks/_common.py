@@ -11,20 +11,26 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from camssf.curves.basis import Basis, interpolate
+from camssf.curves.engine import onnx_runtime
 from camssf.curves.evidence import Evidence
+from camssf.curves.finish import finish, finish_steps
+from camssf.curves.layers import DEPTH, LAYERS
+from camssf.curves.problem import Problem as Convex
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 
+Long: TypeAlias = NDArray[np.longdouble]
 RESULTS = Path(__file__).parent / "results"
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
 WIEN = 1.438776877e7
@@ -33,7 +39,7 @@ WIEN = 1.438776877e7
 
 @dataclass(frozen=True)
 class Problem:
-    """One call of a model, three channels.
+    """One call of a model: one convex problem of the three channels on a learned basis, three on the paper's.
 
     Attributes:
         inputs: of the model, as docs/architecture.md names them; l2, gamma and nonnegative included.
@@ -64,23 +70,29 @@ class Problem:
         """The basis in which the problem's codes are curves."""
         return anchor(basis, self.inputs["white_reflectance"] * self.inputs["lamp"][0])
 
+    @property
+    def evidence(self) -> Evidence:
+        """What the model is told, as the reference takes it."""
+        given = self.inputs
+        return Evidence(
+            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
+            given["reflectance"],
+            given["lamp"],
+            standard_error=given["standard_error"],
+            chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"],
+            white_tolerance=float(given["white_tolerance"]),
+            lamp_tolerance=given["lamp_tolerance"],
+            lamp_modes=given["lamp_modes"],
+        )
+
     def sensing(self, basis: Basis) -> Sensing:
         """The reference's rows and covariance."""
-        given = self.inputs
-        return sense(
-            Evidence(
-                (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
-                given["reflectance"],
-                given["lamp"],
-                standard_error=given["standard_error"],
-                chart_tolerance=given["chart_tolerance"],
-                white_reflectance=given["white_reflectance"],
-                white_tolerance=float(given["white_tolerance"]),
-                lamp_tolerance=given["lamp_tolerance"],
-                lamp_modes=given["lamp_modes"],
-            ),
-            basis,
-        )
+        return sense(self.evidence, basis)
+
+    def penalties(self, sensing: Sensing) -> Floats:
+        """(p,) γ of each of the convex problems."""
+        return np.full(len(sensing.matrix), self.gamma)
 
 
 @cache
@@ -130,19 +142,22 @@ def make_problem(
     standard_error: Floats | None = None,
     chart_tolerance: float = 0.0,
     white_tolerance: float = 0.0,
-    lamp_tolerance: float = 0.0,
+    lamp_tolerance: float | Sequence[float] = 0.0,
     lamp_modes: Floats | None = None,
+    light: Floats | None = None,
     white: Floats | None = None,
     label: str = "",
 ) -> Problem:
     """Raw means of a chart of reflectance `seen` (n, 681), to be solved with `table`; Eq. (5) by its integrals.
 
+    The light that fell on it is `light` (k, 681) where it is not what the solver is told of the lamps.
     The noise is relative with a foot of 5 % of white: se = noise · hypot(y, 0.05). White frames differ in the
     channels' raw levels, dark ones lie at 64 DN.
     """
     k, n = len(lamps), len(seen)
     rho = np.ones_like(WAVELENGTHS) if white is None else white
-    y = ((lamps[:, None, :] * seen) @ camera) / ((lamps * rho) @ camera)[:, None, :]
+    light = lamps if light is None else light
+    y = ((light[:, None, :] * seen) @ camera) / ((light * rho) @ camera)[:, None, :]
     error = noise * np.hypot(y, 0.05)
     y = y + error * rng.normal(size=y.shape)
     dark = np.full(y.shape, 64.0)
@@ -157,7 +172,7 @@ def make_problem(
         "white_reflectance": rho,
         "white_tolerance": np.array(white_tolerance),
         "lamp": lamps,
-        "lamp_tolerance": np.full(k, lamp_tolerance),
+        "lamp_tolerance": np.broadcast_to(np.asarray(lamp_tolerance, float), k).copy(),
         "lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)) if lamp_modes is None else lamp_modes,
         "l2": np.array(float(l2)),
         "gamma": np.array(float(gamma)),
@@ -167,7 +182,7 @@ def make_problem(
 
 
 def whiten(sensing: Sensing) -> tuple[Floats, Floats]:
-    """Σ^-½ A (3, N, r) and Σ^-½ b (3, N) by Cholesky: neither engine's inverse."""
+    """Σ^-½ A (p, N, r) and Σ^-½ b (p, N) by Cholesky: neither engine's inverse."""
     from scipy.linalg import solve_triangular
 
     rows, targets = [], []
@@ -178,35 +193,76 @@ def whiten(sensing: Sensing) -> tuple[Floats, Floats]:
     return np.stack(rows), np.stack(targets)
 
 
+def whiten_finely(sensing: Sensing) -> tuple[Long, Long]:
+    """The same in long double, from the same float64 numbers: 11 bits more, so that rounding is the judged's alone.
+
+    Gauss' elimination of (Σ | A | b), row by row; its pivot rows over the pivots' roots are L⁻¹ (A | b).
+    """
+    rows, targets = [], []
+    for A, b, sigma in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True):
+        system = np.column_stack([sigma, A, b]).astype(np.longdouble)
+        for i in range(len(b)):
+            system[i] /= np.sqrt(system[i, i])
+            # Below row i, Σ's own column holds the multipliers; what has been eliminated is not touched again.
+            column = system[i + 1 :, i] / system[i, i]
+            system[i + 1 :, i + 1 :] -= column[:, None] * system[i, i + 1 :]
+        rows.append(system[:, len(b) : -1])
+        targets.append(system[:, -1])
+    return np.stack(rows), np.stack(targets)
+
+
 def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
-    """(3,) the smallest γ that leaves the zero code, from whitened rows; of |Aᵀ b| where no γ > 0 leaves more."""
-    pull = np.einsum("cnr,cn->cr", A, b)
+    """(p,) the smallest γ that leaves the zero code, from whitened rows; of |Aᵀ b| where no γ > 0 leaves more."""
+    pull = np.einsum("pnr,pn->pr", A, b)
     top = pull.max(axis=1)
     bound = np.abs(pull).max(axis=1)
     return np.asarray(np.where(top > 0, top, bound) if nonnegative else bound)
 
 
-def relative_gap(A: Floats, b: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
-    """Relative duality gap of x by scaling the residual, from whitened rows (N, r), (N,); γ > 0.
+def relative_gap(A: Floats | Long, b: Floats | Long, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
+    """Relative duality gap of x from whitened rows (N, r), (N,), in their precision; γ > 0 or λ₂ > 0.
 
-    With λ₂ = 0 it is `camssf.curves.proof`'s; with λ₂ > 0 that has a sharper one, and this one, of first order in the
-    error of x, asks more of those whom it judges. Written anew: no inverse, no normal equations, and the l1 part
-    summed atom by atom. A code with a negative entry where x ≥ 0 is asked is judged after that entry is set to zero.
+    The two gaps of `camssf.curves.proof`, written anew: with λ₂ > 0 the penalty's conjugate in its plain form,
+    (|g| - γ)₊² / (2 λ₂), which cancels where the engine's does not. A code with a negative entry where x ≥ 0 is asked
+    is judged after that entry is set to zero.
     """
-    x = np.maximum(x, 0.0) if nonnegative else x
-    r = b - A @ x
-    w = A.T @ r - l2 * x
-    quadratic = float(r @ r + l2 * x @ x)
-    objective = 0.5 * quadratic + gamma * float(np.abs(x).sum())
-    worst = float(np.max(w if nonnegative else np.abs(w), initial=0.0))
-    alpha = min(1.0, gamma / worst) if worst > 0 else 1.0
-    gap = 0.5 * (1.0 - alpha) ** 2 * quadratic + float(np.sum(np.abs(x) * (gamma - alpha * np.sign(x) * w)))
-    return max(gap, 0.0) / objective if objective > 0 else 0.0
+    z = np.asarray(np.maximum(x, 0.0) if nonnegative else x, dtype=A.dtype)
+    r = b - A @ z
+    g = A.T @ r
+    squares, size = r @ r, np.abs(z)
+    objective = 0.5 * (squares + l2 * z @ z) + gamma * size.sum()
+    if l2 > 0:
+        over = np.maximum((g if nonnegative else np.abs(g)) - gamma, 0.0)
+        gap = np.sum(0.5 * l2 * z**2 + gamma * size + over**2 / (2.0 * l2) - z * g)
+    else:
+        worst = np.max(g if nonnegative else np.abs(g), initial=0.0)
+        alpha = min(1.0, gamma / worst) if worst > 0 else 1.0
+        gap = 0.5 * (1.0 - alpha) ** 2 * squares + np.sum(size * (gamma - alpha * np.sign(z) * g))
+    return float(max(gap, 0.0) / objective) if objective > 0 else 0.0
+
+
+def gaps(A: Floats | Long, b: Floats | Long, x: Floats, problem: Problem) -> Floats:
+    """(p,) of the codes x, three channels' (3, r) or as the problems have them."""
+    given = zip(A, b, x.reshape(len(A), -1), strict=True)
+    return np.array([relative_gap(*each, problem.l2, problem.gamma, problem.nonnegative) for each in given])
+
+
+def convex(sensing: Sensing, problem: Problem) -> list[Convex]:
+    """The convex problems of a call, as the reference's layers take them."""
+    return [
+        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative) for A, b in zip(*whiten(sensing), strict=True)
+    ]
+
+
+def forced(each: Convex) -> Floats:
+    """The exact code: the finish from the layers' answer, whether their own proof asks for it or not."""
+    z = LAYERS["splitting"](each).unroll(DEPTH)
+    return finish(each, z, finish_steps(z.size))[0]
 
 
 def curves(basis: Basis, code: Floats) -> Floats:
-    """s = μ + Ψ x of codes (3, r): (3, 681)."""
-    return np.asarray(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code))
+    """s = μ + Ψ x of codes (3, r), or (1, 3 r): (3, 681)."""
+    return np.asarray(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code.reshape(3, -1)))
 
 
 def distance(s: Floats, other: Floats) -> Floats:
@@ -214,6 +270,19 @@ def distance(s: Floats, other: Floats) -> Floats:
     at = np.abs(other).argmax(axis=1)[:, None]
     a, b = s / np.take_along_axis(s, at, 1), other / np.take_along_axis(other, at, 1)
     return np.asarray(np.abs(a - b).max(axis=1))
+
+
+def open_model(content: bytes) -> Any:
+    """An ONNX model as a session of one thread, its graph as it stands: what `camssf.curves.engine` does."""
+    runtime = onnx_runtime()
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = runtime.ExecutionMode.ORT_SEQUENTIAL
+    options.graph_optimization_level = runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    options.log_severity_level = 3
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.add_session_config_entry("mlas.disable_kleidiai", "1")
+    return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
 def versions(*packages: str) -> dict[str, str]:

@@ -311,7 +311,7 @@ def charts(found: dict[str, Any]) -> str:
     diagonal = 1.0 - rows["diagonal"]["foreign"]["D55 + A"] / rows["diagonal"]["foreign"]["D55"]
     return f"""## The chart's table, and a second lamp
 
-24 patches, noise 0.1 %. "Foreign": the patches are Ohta's, the table BabelColor's, as happens to everyone who takes a public table for a chart of his own. "Diagonal": camssf's problem with the correlations of its errors struck out.
+24 patches, noise 0.1 %. "Foreign": the patches are Ohta's, the table BabelColor's, as happens to everyone who takes a public table for a chart of his own. "Diagonal": camssf's problem with the correlations of the chart's and the white's errors struck out.
 
 {table(["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table", "foreign table, diagonal"], body)}
 

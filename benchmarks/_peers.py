@@ -1,4 +1,7 @@
-"""Other solvers of the same problem, each a function of whitened rows: (3, N, r), (3, N) → codes (3, r)."""
+"""Other solvers of the same problems, each a function of whitened rows: (p, N, r), (p, N) → codes (p, r).
+
+On a learned basis p = 1, the three channels' one problem, N = 3 k n; on the paper's p = 3, a problem a channel.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def _load(module: str, package: str) -> Any:
 
 
 def cvxpy_anew(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
-    """A problem built for each channel and call, Clarabel at its default tolerances."""
+    """Each problem built anew in each call, Clarabel at its default tolerances."""
     cp = _load("cvxpy", "cvxpy")
 
     def run() -> Floats:
@@ -47,7 +50,7 @@ def cvxpy_anew(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool)
 
 
 def cvxpy_compiled(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
-    """One channel's problem, compiled once (DPP), its rows, target and γ parameters; three solves a call."""
+    """A problem of that size compiled once (DPP), its rows, target and γ parameters; a solve for each problem."""
     cp = _load("cvxpy", "cvxpy")
 
     rows, target, weight = cp.Parameter(A.shape[1:]), cp.Parameter(A.shape[1]), cp.Parameter(nonneg=True)
@@ -59,8 +62,8 @@ def cvxpy_compiled(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: b
 
     def run() -> Floats:
         codes = []
-        for c in range(3):
-            rows.value, target.value, weight.value = A[c], b[c], gamma
+        for own_rows, own_target in zip(A, b, strict=True):
+            rows.value, target.value, weight.value = own_rows, own_target, gamma
             problem.solve(solver=cp.CLARABEL)
             codes.append(np.array(x.value))
         return np.array(codes)
@@ -68,14 +71,14 @@ def cvxpy_compiled(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: b
     return run
 
 
-def cvxpy_compiled_jointly(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
-    """The three channels in one compiled problem (DPP); one solve a call."""
+def cvxpy_compiled_at_once(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
+    """All problems of a call as one compiled problem (DPP), one solve a call; with p = 1 as `cvxpy_compiled`."""
     cp = _load("cvxpy", "cvxpy")
 
-    rows = [cp.Parameter(A.shape[1:]) for _ in range(3)]
-    targets = [cp.Parameter(A.shape[1]) for _ in range(3)]
+    rows = [cp.Parameter(A.shape[1:]) for _ in A]
+    targets = [cp.Parameter(A.shape[1]) for _ in A]
     weight = cp.Parameter(nonneg=True)
-    xs = [cp.Variable(A.shape[2], nonneg=nonnegative) for _ in range(3)]
+    xs = [cp.Variable(A.shape[2], nonneg=nonnegative) for _ in A]
     parts = [
         0.5 * cp.sum_squares(a @ x - t) + weight * cp.norm1(x) for a, t, x in zip(rows, targets, xs, strict=True)
     ]
@@ -84,8 +87,8 @@ def cvxpy_compiled_jointly(A: Floats, b: Floats, l2: float, gamma: float, nonneg
     problem = cp.Problem(cp.Minimize(sum(parts)))
 
     def run() -> Floats:
-        for c in range(3):
-            rows[c].value, targets[c].value = A[c], b[c]
+        for each, own_rows, target, own_target in zip(rows, A, targets, b, strict=True):
+            each.value, target.value = own_rows, own_target
         weight.value = gamma
         problem.solve(solver=cp.CLARABEL)
         return np.array([x.value for x in xs])
@@ -108,7 +111,7 @@ def _quadratic(
 
 
 def clarabel_direct(A: Floats, b: Floats, l2: float, gamma: float, nonnegative: bool) -> Run:
-    """The quadratic program in normal equations, set up and solved for each channel, default tolerances."""
+    """The quadratic program in normal equations, set up and solved for each problem, default tolerances."""
     clarabel = _load("clarabel", "clarabel")
     from scipy import sparse
 
@@ -186,8 +189,8 @@ def skglm_elastic_net(A: Floats, b: Floats, l2: float, gamma: float, nonnegative
 
 PEERS = {
     "cvxpy, built anew": cvxpy_anew,
-    "cvxpy, compiled (DPP), a channel a solve": cvxpy_compiled,
-    "cvxpy, compiled (DPP), channels in one solve": cvxpy_compiled_jointly,
+    "cvxpy, compiled (DPP), a problem a solve": cvxpy_compiled,
+    "cvxpy, compiled (DPP), all in one solve": cvxpy_compiled_at_once,
     "Clarabel, called directly": clarabel_direct,
     "OSQP, called directly": osqp_direct,
     "scikit-learn ElasticNet": sklearn_elastic_net,

@@ -11,7 +11,9 @@ run). RMSE on peak-normalised curves, 400 to 700 nm, mean of R, G, B, cameras an
 
 On the same draws: the product (elastic net, λ₂ = 1, γ = 0.05), the posterior mean (γ = 0), l1 alone (λ₂ = 0,
 γ = 1.4), all on the left-out basis, and the paper's l1 on Gaussians (first photo only; γ by the discrepancy
-principle).
+principle). "Apart" is the product without what its channels know of each other: the same rows and penalties, but the
+blocks of Σ between the channels nought, so that each is solved for itself. Under lamp modes each channel then has
+its own u: the rows are taken about the same first look, but what is left of u is no longer one for the three.
 Coverage: the share of wavelengths whose truth lies within 1.96 standard deviations, overall and in 20-nm bins.
 
 The Monte Carlo run (GUM Supplement 1) draws camera, noise, chart, white and lamp from what the model is told of
@@ -23,7 +25,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -33,17 +35,23 @@ from rich.progress import Progress
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
 from camssf.curves.basis import Basis, interpolate, read_basis
 from camssf.curves.choice import recover
+from camssf.curves.code import solve as solve_code
 from camssf.curves.covariance import (
     ABSOLUTE,
+    CHANNEL_SHARE,
     CHART_CORRELATION,
+    DRIFT,
     EDGE,
+    INDEPENDENT_SHARE,
     LAMP_CORRELATION,
     RELATIVE,
     TABLE_CORRELATION,
     smooth_errors,
 )
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import Ssf
+from camssf.curves.penalties import GAMMA, L2
+from camssf.curves.sensing import Sensing, anchor, sense
+from camssf.curves.ssf import Ssf, moves_of_peak_one, own_blocks
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.tools.learn import learn, maker_of, read_curves
@@ -57,8 +65,14 @@ KELVIN = {"D55": (5503.0, 300.0), "A": (2856.0, 100.0)}
 LAMP_SMOOTH = 0.02
 CHART, WHITE = 0.03, 0.01
 PRODUCT, MEAN, SPARSE, PAPER = "elastic net (product)", "posterior mean", "l1 alone", "paper: l1 on Gaussians"
-METHODS = (PRODUCT, MEAN, SPARSE, PAPER)
+APART = "apart"
+METHODS = (PRODUCT, APART, MEAN, SPARSE, PAPER)
 SEED = 5
+FOREIGN, NEVER, COVERAGE_SLACK = 0.95, 1.01, 0.01
+"""Bars of together over apart: with a foreign table and one or two lamps, anywhere; and by how much further from .95
+the coverage may lie than apart: what chance does to it."""
+Found = tuple[Floats, Floats | None]
+"""Curves (681, 3) of peak 1, and their standard deviations, if there are any."""
 
 
 @dataclass(frozen=True)
@@ -153,27 +167,48 @@ def photograph(setting: Setting, camera: Floats, seen: Floats, rng: np.random.Ge
 
 def score(answer: Ssf, camera: Floats) -> tuple[Floats, Floats | None]:
     """RMSE (3,) and where the band covers the truth (3, 681)."""
-    got, std = answer.peak()
+    return judge(answer.peak(), camera)
+
+
+def judge(found: Found, camera: Floats) -> tuple[Floats, Floats | None]:
+    """The same of curves of peak 1."""
+    got, std = found
     wrong = (got - camera / camera.max(axis=0)).T
     rmse = np.sqrt(np.mean(wrong[:, SEEN] ** 2, axis=1))
     return rmse, None if std is None else (np.abs(wrong) <= 1.96 * std.T).astype(float)
 
 
-def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis) -> Ssf:
+def apart(sensing: Sensing) -> Sensing:
+    """The same rows, where no channel knows of another's errors."""
+    channel = np.repeat(np.arange(3), sensing.target.shape[1] // 3)
+    return replace(sensing, covariance=np.where(channel[:, None] == channel, sensing.covariance, 0.0))
+
+
+def answer_of(sensing: Sensing, evidence: Evidence, basis: Basis) -> Found:
+    """What `recover` makes of rows on a basis with a prior, at the product's penalties."""
+    code = solve_code(sensing, L2, np.array([GAMMA]))
+    x = code.values.reshape(3, -1)
+    book = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
+    curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, x)
+    moves = moves_of_peak_one(book, curves)
+    spread = own_blocks(np.linalg.inv(code.precision[0] + np.eye(x.size)))
+    peak = curves.max(axis=1)[:, None]
+    std = np.sqrt(np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0))
+    return (curves / peak).T, (std / peak).T
+
+
+def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis) -> Found:
     given = chart()[slice(*setting.patches)]
     lamps = np.stack([lamp(name) for name in setting.lamps])
     told = setting.tolerances()
     if method == PAPER:
         told = {key: told[key] for key in ("chart_tolerance", "white_tolerance")}
-        return recover(Evidence(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian")
-    penalties = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
-    return recover(
-        Evidence(y, given, lamps, standard_error=error, **told),
-        basis=basis,
-        l2=penalties[0],
-        gamma=penalties[1],
-        engine="reference",
-    )
+        return recover(Evidence(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian").peak()
+    evidence = Evidence(y, given, lamps, standard_error=error, **told)
+    if method == APART:
+        return answer_of(apart(sense(evidence, basis)), evidence, basis)
+    l2, gamma = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
+    return recover(evidence, basis=basis, l2=l2, gamma=gamma, engine="reference").peak()
 
 
 def left_out() -> tuple[dict[str, Floats], dict[str, Basis]]:
@@ -210,7 +245,7 @@ def measure(
             for name, camera in cameras.items():
                 y, error = photograph(setting, camera, seen, rng)
                 for method in methods:
-                    runs[method].append(score(solve(method, setting, y, error, bases[maker_of(name)]), camera))
+                    runs[method].append(judge(solve(method, setting, y, error, bases[maker_of(name)]), camera))
                 if bar is not None and task is not None:
                     bar.advance(task)
         found[setting.name] = {
@@ -226,8 +261,9 @@ def measure(
 def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Floats:
     """GUM Supplement 1: (3,) root mean square error of the drawn answers over their mean band, 400 to 700 nm.
 
-    Cameras from the shipped prior itself (curves that peak where no camera does are drawn anew), then what the
-    setting is told may be off: the chart and the white by sensing.py's model, the lamps as `true_lamp`.
+    Cameras from the shipped prior itself, then what the setting is told may be off: the chart and the white by
+    covariance.py's model (each channel sees its own chart, CHANNEL_SHARE of whose smooth errors are common), the
+    lamps as `true_lamp`; and light that drifts between chart and white frame.
     """
     basis = read_basis("cameras")
     given = chart()[slice(*setting.patches)]
@@ -240,13 +276,15 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
     for _ in range(count):
         code = rng.normal(size=(3, basis.dictionary.shape[2]))
         camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
-        u = [rng.normal(size=(n, curves.shape[1])) @ curves.T for curves in (long, short, short)]
+        u = [_by_channel(n, curves.shape[1], rng) @ curves.T for curves in (long, short, short)]
         seen = given + told["chart_tolerance"] * (RELATIVE * given * u[0] + ABSOLUTE * u[1] + edge * u[2])
         white = 1.0 + told["white_tolerance"] * (long @ rng.normal(size=long.shape[1]))
         light = np.stack([true_lamp(name, setting.off, rng) for name in setting.lamps])
-        y = ((light[:, None, :] * seen) @ camera) / ((light * white) @ camera)[:, None, :]
+        y = np.einsum("km,cnm,mc->knc", light, seen, camera) / ((light * white) @ camera)[:, None, :]
         error = np.hypot(setting.noise[0] * y, setting.noise[1])
-        y = y + error * rng.normal(size=y.shape)
+        y = y * (1.0 + DRIFT * rng.normal(size=(len(lamps), 1, 1)))
+        own = INDEPENDENT_SHARE * told["chart_tolerance"] * y
+        y = y + np.hypot(error, own) * rng.normal(size=y.shape)
         answer = recover(Evidence(y, given, lamps, standard_error=error, **told))
         got, std = answer.peak()
         assert std is not None
@@ -255,8 +293,29 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=(0, 1)) / np.mean(np.square(bands), axis=(0, 1))))
 
 
+def _by_channel(n: int, size: int, rng: np.random.Generator) -> Floats:
+    """(3, n, size) numbers of unit variance, CHANNEL_SHARE of it common to the channels."""
+    common, own = rng.normal(size=(n, size)), rng.normal(size=(3, n, size))
+    return np.sqrt(CHANNEL_SHARE) * common + np.sqrt(1.0 - CHANNEL_SHARE) * own
+
+
+def together(rows: dict[str, dict[str, dict[str, Any]]]) -> list[dict[str, Any]]:
+    """The product over its channels apart, setting by setting: RMSE, their ratio, both coverages."""
+    return [
+        {
+            "setting": name,
+            "together": methods[PRODUCT]["rmse"],
+            "apart": methods[APART]["rmse"],
+            "ratio": methods[PRODUCT]["rmse"] / methods[APART]["rmse"],
+            "coverage": methods[PRODUCT]["coverage"],
+            "coverage_apart": methods[APART]["coverage"],
+        }
+        for name, methods in rows.items()
+    ]
+
+
 def bars(rows: dict[str, dict[str, dict[str, Any]]], ratios: dict[str, list[float]]) -> list[dict[str, Any]]:
-    """Every bar of the accuracy issue with its value, its limit and whether it is met."""
+    """Every bar with its value, its limit and whether it is met."""
     product = {name: methods[PRODUCT] for name, methods in rows.items()}
     rmse = {name: row["rmse"] for name, row in product.items()}
     found: list[dict[str, Any]] = []
@@ -278,6 +337,12 @@ def bars(rows: dict[str, dict[str, dict[str, Any]]], ratios: dict[str, list[floa
         add(f"{name}: coverage", row["coverage"], 0.93, least=True)
         add(f"{name}: coverage", row["coverage"], 0.97)
         add(f"{name}: coverage of the worst 20 nm", min(row["coverage_bins"]), 0.88, least=True)
+    few = {setting.name for setting in SETTINGS if setting.ohta and len(setting.lamps) <= 2}
+    for row in together(rows):
+        limit = FOREIGN if row["setting"] in few else NEVER
+        add(f"{row['setting']}: RMSE together over apart", row["ratio"], limit)
+        further = abs(row["coverage"] - 0.95) - abs(row["coverage_apart"] - 0.95)
+        add(f"{row['setting']}: coverage further from .95 than apart", further, COVERAGE_SLACK)
     for name, ratio in ratios.items():
         add(f"Monte Carlo, {name}: error over band, channel furthest from 1", max(abs(r - 1) for r in ratio), 0.10)
     return found
@@ -293,8 +358,9 @@ def plot(rows: dict[str, dict[str, dict[str, Any]]]) -> str:
     figure, (left, right) = plt.subplots(1, 2, figsize=(15, 6), layout="constrained")
     names = list(rows)
     for i, method in enumerate(METHODS):
-        at = np.arange(len(names)) + 0.2 * (i - 1.5)
-        left.barh(at, [rows[name][method]["rmse"] for name in names], height=0.2, label=method)
+        height = 0.8 / len(METHODS)
+        at = np.arange(len(names)) + height * (i - 0.5 * (len(METHODS) - 1))
+        left.barh(at, [rows[name][method]["rmse"] for name in names], height=height, label=method)
     left.set_yticks(np.arange(len(names)), names)
     left.invert_yaxis()
     left.set_xlabel("RMSE, peak-normalised, 400 to 700 nm")
@@ -360,6 +426,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             ],
         )
     )
+    compared = together(rows)
+    out.print(
+        table(
+            "Three channels as one problem, and each for itself",
+            ["setting", "RMSE together", "apart", "ratio", "coverage together", "apart"],
+            [
+                [row["setting"], f"{row['together']:.4f}", f"{row['apart']:.4f}", f"{row['ratio']:.3f}",
+                 f"{row['coverage']:.3f}", f"{row['coverage_apart']:.3f}"]
+                for row in compared
+            ],
+        )
+    )  # fmt: skip
     out.print(
         table(
             "Monte Carlo (GUM S1): error over band, R G B",
@@ -386,6 +464,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "trials": options.trials,
             "cameras": len(cameras),
             "settings": rows,
+            "together": compared,
             "rmse_by_maker": by_maker,
             "monte_carlo": ratios,
             "bars": verdicts,

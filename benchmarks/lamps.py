@@ -62,7 +62,8 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     return power, np.stack([mean, np.exp(ripple)]), modes
 
 
-def _tolerance(kind: str, how: str) -> float:
+def tolerance(kind: str, how: str) -> float:
+    """The smooth error that the solver is told of a lamp, "known" or known by its "kind"."""
     family = FAMILIES[kind]
     return max(LAMP_SMOOTH, family.left) if how == "kind" and isinstance(family, Kind) else LAMP_SMOOTH
 
@@ -149,7 +150,7 @@ def main(arguments: list[str] | None = None) -> int:
                     for j, (_, _, modes) in enumerate(lamps):
                         directions[j, : len(modes)] = modes
                     told = {
-                        "known": (np.stack([power for power, _, _ in lamps]), None),
+                        "known": (np.stack([power for power, _, _ in lamps]), np.zeros_like(directions)),
                         "kind": (np.stack([about[0] for _, about, _ in lamps]), directions),
                     }
                     for how, (light, modes_) in told.items():
@@ -159,7 +160,7 @@ def main(arguments: list[str] | None = None) -> int:
                                 given,
                                 light,
                                 standard_error=error,
-                                lamp_tolerance=[_tolerance(kind, how) for kind in kinds],
+                                lamp_tolerance=[tolerance(kind, how) for kind in kinds],
                                 lamp_modes=modes_,
                             ),
                             basis=bases[maker_of(name)],

@@ -40,6 +40,7 @@ from camssf.curves.basis import Basis, gaussian_basis, read_basis
 from camssf.curves.choice import recover
 from camssf.curves.code import solve
 from camssf.curves.evidence import Evidence
+from camssf.curves.penalties import GAMMA, L2
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.errors import NotConverged
 from camssf.evidence.scores import rmsre
@@ -255,7 +256,10 @@ def charts(camera: Camera, index: int) -> Scores:
 
 
 def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict[str, Any]) -> Floats:
-    """The product's problem with all correlations of Σ struck out: curves (681, 3)."""
+    """The product's problem with all correlations of the chart's and the white's errors struck out: curves (681, 3).
+
+    Light that drifts between a shot's frames, which any capture has, stays one error a shot.
+    """
     k, n, _ = y.shape
     full = sense(
         Evidence(
@@ -271,8 +275,9 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
         ),
         basis,
     )
-    loose = Sensing(full.matrix, full.target, full.covariance * np.eye(k * n))
-    code = solve(loose, 1.0, np.full(3, 0.05)).values
+    shots = full.terms["lamp"]
+    loose = Sensing(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
+    code = solve(loose, L2, np.array([GAMMA])).values.reshape(3, -1)
     book = anchor(basis, lights[0])
     return np.asarray((book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T)
 

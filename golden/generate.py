@@ -22,7 +22,7 @@ import numpy as np
 
 from camssf.curves.code import DEPTH
 from camssf.curves.engine import load_model
-from camssf.curves.finish import PROVEN
+from camssf.curves.finish import SETTLED
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
@@ -246,7 +246,10 @@ def _limits(made: Json, scene: Json) -> list[Json]:
     if stage == "solve" and scene["generic"]:
         found += [limit("code", "outputs", "norm", 1e-9), limit("finish_steps", "outputs", "exact", 0.0)]
     if stage == "ssf" and not np.any(outputs["finish_steps"]):
-        found += [limit("finish_steps", "outputs", "at_most", 0.0), limit("layers_gap", "outputs", "at_most", PROVEN)]
+        found += [
+            limit("finish_steps", "outputs", "at_most", 0.0),
+            limit("layers_gap", "outputs", "at_most", SETTLED),
+        ]
     if stage == "layers":
         return found + _layers_limits(made, limit)
     if stage == "calibrate":
@@ -267,8 +270,8 @@ def _layers_limits(made: Json, limit: Any) -> list[Json]:
     if product or made["outputs"]["distance"] <= ARRIVED:
         return [
             limit("ssf", "oracle", "peak", 1e-7),
-            limit("objective", "oracle", "relative", PROVEN, *(["reference"] if product else [])),
-            limit("gap", "oracle", "at_most", PROVEN),
+            limit("objective", "oracle", "relative", 1e-10, *(["reference"] if product else [])),
+            limit("gap", "oracle", "at_most", 1e-10),
         ] + ([limit("finish_steps", "outputs", "at_most", 0.0)] if product else [])
     return [
         limit("objective", "outputs", "relative", 1e-9),

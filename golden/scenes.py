@@ -578,7 +578,7 @@ def _calibrate_cases() -> Iterator[Case]:
                     lamp={"constant": 0.0, "shape": [1, 681]}, expect="lamp_unfit")  # fmt: skip
     yield calibrate("error-two-shots-paper", "The paper's rows take one shot.", _frames(NIKON, ["D55", "A"]),
                     ["D55", "A"], basis="gaussian", gamma=1.0, expect="invalid_argument")  # fmt: skip
-    true, told = ["D55", "A", "LED-B3", "FL2", "D55"], ["D55", "A", "LED-B3", "LED-B3", "D55"]
+    true, told = ["D55", "A", "LED-B3", "LED-B3", "D55"], ["D55", "A", "LED-B3", "D55", "D55"]
     yield calibrate("error-rival-of-four", "Of four shots one lamp is named wrongly: a rival condemns it.",
                     _frames(NIKON, true[:4]), told[:4], expect="lamp_unfit")  # fmt: skip
     yield calibrate("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",

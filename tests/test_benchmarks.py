@@ -7,17 +7,24 @@ import json
 import os
 import subprocess
 import sys
+from fractions import Fraction
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import _common, arm, arm_jvm, capture, certify, depth, solver
+from benchmarks import _common, accuracy, arm, arm_jvm, capture, certify, depth, solver, tables
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import read_basis
 from camssf.curves.code import soft, solve
+from camssf.curves.covariance import CHANNEL_SHARE
 from camssf.curves.engine import load_model
-from camssf.curves.sensing import Sensing
+from camssf.curves.layers import DEPTH
+from camssf.curves.problem import Problem as Convex
+from camssf.curves.sensing import Sensing, sense
+from camssf.curves.ssf import LARGEST_GAP
+from camssf.grid import WAVELENGTHS
 from tests.problems import random_sensing
 
 
@@ -67,9 +74,50 @@ def test_whitening_agrees_with_the_engine_s_own_gap() -> None:
         for c in range(3):
             ours = _common.relative_gap(A[c], b[c], code.values[c], l2, float(gamma[c]), False)
             assert ours > 1e-9
-            assert code.gap[c] > 1e-9
-            if l2 == 0:  # else the engine's is by the penalty's conjugate
-                assert ours == pytest.approx(code.gap[c], rel=1e-9)
+            assert ours == pytest.approx(code.gap[c], rel=1e-9)
+
+
+def test_whitening_in_long_double_is_the_same_with_more_digits() -> None:
+    """Against exact fractions: a covariance of condition 1e8, of which float64 keeps eight digits."""
+    sensing = random_sensing(5, 9, 4, correlated=True)
+    scale = np.geomspace(1.0, 1e4, 9)
+    hard = Sensing(sensing.matrix, sensing.target, sensing.covariance * scale[:, None] * scale)
+    A, b = _common.whiten_finely(hard)
+    assert A.dtype == b.dtype == np.longdouble
+    for c in range(3):
+        system = [[Fraction(float(v)) for v in row] for row in np.column_stack(
+            [hard.covariance[c], hard.matrix[c], hard.target[c]])]  # fmt: skip
+        n, schur = 9, Fraction(0)
+        for i in range(n):  # bᵀ Σ⁻¹ b is what elimination takes from the corner
+            schur += system[i][-1] * system[i][-1] / system[i][i]
+            for j in range(i + 1, n):
+                part = system[j][i] / system[i][i]
+                system[j] = [below - part * above for below, above in zip(system[j], system[i], strict=True)]
+        found = b[c] @ b[c]
+        assert abs(float(found - np.longdouble(schur.numerator) / np.longdouble(schur.denominator))) <= 1e-17 * schur
+        rough = _common.whiten(hard)[0][c]
+        assert A[c].astype(float) == pytest.approx(rough, rel=1e-9, abs=1e-12 * np.abs(rough).max())
+
+
+def test_a_gap_below_float64_s_own_rounding_is_seen() -> None:
+    A, b = identity(12, 6)
+    best = soft(A[0].T @ b[0], 0.1, False) / 2.0
+    fine = _common.relative_gap(A[0].astype(np.longdouble), b[0].astype(np.longdouble), best + 1e-10, 1.0, 0.1, False)
+    # ½ δᵀ M δ and the conjugate's as much again, M = 2 I: 6 atoms, 1e-10 each
+    x = best
+    objective = 0.5 * np.sum((b[0] - A[0] @ x) ** 2) + 0.5 * x @ x + 0.1 * np.abs(x).sum()
+    assert fine * objective == pytest.approx(12e-20, rel=0.05)
+
+
+def test_a_curve_s_exact_code_is_walked_to_even_where_the_layers_are_proof_enough() -> None:
+    problem = certify.draw_default(0, 1)
+    sensing = problem.sensing(read_basis(problem.basis))
+    layers = solve(sensing, problem.l2, problem.penalties(sensing), finish=0, depth=16)
+    (each,) = _common.convex(sensing, problem)
+    exact = _common.forced(each)
+    fine = _common.whiten_finely(sensing)
+    assert _common.gaps(*fine, exact, problem) <= 1e-3 * _common.gaps(*fine, layers.values, problem)
+    assert exact == pytest.approx(layers.values[0], abs=1e-4)
 
 
 def test_gamma_max_is_where_the_code_vanishes() -> None:
@@ -83,15 +131,18 @@ def test_gamma_max_is_where_the_code_vanishes() -> None:
 
 
 def test_problems_are_the_same_every_time_and_of_every_kind() -> None:
-    kinds = set()
+    kinds, kind_of_lamp = set(), set()
     for index in range(60):
         problem, sigma = certify.draw(7, index)
         kinds.add((problem.basis, problem.l2, problem.nonnegative))
         assert sigma in ("identity", "diagonal", "full")
         A, b = _common.whiten(problem.sensing(read_basis(problem.basis)))
         share = problem.gamma / _common.gamma_max(A, b, problem.nonnegative)
-        assert ((share >= 0.999e-5) & (share <= 1.001e-1)).all()
+        assert ((share >= 0.999e-6) & (share <= 1.001)).all()
+        kind_of_lamp.add(any(name in problem.label for name in certify.KINDS))
+        assert len(A) == (3 if problem.basis == "gaussian" else 1)
     assert len(kinds) == 8
+    assert kind_of_lamp == {False, True}
     again = certify.draw(7, 59)[0]
     assert all(np.array_equal(again.inputs[name], value) for name, value in problem.inputs.items())
 
@@ -112,14 +163,34 @@ def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegati
     pull = float(twins[0][:, 0] @ b[0])
     b0 = b[0] + (1.0 - pull) * twins[0][:, 0]  # pull of 1: the twins serve for certain
     x[0] = 0.9
-    assert not certify.determined(twins[0], b0, x, basis.dictionary[0], basis.mean[0], 0.0, 0.1, nonnegative)
+    assert not certify.determined(twins[0], b0, x, basis.dictionary[:1], basis.mean[:1], 0.0, 0.1, nonnegative)
 
 
+def test_the_oracle_takes_the_one_problem() -> None:
+    """72 unknowns, three curves: as the three problems apart, where no row knows of two channels."""
+    pytest.importorskip("cvxpy")
+    basis = read_basis("cameras")
+    A, b = identity(24, 24)
+    rows = np.zeros((72, 72))
+    for c in range(3):
+        rows[24 * c : 24 * c + 24, 24 * c : 24 * c + 24] = A[c]
+    one = certify.oracle(rows[None], b.reshape(1, -1), basis, 1.0, 0.1, False)
+    three = certify.oracle(A, b, basis, 1.0, 0.1, False)
+    assert one.code.reshape(3, -1) == pytest.approx(three.code, abs=1e-12)
+    assert one.determined.shape == (1,)
+    ((mean, atoms),) = certify.curves_of(basis, 1)
+    assert mean + atoms @ one.code[0] == pytest.approx(_common.curves(basis, three.code), abs=1e-12)
+
+
+@pytest.mark.slow
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
-    status = certify.main(["--count", "6", "--oracle-every", "3"])
+    status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
     said = capsys.readouterr().out
-    assert (results / "certify.json").exists()
+    kept = json.loads((results / "certify.json").read_text())
+    assert kept["problems"] >= 6
+    assert sum(row["problems"] for row in kept["by_gamma"]) == kept["groups"][-1]["problems"] == kept["problems"]
+    assert [row["calls"] for row in kept["defaults"] if row["basis"] == "all"] == [3, 3]
     assert status == ("MISSED" in said)
     assert "all" in said
     assert str(results) not in said
@@ -128,16 +199,58 @@ def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureF
 def test_a_missed_bar_is_listed_and_nan_is_missed() -> None:
     problem, _ = certify.draw(0, 1)
     good = dict.fromkeys(("reference", "onnx", "reference_recomputed", "onnx_recomputed"), np.full(3, 1e-12))
-    good |= {"pivots": np.ones(3), "rows_apart": np.full(3, 1e-13)}
+    good |= {"steps": np.ones(3), "share": np.full(3, 0.1), "rows_apart": np.full(3, 1e-13)}
     assert not certify.misses(1, problem, good)
     for bad in (1.1e-9, np.nan):
-        (miss,) = certify.misses(1, problem, good | {"onnx": np.array([0.0, bad, 0.0])})
+        (miss,) = certify.misses(1, problem, good | {"onnx_recomputed": np.array([0.0, bad, 0.0])})
         assert (miss["index"], miss["bar"]) == (1, "gap onnx")
     off = {"determined": np.array([1.0, 0.0, 1.0]), "reference_off": np.zeros(3)}
     assert not certify.misses(1, problem, good | off | {"onnx_off": np.array([0.0, 1.0, 0.0])})
     assert certify.misses(1, problem, good | off | {"onnx_off": np.array([2e-6, 0.0, 0.0])})
-    (miss,) = certify.misses(1, problem, good | {"rows_apart": np.array([0.0, 0.0, 2e-10])})
+    (miss,) = certify.misses(1, problem, good | {"rows_apart": np.array([0.0, 0.0, 2e-9])})
     assert miss["bar"] == "rows apart"
+
+
+@pytest.mark.parametrize("own", [2 * LARGEST_GAP, np.nan])
+def test_what_the_product_refuses_by_name_is_no_miss(own: float) -> None:
+    """And only where it does: a large gap that an engine does not own up to is one."""
+    problem, _ = certify.draw(0, 1)
+    honest = dict.fromkeys(("reference", "reference_recomputed"), np.array([own]))
+    honest |= {"steps": np.ones(1), "share": np.ones(1)}
+    assert certify.refused(honest["reference"]).all()
+    assert not certify.misses(1, problem, honest)
+    assert certify.misses(1, problem, honest | {"reference": np.array([1e-12])})
+
+
+def test_the_product_s_calls_are_counted_by_their_bars(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem = certify.draw_default(0, 0)
+    monkeypatch.setattr(certify, "draw_default", lambda *_: problem)
+    good = {"exact_gap": 0.0, "reference_steps": 0.0, "reference_gap": 0.5e-10, "reference_off": 1e-8}
+    good |= {"layers_off": 1e-5}
+    for bad, share in (({}, "100.00 %"), ({"reference_steps": 1.0}, "99.50 %"), ({"reference_gap": 1e-9}, "99.50 %")):
+        answers = iter([good | bad, *[good] * 199])
+        monkeypatch.setattr(certify, "judge_default", lambda *_, answers=answers: next(answers))
+        rows, held = certify.defaults(0, range(200), ("reference",))
+        assert held
+        assert rows[-1]["layers, gap <= 1e-10"] == share
+    for bad, many in (({"reference_off": 2e-7}, 1), ({"reference_off": np.nan}, 1), ({"reference_steps": 3.0}, 3)):
+        answers = iter([good | bad] * many + [good] * (200 - many))
+        monkeypatch.setattr(certify, "judge_default", lambda *_, answers=answers: next(answers))
+        assert not certify.defaults(0, range(200), ("reference",))[1]
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_a_call_of_the_product_is_judged_by_both_engines(index: int) -> None:
+    problem = certify.draw_default(0, index)
+    assert (problem.l2, problem.gamma, problem.nonnegative) == (1.0, 0.05, False)
+    found = certify.judge_default(problem)
+    assert found["exact_gap"] < 1e-18
+    for engine in certify.ENGINES:
+        assert found[f"{engine}_steps"] == 0
+        assert found[f"{engine}_gap"] <= 1e-10
+        assert found[f"{engine}_off"] <= certify.ALONE_BAR
 
 
 def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
@@ -153,10 +266,11 @@ def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
     found = certify.oracle(A, b, read_basis("cameras"), 1.0, 0.1, False)
     assert found.refused.all()
     assert (found.gap < 1e-12).all()  # the exchanges arrive from zero, too
-    certify.main(["--count", "2", "--oracle-every", "1"])
-    assert "oracle refused: Clarabel gave no answer to 6 of 6" in capsys.readouterr().out
+    certify.main(["--count", "2", "--defaults", "0", "--oracle-every", "1"])
     groups = json.loads((results / "certify.json").read_text())["groups"]
-    assert groups[-1]["oracle refused"] == groups[-1]["oracle asked"] == 6
+    count = groups[-1]["problems"]
+    assert groups[-1]["oracle refused"] == groups[-1]["oracle asked"] == count >= 2
+    assert f"oracle refused: Clarabel gave no answer to {count} of {count}" in capsys.readouterr().out
 
 
 def test_the_model_s_own_rows_are_read() -> None:
@@ -164,14 +278,11 @@ def test_the_model_s_own_rows_are_read() -> None:
     for index in range(4):
         problem, _ = certify.draw(11, index)
         reference = problem.sensing(read_basis(problem.basis))
-        own = certify.model_rows(problem, reference)
-        assert own is not reference
-        for ours, theirs in zip(
-            (own.matrix, own.target, own.covariance),
-            (reference.matrix, reference.target, reference.covariance),
-            strict=True,
-        ):
-            assert np.abs(ours - theirs).max() <= 1e-12 * np.abs(theirs).max()
+        fine, own = _common.whiten_finely(reference), certify.model_rows(problem)
+        assert own[0].shape[::2] == reference.matrix.shape[::2]  # it may take more rows: Σ by structure
+        assert (certify.rows_apart(own, fine) <= certify.ROWS_BAR).all()
+        for wrong in ((own[0] * (1 + 1e-8), own[1]), (own[0], own[1] * (1 + 1e-8))):
+            assert (certify.rows_apart(wrong, fine) > certify.ROWS_BAR).all()
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
@@ -194,6 +305,68 @@ def test_peers_solve_the_same_problem(nonnegative: bool, recwarn: pytest.Warning
         pytest.skip("no peer is installed")
 
 
+def test_peers_solve_the_one_problem_from_fewer_rows() -> None:
+    """p = 1; rows beyond the unknowns are reduced, which changes no code."""
+    rng = np.random.default_rng(2)
+    A, b = rng.normal(size=(1, 40, 8)), rng.normal(size=(1, 40))
+    R, target = solver.reduced(A, b)
+    assert R.shape == (1, 8, 8)
+    best = solve(Sensing(A, b, np.eye(40)[None]), 1.0, np.array([0.2])).values
+    tried = 0
+    for name in (*solver.COMPILED, "Clarabel, called directly"):
+        try:
+            run = PEERS[name](R, target, 1.0, 0.2, False)
+        except Missing:
+            continue
+        assert run() == pytest.approx(best, abs=1e-4), name
+        tried += 1
+    if not tried:
+        pytest.skip("no peer is installed")
+    assert solver.reduced(R, target)[0] is R
+
+
+def _rows(**times: float) -> list[dict[str, object]]:
+    """A contest's rows by contender, times in units of ours."""
+    names = {"ours": solver.ONNX, "rows": solver.ROWS, "one": solver.ONE_BY_ONE, "all": solver.AT_ONCE,
+             "older": solver.OLDER}  # fmt: skip
+    return [
+        {"contender": names[key], "ms": value, "times_onnx": value, "gap": 1e-9 if key != "ours" else 1e-12}
+        for key, value in times.items()
+    ]
+
+
+def test_the_fastest_compiled_peer_decides_with_its_rows_free() -> None:
+    label = "cameras, 24 patches, D55"
+    speed, with_rows, gap = solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, one=4.0, all=2.5))
+    assert (speed["value"], speed["met"]) == (0.4, True)
+    assert with_rows["value"] == pytest.approx(1 / 3)
+    assert gap["met"]
+    assert not solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, one=4.0, all=1.9))[0]["met"]
+    assert solver.bars_of("gaussian", "gaussian", _rows(ours=1.0, rows=0.5, one=4.0, all=1.7))[0]["met"]
+    assert not solver.bars_of("gaussian", "gaussian", _rows(ours=1.0, rows=0.5, all=1.6))[0]["met"]
+    (older,) = solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, older=0.6))
+    assert not older["met"]
+    (older,) = solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, older=0.7))
+    assert older["met"]
+    assert older["value"] == pytest.approx(1 / 0.7)
+    (told,) = solver.bars_of("cameras, 24 patches, D55 + A", "cameras", _rows(ours=1.0, rows=0.5, older=0.1))
+    assert told["met"]  # no bar for two shots
+
+
+@pytest.mark.slow
+def test_an_older_model_is_asked_for_its_codes(tmp_path: Path) -> None:
+    problem = solver.problem_of("cameras", 9)
+    file = tmp_path / "older.onnx"
+    file.write_bytes((resources.files("camssf") / "data" / "camssf-cameras.onnx").read_bytes())
+    rows, _ = solver.contest(problem, 1, (), solver.older_model(file))
+    assert [row["contender"] for row in rows] == [solver.ONNX, solver.REFERENCE, solver.OLDER, solver.ROWS]
+    assert solver.older_model(file)(problem.inputs) == pytest.approx(
+        load_model("cameras").run(problem.inputs)["code"].T
+    )
+    (row,) = solver.cost({9: problem}, "patches", 1, solver.older_model(file))
+    assert 0.2 < row["over older"] < 5.0
+
+
 def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture[str], results: Path) -> None:
     rows, _ = solver.contest(solver.problem_of("cameras", 9), 2, ("Clarabel, called directly",))
     names = [row["contender"] for row in rows]
@@ -210,22 +383,93 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
 
 @pytest.mark.slow
 def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = depth.main(["--cameras", "1", "--depths", "1", "32"])
+    status = depth.main(["--cameras", "1", "--depths", "1", str(DEPTH)])
     said = capsys.readouterr().out
-    assert "Plain ISTA" in said
+    assert "`ista`" in said
+    assert "held" in said
     assert status in (0, 1)
     assert (results / "depth.png").exists()
+    for row in json.loads((results / "depth.json").read_text())["rows"]:
+        assert row["splitting"]["worst"][1] < row["splitting"]["worst"][0]
+        assert max(row["finished"]["worst"]) < 1e-6  # the finish needs no layers
     problem = depth.problems("cameras", 1.0, 1, 0)[0]
-    layers, plain, gap, _ = depth.measure(problem, (1, 64))
-    assert gap <= 1e-9
-    assert layers[1].max() < 1e-6 < layers[0].max()
-    assert plain[1].max() > 10 * layers[1].max()
+    found = depth.measure(problem, (1, 64))
+    assert found.gap <= 1e-18
+    assert found.off["splitting"][1].max() < 1e-12 < found.off["splitting"][0].max()
+    assert found.off["ista"][1].max() > 1e-3
+    assert found.pivots[0] > 0 == found.pivots[1]
 
 
-def test_ista_arrives_where_it_is_easy() -> None:
+def test_layers_arrive_where_it_is_easy() -> None:
     A, b = identity(9, 5)
-    best = np.stack([soft(p, 0.1, False) for p in np.einsum("cnr,cn->cr", A, b)])
-    assert depth.ista(A, b, 0.0, 0.1, False, (1, 2))[1] == pytest.approx(best, abs=1e-12)
+    for c in range(3):
+        each = Convex(A[c], b[c], 0.0, 0.1, False)
+        best = soft(A[c].T @ b[c], 0.1, False)
+        assert depth.unrolled(each, "ista", (1, 2)) == pytest.approx(np.stack([best, best]), abs=1e-12)
+        assert depth.unrolled(each, "splitting", (200,))[0] == pytest.approx(best, abs=1e-12)
+
+
+# tables of one chart
+
+
+def test_the_third_table_has_its_white_and_its_levels_from_the_first() -> None:
+    known = tables.tables()
+    first, third = known["BabelColor"], known["D70"]
+    assert third.shape == (24, WAVELENGTHS.size)
+    at = tables.LEVELLED
+    assert third[tables.WHITE_PATCH][at] == pytest.approx(first[tables.WHITE_PATCH][at], rel=0.01)
+    for mine, theirs in zip(third, first, strict=True):  # no level is left to gain
+        assert mine[at] @ (theirs - mine)[at] == pytest.approx(0.0, abs=1e-9)
+    assert (third[:, WAVELENGTHS < 410] == third[:, WAVELENGTHS == 410]).all()
+    assert 0.02 < tables.apart_by(third, first) < 0.2
+    assert known["mean"] == pytest.approx((first + known["Ohta"] + third) / 3)
+    at_nm, radiance = tables.radiances()
+    assert (at_nm[0], at_nm[-1], radiance.shape) == (380.0, 780.0, (24, 101))
+
+
+def test_the_share_in_use_is_the_product_and_apart_knows_nothing_of_other_channels() -> None:
+    problem = certify.draw_default(0, 0)
+    basis = read_basis(problem.basis)
+    rows = sense(problem.evidence, basis)
+    same = tables.shared(rows, CHANNEL_SHARE)
+    assert (same.covariance == rows.covariance).all()
+    got, std = accuracy.answer_of(same, problem.evidence, basis)
+    out = load_model(problem.basis).run(problem.inputs)
+    peak = out["ssf"].max(axis=0)
+    assert got == pytest.approx(out["ssf"] / peak, abs=1e-9)
+    assert std == pytest.approx(out["ssf_std"] / peak, abs=1e-9)
+    n = rows.target.shape[1] // 3
+    cut = accuracy.apart(rows).covariance[0]
+    assert not cut[:n, n:].any()
+    assert (cut[:n, :n] == rows.covariance[0][:n, :n]).all()
+    none = tables.shared(rows, 0.0).covariance[0]
+    others = rows.terms["white"] + rows.terms["lamp"] + rows.terms["lamp modes"]
+    assert none[:n, n:] == pytest.approx(others[0][:n, n:], abs=1e-15)
+    assert (np.linalg.eigvalsh(tables.shared(rows, 1.0).covariance[0]) > 0).all()
+
+
+def test_channels_apart_are_each_solved_for_itself() -> None:
+    problem = certify.draw_default(0, 3)
+    basis = read_basis(problem.basis)
+    rows = accuracy.apart(sense(problem.evidence, basis))
+    got, _ = accuracy.answer_of(rows, problem.evidence, basis)
+    n, r = rows.target.shape[1] // 3, rows.matrix.shape[2] // 3
+    book = problem.anchored(basis)
+    for c in range(3):
+        own, atoms = slice(n * c, n * c + n), slice(r * c, r * c + r)
+        one = Sensing(rows.matrix[:, own, atoms], rows.target[:, own], rows.covariance[:, own, own])
+        curve = book.mean[c] + book.dictionary[c] @ solve(one, 1.0, np.array([0.05])).values[0]
+        assert got[:, c] == pytest.approx(curve / curve.max(), abs=1e-7)
+
+
+def test_tables_are_compared_and_the_mean_is_of_logarithms(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def row(ratio: float) -> dict[str, dict[str, float]]:
+        shares = {f"{share:g}": {"rmse": 0.02 * ratio, "coverage": 0.95} for share in tables.SHARES}
+        return {"apart": {"rmse": 0.02, "coverage": 0.95}} | shares
+
+    found = {("a", "b"): {"D55": row(0.5), "D55 + A": row(1.0)}, ("b", "a"): {"D55": row(2.0), "D55 + A": row(1.0)}}
+    assert tables.mean(tables.ratios(found)) == pytest.approx({f"{share:g}": 1.0 for share in tables.SHARES})
+    assert tables.ratios(found, ["D55"])["1"].tolist() == pytest.approx([0.5, 2.0])
 
 
 def test_arm_says_what_is_missing(
@@ -292,6 +536,8 @@ def test_arm_compares_norm_wise() -> None:
     (row,), gap = arm.compare(ours, theirs)
     assert row["worst"] == pytest.approx(1e-9)
     assert gap == 3e-9
+    layers = {"cameras/a/layers_gap": np.ones(1), "cameras/a/finish_steps": np.ones(1)}
+    assert len(arm.compare(ours | layers, theirs | {name: 0.0 * value for name, value in layers.items()})[0]) == 1
     (row,), _ = arm.compare(ours, theirs | {"cameras/a/code": np.array([np.nan, 1.0])})
     assert not row["worst"] <= arm.BAR
 
@@ -329,6 +575,7 @@ def test_sensing_of_a_problem_is_the_reference_s() -> None:
     problem = solver.problem_of("gaussian", 9)
     sensing = problem.sensing(read_basis("gaussian"))
     assert isinstance(sensing, Sensing)
+    assert problem.penalties(sensing).tolist() == [problem.gamma] * 3
     y = (problem.inputs["chart"] - 64.0)[0] / (problem.inputs["white"] - 64.0)[0]
     assert sensing.target == pytest.approx(y.T)
 
@@ -367,3 +614,18 @@ def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> No
     assert isinstance(last, ast.Return)
     assert last.value is not None
     assert not isinstance(last.value, ast.Constant)
+
+
+@pytest.mark.slow
+def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
+    from benchmarks import lamps
+
+    status = lamps.main(["--every", "60", "--draws", "1"])
+    kept = json.loads((results / "lamps.json").read_text())
+    assert [row["lamps"] for row in kept["rows"]] == [" + ".join(kinds) for kinds in lamps.SETTINGS]
+    for row in kept["rows"]:
+        for how in ("known", "kind"):
+            assert 0.0 < row[how]["rmse"] < 0.2
+            assert row[how]["coverage"] > 0.4
+    assert status == ("MISSED" in capsys.readouterr().out)

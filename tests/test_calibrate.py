@@ -142,7 +142,8 @@ def test_engines_agree(capture: Capture) -> None:
             assert one["ssf"][colour] == pytest.approx(other["ssf"][colour], abs=1e-9)
         assert one["uncertainty"] == other["uncertainty"] or basis == "cameras"
         assert one["finish_steps"] == other["finish_steps"] == ([0] if basis == "cameras" else [ANY] * 3)
-        assert max(one["layers_gap"] + other["layers_gap"]) <= (1e-10 if basis == "cameras" else 1.0)
+        # With λ₂ = 0 the layers only start the walk, from wherever they stand.
+        assert basis == "gaussian" or max(one["layers_gap"] + other["layers_gap"]) <= 1e-10
         assert one["evidence"] == (pytest.approx(other["evidence"], rel=1e-9) if basis == "cameras" else None)
         if basis == "cameras":
             assert one["code_covariance"] == pytest.approx(other["code_covariance"], abs=1e-9)

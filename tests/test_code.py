@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal
 
 from camssf.curves import finish as walking
 from camssf.curves.code import soft, solve
-from camssf.curves.finish import PROVEN, finish, finish_steps
+from camssf.curves.finish import PROVEN, SETTLED, finish, finish_steps
 from camssf.curves.layers import DEPTH, RELAXATION, ista, splitting
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.proof import prove
@@ -119,7 +119,7 @@ def test_optimality_conditions(
         x = code.values[c]
         assert not (nonnegative and (x < 0).any())
         if code.finish_steps[c] == 0:
-            assert code.gap[c] == code.layers_gap[c] <= PROVEN
+            assert code.gap[c] == code.layers_gap[c] <= SETTLED
             if l2 > 0:  # x = soft(g, γ) / λ₂, each term of the gap being ½ λ₂ of the square of what lacks
                 off = x - soft(A.T @ (b - A @ x), gamma[c], nonnegative) / l2
                 assert l2 / 2 * off @ off <= PROVEN * code.objective[c]
@@ -372,7 +372,7 @@ def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None
     assert code.gap[0] <= PROVEN
     walked = solve(sensing, 1.0, np.array([0.05]), depth=0)
     assert walked.finish_steps[0] > 0
-    assert walked.layers_gap[0] > PROVEN
+    assert walked.layers_gap[0] > SETTLED
     assert walked.gap[0] <= 1e-15
     assert np.abs(code.values - walked.values).max() < 1e-7
 
@@ -389,7 +389,7 @@ def test_the_walk_arrives_from_nowhere(share: float, l2: float, nonnegative: boo
         assert walked.gap[0] <= 1e-9
         code = solve(sensing, l2, gamma, nonnegative=nonnegative)
         assert code.gap[0] <= 1e-9
-        assert (code.finish_steps[0] == 0) == (code.layers_gap[0] <= PROVEN)
+        assert (code.finish_steps[0] == 0) == (code.layers_gap[0] <= SETTLED)
         assert code.objective[0] == pytest.approx(walked.objective[0], rel=2e-9)
 
 

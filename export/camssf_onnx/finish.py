@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from camssf.curves.finish import EXACT, GOLDEN, PIVOT_FLOOR, PROVEN, REFINEMENTS, RIDGE, WALKS, finish_steps
+from camssf.curves.finish import EXACT, GOLDEN, PIVOT_FLOOR, PROVEN, REFINEMENTS, RIDGE, SETTLED, WALKS, finish_steps
 from camssf_onnx.algebra import BIG, B, D, stride_of, turns
 from camssf_onnx.graph import Body, Graph, Value, within
 from camssf_onnx.problem import Problem
@@ -20,15 +20,18 @@ def finish(problem: Problem, z: Value, before: Value) -> tuple[Value, Value, Val
     are proven, no walk is taken.
     """
     g = problem.graph
-    unproven = g.op("Not", g.op("LessOrEqual", before.unsqueeze(1), PROVEN))  # (p, 1)
+    unproven = g.op("Not", g.op("LessOrEqual", before.unsqueeze(1), SETTLED))  # (p, 1)
 
     def walk(body: Graph, step: Value, state: list[Value]) -> Body:
         z, best, least, taken = state
         here = within(problem, body)
         x, pivots = _walk(here, z)
         gap = gap_of(here, x).unsqueeze(1)
-        open_ = body.op("Not", body.op("LessOrEqual", least, PROVEN))
-        first = body.op("And", unproven.here(body), body.op("Equal", step, body.constant(0, np.int64)))
+        first = body.op("Equal", step, body.constant(0, np.int64))
+        later = body.op("Not", body.op("LessOrEqual", least, PROVEN))
+        open_ = body.op(
+            "Or", body.op("And", first, unproven.here(body)), body.op("And", body.op("Not", first), later)
+        )
         better = body.op("And", open_, body.op("Or", body.op("Less", gap, least), first))
         best, least = body.op("Where", better, x, best), body.op("Where", better, gap, least)
         taken = taken + open_.real() * pivots

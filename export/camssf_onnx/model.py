@@ -49,8 +49,8 @@ INPUTS: dict[str, list[str | int]] = {
     "gamma": [],
 }
 DEFAULTS = {"nonnegative": 0.0, "prior_scale": 1.0}
-"""Inputs that may be left out: x ≥ 0 where above ½ (1 on a basis without a mean unless told), and how much wider than its
-basis the prior is taken."""
+"""Inputs that may be left out: x ≥ 0 where above ½ (1 on a basis without a mean unless told), and how much wider than
+its basis the prior is taken."""
 
 
 def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:

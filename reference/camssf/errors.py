@@ -17,7 +17,8 @@ CalibrationError
 │   ├── Blurred            blurred
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
-└── NotConverged           not_converged       7   the solver's own proof failed
+├── NotConverged           not_converged       7   the solver's own proof failed
+└── CameraUnusual          camera_unusual      8   no basis knows such a camera
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -160,3 +161,10 @@ class NotConverged(CalibrationError):
 
     code = "not_converged"
     exit_status = 7
+
+
+class CameraUnusual(CalibrationError):
+    """A camera unlike all that the bases were learned from."""
+
+    code = "camera_unusual"
+    exit_status = 8

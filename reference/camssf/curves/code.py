@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from camssf.curves.finish import PROVEN, finish_steps
+from camssf.curves.finish import SETTLED, finish_steps
 from camssf.curves.finish import finish as walk
 from camssf.curves.layers import DEPTH, LAYERS, soft
 from camssf.curves.problem import Problem, whiten
@@ -60,7 +60,7 @@ def solve(
         gamma: (p,) γ ≥ 0; not 0 where λ₂ = 0.
         nonnegative: x ≥ 0.
         depth, layers: how many layers, and of which kind, of `camssf.curves.layers.LAYERS`.
-        finish: most pivots of one walk of the finish, which starts where the layers' gap is above PROVEN; 0 for
+        finish: most pivots of one walk of the finish, which starts where the layers' gap is above SETTLED; 0 for
             none, None for `finish_steps`.
     """
     steps = finish_steps(sensing.matrix.shape[2]) if finish is None else finish
@@ -70,9 +70,15 @@ def solve(
         problem = Problem(rows, target, l2, float(weight), nonnegative)
         z = LAYERS[layers](problem).unroll(depth)
         before = prove(problem, z)[1]
-        x, taken = walk(problem, z, steps) if steps and before > PROVEN else (z, 0)
+        x, taken = walk(problem, z, steps) if steps and before > SETTLED else (z, 0)
         found.append((x, *prove(problem, x), before, taken, problem.H, _evidence(problem, log_det)))
     return Code(*(np.array(each) for each in zip(*found, strict=True)))
+
+
+def log_evidence(sensing: Sensing) -> float:
+    """The evidence of one problem without its solution, a closed form: `Code.log_evidence`."""
+    rows, target, log_det = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
+    return _evidence(Problem(rows, target, 1.0, 0.0, False), log_det)
 
 
 def _evidence(problem: Problem, log_det: float) -> float:

@@ -31,7 +31,7 @@ import numpy as np
 from camssf.curves.problem import Problem
 from camssf.grid import Floats
 
-DEPTH = 32
+DEPTH = 40
 RELAXATION = 1.5
 SETTLING = 8
 """So many layers at the end of a net of at least twice as many take the residual from the rows themselves."""

@@ -3,6 +3,7 @@ package org.camssf
 import org.camssf.curves.Engine
 import org.camssf.curves.Evidence
 import org.camssf.curves.Frames
+import org.camssf.curves.Known
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
@@ -72,13 +73,15 @@ internal class Fit(
         val evidence = Evidence(
             rows(signals.sharedValues),
             rows(hidden),
-            Tensor(taken.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
-            Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[taken[it]] }, t),
-            Tensor(white, Grid.SIZE),
-            whiteTolerance,
-            Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
-            Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
-            modes(lamps),
+            Known(
+                Tensor(taken.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
+                Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[taken[it]] }, t),
+                Tensor(white, Grid.SIZE),
+                whiteTolerance,
+                Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
+                Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
+                modes(lamps),
+            ),
         )
         val frames = Frames(rows(signals.sharedChart), rows(signals.sharedWhite), rows(signals.sharedDark))
         val found = Recover.recover(engine, evidence, frames, Penalties(settings.l2, gamma, settings.nonnegative))

@@ -1,5 +1,7 @@
 package org.camssf
 
+import org.camssf.curves.Frames
+import org.camssf.curves.Known
 import org.camssf.curves.ModelInputs
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Tensor
@@ -174,7 +176,8 @@ class FailuresTest {
         assertThrows(InvalidArgument::class.java) { OnnxEngine.open("cameras", "x.onnx", ByteArray(10)) }
         OnnxEngine.load("cameras").use { engine ->
             val one = Tensor.scalar(1.0)
-            val inputs = ModelInputs(one, one, one, one, one, one, one, 1.0, one, one, one, 1.0, 1.0, true)
+            val known = Known(one, one, one, 1.0, one, one, one)
+            val inputs = ModelInputs(Frames(one, one, one), one, known, 1.0, 1.0, true)
             val error = assertThrows(InvalidArgument::class.java) { engine.run(inputs) }
             assertTrue(error.cause is ai.onnxruntime.OrtException, error.toString())
         }

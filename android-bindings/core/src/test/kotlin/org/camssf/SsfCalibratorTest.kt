@@ -4,6 +4,11 @@ import kotlinx.coroutines.CancellationException
 import kotlinx.coroutines.async
 import kotlinx.coroutines.runBlocking
 import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.double
+import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
@@ -64,6 +69,31 @@ class SsfCalibratorTest {
             assertEquals(682, found.toCsv().trim().lines().size)
             assertEquals(found.toJson(), calibrated(calibrator.calibrate(Capture(shot(), chart))).toJson())
         }
+    }
+
+    @Test
+    fun `a document holds the proof and how the codes vary together`() {
+        fun document(basis: String): Pair<Calibrated, JsonObject> = SsfCalibrator.open(basis).use { calibrator ->
+            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            found to Json.parseToJsonElement(found.toJson()).jsonObject
+        }
+
+        fun numbers(of: JsonElement?) = of!!.jsonArray.map { it.jsonPrimitive.double }
+        val (found, document) = document("cameras")
+        val spread = found.ssf.codeCovariance!!
+        val triangle = numbers(document["code_covariance"])
+        assertEquals(72 * 73 / 2, triangle.size)
+        for ((i, j) in listOf(0 to 0, 1 to 0, 40 to 7, 71 to 71)) {
+            assertEquals(spread[72 * i + j], triangle[i * (i + 1) / 2 + j])
+        }
+        assertEquals(found.ssf.layersGap.toList(), numbers(document["layers_gap"]))
+        val steps = document.getValue("finish_steps").jsonArray.map { it.jsonPrimitive.int }
+        assertEquals(found.ssf.finishSteps.toList(), steps)
+        assertEquals(found.ssf.logEvidence, document.getValue("evidence").jsonPrimitive.double)
+        val (paper, bare) = document("gaussian")
+        assertEquals(JsonNull to JsonNull, bare["code_covariance"] to bare["evidence"])
+        assertEquals(paper.ssf.layersGap.toList(), numbers(bare["layers_gap"]))
+        assertEquals(3, bare.getValue("finish_steps").jsonArray.size)
     }
 
     @Test

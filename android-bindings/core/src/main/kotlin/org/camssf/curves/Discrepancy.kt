@@ -22,7 +22,7 @@ internal class Discrepancy(
     private val y = evidence.signals.values
     private val noise = evidence.standardError.values
     private val variance = DoubleArray(3 * n) {
-        val table = evidence.chartTolerance.values[it / 3] * y[it]
+        val table = evidence.known.chartTolerance.values[it / 3] * y[it]
         max(noise[it] * noise[it] + table * table, FLOOR * FLOOR)
     }
 
@@ -30,14 +30,14 @@ internal class Discrepancy(
     private val rows: Array<DoubleArray>
 
     init {
-        val lamp = evidence.lamp.values
-        val rho = evidence.whiteReflectance.values
+        val lamp = evidence.known.lamp.values
+        val rho = evidence.known.whiteReflectance.values
         val total = (0 until Grid.SIZE).sumOf { lamp[it] * rho[it] } * Grid.STEP
         val atoms = atoms()
         rows = Array(n) { i ->
             DoubleArray(ATOMS) { a ->
                 (0 until Grid.SIZE).sumOf { m ->
-                    evidence.reflectance.values[i * Grid.SIZE + m] * lamp[m] * Grid.STEP / total * atoms[a][m]
+                    evidence.known.reflectance.values[i * Grid.SIZE + m] * lamp[m] * Grid.STEP / total * atoms[a][m]
                 }
             }
         }
@@ -65,7 +65,7 @@ internal class Discrepancy(
 
     /** ln(rᵀ Σ⁻¹ r / expected) of a channel. */
     private fun excess(c: Int, gamma: Double, expected: Double): Double {
-        val code = run(gamma).code
+        val code = run(gamma)["code"]
         val size = (0 until n).sumOf { i ->
             val r = y[3 * i + c] - (0 until ATOMS).sumOf { rows[i][it] * code[3 * it + c] }
             r * r / variance[3 * i + c]

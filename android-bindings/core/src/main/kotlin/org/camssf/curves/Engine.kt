@@ -2,38 +2,53 @@ package org.camssf.curves
 
 import java.io.Closeable
 
-/** What the model takes; shapes as in docs/architecture.md with k shots, n patches, q ≥ 1 lamp modes. */
+/**
+ * What the model takes.
+ *
+ * @property standardError (k, n, 3) of the signals.
+ * @property l2 λ₂.
+ * @property gamma γ, one number.
+ * @property nonnegative x ≥ 0.
+ */
 internal class ModelInputs(
-    val chart: Tensor,
-    val white: Tensor,
-    val dark: Tensor,
+    val frames: Frames,
     val standardError: Tensor,
-    val reflectance: Tensor,
-    val chartTolerance: Tensor,
-    val whiteReflectance: Tensor,
-    val whiteTolerance: Double,
-    val lamp: Tensor,
-    val lampTolerance: Tensor,
-    val lampModes: Tensor,
+    val known: Known,
     val l2: Double,
     val gamma: Double,
     val nonnegative: Boolean,
 )
 
 /**
- * What the model gives: `ssf`, `ssfStd` (681, 3), `code` (r, 3), `signals`, `predicted` (k, n, 3), `gap`,
- * `channelGain` (3), `lamp` (k, 681); row-major copies that outlive the run.
+ * What the model gives, by its own names: row-major copies that outlive the run. Shapes for k shots, n patches, r
+ * coefficients a channel and p problems, 1 on a basis with a mean, whose channels are one problem, else 3:
+ *
+ * `ssf`, `ssf_std` (681, 3), `code` (r, 3), `code_covariance` (3 r, 3 r), `signals`, `predicted` (k, n, 3), `gap` (3),
+ * `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3), `lamp_estimate` (k, 681). `ssf_std`,
+ * `code_covariance` and `evidence` are NaN where the basis has no prior.
  */
-internal class ModelOutputs(
-    val ssf: DoubleArray,
-    val ssfStd: DoubleArray,
-    val code: DoubleArray,
-    val signals: DoubleArray,
-    val predicted: DoubleArray,
-    val gap: DoubleArray,
-    val channelGain: DoubleArray,
-    val lamp: DoubleArray,
-)
+internal class ModelOutputs private constructor(private val found: Map<String, DoubleArray>) {
+    /** Reads every output. */
+    constructor(read: (String) -> DoubleArray) : this(NAMES.associateWith(read))
+
+    operator fun get(name: String): DoubleArray = found.getValue(name)
+
+    companion object {
+        val NAMES = listOf(
+            "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
+            "evidence", "channel_gain", "lamp_estimate",
+        )
+
+        /** Outputs of the paper's model whose last axis is the channel, each from its own problem. */
+        private val BY_CHANNEL = setOf("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")
+
+        /** Each channel by its own answer; the rest, in which the penalty has no part, by red's. */
+        fun byChannel(answers: List<ModelOutputs>): ModelOutputs = ModelOutputs { name ->
+            val first = answers[0][name]
+            if (name in BY_CHANNEL) DoubleArray(first.size) { answers[it % 3][name][it] } else first
+        }
+    }
+}
 
 /** Bases whose model is shipped. */
 internal val SHIPPED_BASES = listOf("cameras", "gaussian")

@@ -4,6 +4,7 @@ import ai.onnxruntime.OnnxTensor
 import ai.onnxruntime.OrtException
 import ai.onnxruntime.OrtLoggingLevel
 import ai.onnxruntime.OrtSession
+import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.model.Models
 import java.nio.ByteBuffer
@@ -83,18 +84,21 @@ internal class OnnxEngine private constructor(override val basis: String, privat
     }
 
     private fun run(session: OrtSession, inputs: ModelInputs): ModelOutputs {
+        val known = inputs.known
+        val modes = known.lampModes
         val given = linkedMapOf(
-            "chart" to inputs.chart,
-            "white" to inputs.white,
-            "dark" to inputs.dark,
+            "chart" to inputs.frames.chart,
+            "white" to inputs.frames.white,
+            "dark" to inputs.frames.dark,
             "standard_error" to inputs.standardError,
-            "reflectance" to inputs.reflectance,
-            "chart_tolerance" to inputs.chartTolerance,
-            "white_reflectance" to inputs.whiteReflectance,
-            "white_tolerance" to Tensor.scalar(inputs.whiteTolerance),
-            "lamp" to inputs.lamp,
-            "lamp_tolerance" to inputs.lampTolerance,
-            "lamp_modes" to inputs.lampModes,
+            "reflectance" to known.reflectance,
+            "chart_tolerance" to known.chartTolerance,
+            "white_reflectance" to known.whiteReflectance,
+            "white_tolerance" to Tensor.scalar(known.whiteTolerance),
+            "lamp" to known.lamp,
+            "lamp_tolerance" to known.lampTolerance,
+            // The model takes at least one; one that is nowhere is none.
+            "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
             "l2" to Tensor.scalar(inputs.l2),
             "gamma" to Tensor.scalar(inputs.gamma),
         )
@@ -102,20 +106,10 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         try {
             given.mapValuesTo(tensors) { tensor(it.value) }
             session.run(tensors).use { result ->
-                fun out(name: String): DoubleArray {
+                return ModelOutputs { name ->
                     val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
-                    return DoubleArray(buffer.remaining()).also { buffer.get(it) }
+                    DoubleArray(buffer.remaining()).also { buffer.get(it) }
                 }
-                return ModelOutputs(
-                    out("ssf"),
-                    out("ssf_std"),
-                    out("code"),
-                    out("signals"),
-                    out("predicted"),
-                    out("gap"),
-                    out("channel_gain"),
-                    out("lamp_estimate"),
-                )
             }
         } finally {
             tensors.values.forEach { it.close() }

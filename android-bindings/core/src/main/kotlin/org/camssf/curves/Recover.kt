@@ -9,6 +9,7 @@ import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
+import kotlin.math.roundToInt
 
 /** Penalties and sign of a fit; null takes the basis' default. */
 internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegative: Boolean?)
@@ -17,12 +18,10 @@ internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegati
 internal class Frames(val chart: Tensor, val white: Tensor, val dark: Tensor)
 
 /**
- * What a fit takes: signals (k, n, 3), their standard error, reflectance (n, 681), chart tolerance (n), white
- * reflectance (681) and its tolerance, lamp (k, 681), its tolerance (k) and its modes (k, q, 681).
+ * What is known beside the signals: reflectance (n, 681), chart tolerance (n), white reflectance (681) and its tolerance,
+ * lamp (k, 681), its tolerance (k) and its modes (k, q, 681).
  */
-internal class Evidence(
-    val signals: Tensor,
-    val standardError: Tensor,
+internal class Known(
     val reflectance: Tensor,
     val chartTolerance: Tensor,
     val whiteReflectance: Tensor,
@@ -31,6 +30,9 @@ internal class Evidence(
     val lampTolerance: Tensor,
     val lampModes: Tensor,
 )
+
+/** What a fit takes: signals (k, n, 3), their standard error, and what is known beside them. */
+internal class Evidence(val signals: Tensor, val standardError: Tensor, val known: Known)
 
 /** Signals → curves, by the model, with the checks of the Python reference before and after it. */
 internal object Recover {
@@ -47,7 +49,7 @@ internal object Recover {
      * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
      *
      * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
-     * @throws InvalidArgument shapes or values that do not fit.
+     * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged a relative duality gap above 1e-6, or curves that do not see white.
      */
@@ -60,49 +62,50 @@ internal object Recover {
         }
         val positive = penalties.nonnegative ?: paper
         val weight = penalties.l2 ?: if (paper) 0.0 else L2
-        val chart = frames?.chart ?: y
-        val white = frames?.white ?: Tensor.full(1.0, *y.shape)
-        val dark = frames?.dark ?: Tensor.full(0.0, *y.shape)
-        val modes = evidence.lampModes.takeIf { it.shape[1] > 0 } ?: Tensor.full(0.0, y.shape[0], 1, Grid.SIZE)
-
-        fun run(gamma: Double): ModelOutputs = engine.run(
-            ModelInputs(
-                chart, white, dark, evidence.standardError, evidence.reflectance, evidence.chartTolerance,
-                evidence.whiteReflectance, evidence.whiteTolerance, evidence.lamp, evidence.lampTolerance, modes,
-                weight, gamma, positive,
-            ),
-        )
-        checkPenalties(weight, penalties.gamma)
+        val shown = frames ?: Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
+        fun run(gamma: Double): ModelOutputs =
+            engine.run(ModelInputs(shown, evidence.standardError, evidence.known, weight, gamma, positive))
+        checkPenalties(weight, penalties.gamma, engine.basis)
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(evidence, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
-        checkPenalties(weight, gamma)
-        // The model takes one γ a call, so channels that differ in γ take a call each.
+        checkPenalties(weight, gamma, engine.basis)
+        // The model takes one γ a call; the paper's channels that differ in it take a call each.
         val answers = gamma.distinct().associateWith { run(it) }
-        fun pick(of: (ModelOutputs) -> DoubleArray): DoubleArray {
-            val columns = gamma.map { of(answers.getValue(it)) }
-            return DoubleArray(columns[0].size) { columns[it % 3][it] }
-        }
-        val gap = pick { it.gap }
-        believe(gap)
-        val ssf = pick { it.ssf }
-        respond(ssf)
-        return Ssf(
-            ssf,
-            if (paper) null else pick { it.ssfStd },
-            pick { it.code },
-            pick { it.predicted },
-            gap,
-            gamma,
-            weight,
-            pick { it.channelGain },
-            engine.basis,
-            answers.getValue(gamma[0]).lamp, // γ has no part in it
-        )
+        val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
+        believe(found["gap"])
+        respond(found["ssf"])
+        return curves(found, gamma, weight, engine.basis)
     }
 
-    private fun checkPenalties(l2: Double, gamma: DoubleArray?) {
+    private fun curves(found: ModelOutputs, gamma: DoubleArray, l2: Double, basis: String): Ssf {
+        val prior = basis != OnnxEngine.PAPER
+        val curves = Ssf.Curves(
+            found["ssf"],
+            found["ssf_std"].takeIf { prior },
+            found["code"],
+            found["code_covariance"].takeIf { prior },
+            found["predicted"],
+            found["lamp_estimate"],
+        )
+        val steps = found["finish_steps"]
+        val proof = Ssf.Proof(
+            found["gap"],
+            found["layers_gap"],
+            IntArray(steps.size) { steps[it].roundToInt() },
+            found["evidence"][0].takeIf { prior },
+        )
+        return Ssf(curves, proof, found["channel_gain"], gamma, l2, basis)
+    }
+
+    private fun checkPenalties(l2: Double, gamma: DoubleArray?, basis: String) {
         if (gamma != null && gamma.size != 1 && gamma.size != 3) {
             throw InvalidArgument("gamma has ${gamma.size} values.", "Give one number, or one a channel.")
+        }
+        if (gamma != null && basis != OnnxEngine.PAPER && gamma.max() - gamma.min() > 0) {
+            throw InvalidArgument(
+                "`gamma` is ${gamma.toList()}, but on the $basis basis the three channels are one problem.",
+                "Give one number.",
+            )
         }
         val values = gamma ?: doubleArrayOf(1.0)
         if (!(l2 >= 0 && l2.isFinite() && values.all { it >= 0 && it.isFinite() })) {
@@ -147,13 +150,14 @@ internal object Recover {
 
     private fun check(evidence: Evidence, basis: String) {
         val y = evidence.signals
+        val known = evidence.known
         if (y.rank != 3 || y.shape[2] != 3 || 0 in y.shape) {
             throw InvalidArgument("signals have shape $y; (k, n, 3) is needed.", "Give every shot the same patches.")
         }
         finite("signals", y)
         val (k, n) = y.shape
-        fits("reflectance", evidence.reflectance, n, Grid.SIZE)
-        val lamp = evidence.lamp
+        fits("reflectance", known.reflectance, n, Grid.SIZE)
+        val lamp = known.lamp
         fits("lamp", lamp, k, Grid.SIZE)
         for (j in 0 until k) {
             val power = lamp.values.copyOfRange(j * Grid.SIZE, (j + 1) * Grid.SIZE)
@@ -165,7 +169,7 @@ internal object Recover {
             }
         }
         fits("standard_error", evidence.standardError, k, n, 3)
-        val rho = evidence.whiteReflectance
+        val rho = known.whiteReflectance
         fits("white_reflectance", rho, Grid.SIZE)
         val seen = (0 until k).map { j ->
             (0 until Grid.SIZE).sumOf { rho.values[it] * lamp.values[j * Grid.SIZE + it] }
@@ -176,7 +180,7 @@ internal object Recover {
                 "Give its reflectance on the grid, 0 to 1.",
             )
         }
-        val modes = evidence.lampModes
+        val modes = known.lampModes
         if (modes.rank != 3 || modes.shape[0] != k || modes.shape[2] != Grid.SIZE) {
             throw InvalidArgument(
                 "lamp_modes have shape $modes; ($k, q, ${Grid.SIZE}) is needed.",
@@ -184,9 +188,9 @@ internal object Recover {
             )
         }
         finite("lamp_modes", modes)
-        tolerance("chart_tolerance", evidence.chartTolerance, n)
-        tolerance("white_tolerance", Tensor(doubleArrayOf(evidence.whiteTolerance), 1), 1)
-        tolerance("lamp_tolerance", evidence.lampTolerance, k)
+        tolerance("chart_tolerance", known.chartTolerance, n)
+        tolerance("white_tolerance", Tensor(doubleArrayOf(known.whiteTolerance), 1), 1)
+        tolerance("lamp_tolerance", known.lampTolerance, k)
         if (evidence.standardError.values.any { it < 0 }) {
             throw InvalidArgument("a standard error is negative.", "Give standard errors ≥ 0.")
         }

@@ -7,21 +7,47 @@ import org.camssf.Grid
  * curve of three channels), so what a caller writes changes nothing here: keep the array in a loop. Safe to pass between
  * threads.
  *
+ * On a basis with a prior the three channels are one problem, on the paper's each is one: p = 1 or 3.
+ *
  * @property l2 the quadratic penalty.
  * @property basis its name, "cameras" or "gaussian".
  */
 public class Ssf internal constructor(
-    internal val sharedValues: DoubleArray,
-    internal val sharedStd: DoubleArray?,
-    internal val sharedCode: DoubleArray,
-    internal val sharedPredicted: DoubleArray,
-    internal val sharedGap: DoubleArray,
+    private val curves: Curves,
+    private val proof: Proof,
+    internal val sharedGain: DoubleArray,
     internal val sharedGamma: DoubleArray,
     public val l2: Double,
-    internal val sharedGain: DoubleArray,
     public val basis: String,
-    internal val sharedLamp: DoubleArray,
 ) {
+    /** The answer; shapes and units as of the properties of their names. */
+    internal class Curves(
+        val values: DoubleArray,
+        val std: DoubleArray?,
+        val code: DoubleArray,
+        val codeCovariance: DoubleArray?,
+        val predicted: DoubleArray,
+        val lamp: DoubleArray,
+    )
+
+    /** How good it is; likewise. */
+    internal class Proof(
+        val gap: DoubleArray,
+        val layersGap: DoubleArray,
+        val finishSteps: IntArray,
+        val logEvidence: Double?,
+    )
+
+    internal val sharedValues: DoubleArray get() = curves.values
+    internal val sharedStd: DoubleArray? get() = curves.std
+    internal val sharedCode: DoubleArray get() = curves.code
+    internal val sharedCodeCovariance: DoubleArray? get() = curves.codeCovariance
+    internal val sharedPredicted: DoubleArray get() = curves.predicted
+    internal val sharedLamp: DoubleArray get() = curves.lamp
+    internal val sharedGap: DoubleArray get() = proof.gap
+    internal val sharedLayersGap: DoubleArray get() = proof.layersGap
+    internal val sharedFinishSteps: IntArray get() = proof.finishSteps
+
     /** (681, 3) on [Grid], scaled so that Σ ρ_w L s dλ = 1 for the first lamp; [curve] gives peak 1. */
     public val values: DoubleArray get() = sharedValues.copyOf()
 
@@ -31,13 +57,31 @@ public class Ssf internal constructor(
     /** (r, 3) coefficients. */
     public val code: DoubleArray get() = sharedCode.copyOf()
 
+    /**
+     * (3 r, 3 r) posterior covariance of [code], red's r coefficients first, then green's, then blue's, (H + I)⁻¹; null
+     * where the basis has no prior. 41 kB a copy.
+     */
+    public val codeCovariance: DoubleArray? get() = sharedCodeCovariance?.copyOf()
+
     /** (k, n, 3) the signals that these curves give under [lamp], 1. */
     public val predicted: DoubleArray get() = sharedPredicted.copyOf()
 
-    /** (3) relative duality gap of each channel's problem: the proof that came with the answer. */
+    /** (3) relative duality gap of the problem that each channel stands in, 1: the proof that came with the answer. */
     public val gap: DoubleArray get() = sharedGap.copyOf()
 
-    /** (3) the l1 penalty of each channel's problem. */
+    /** (p) the same of the layers' own answer, before the finish. */
+    public val layersGap: DoubleArray get() = sharedLayersGap.copyOf()
+
+    /** (p) pivots that the finish took; 0 where the layers' own proof was enough. */
+    public val finishSteps: IntArray get() = sharedFinishSteps.copyOf()
+
+    /**
+     * ln of the marginal likelihood of the signals under basis and lamps, but for a constant that the rows alone decide;
+     * null where the basis has no prior.
+     */
+    public val logEvidence: Double? get() = proof.logEvidence
+
+    /** (3) the l1 penalty of the problem that each channel stands in. */
     public val gamma: DoubleArray get() = sharedGamma.copyOf()
 
     /** (3) raw white signal of each channel relative to green; ones where no frame was given. */
@@ -76,18 +120,10 @@ public class Ssf internal constructor(
     /** The same curves, which predict these signals (k, n, 3). */
     internal fun predicting(predicted: DoubleArray): Ssf = with(predicted, sharedLamp)
 
-    private fun with(predicted: DoubleArray, lamp: DoubleArray): Ssf = Ssf(
-        sharedValues,
-        sharedStd,
-        sharedCode,
-        predicted,
-        sharedGap,
-        sharedGamma,
-        l2,
-        sharedGain,
-        basis,
-        lamp,
-    )
+    private fun with(predicted: DoubleArray, lamp: DoubleArray): Ssf {
+        val seen = Curves(sharedValues, sharedStd, sharedCode, sharedCodeCovariance, predicted, lamp)
+        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis)
+    }
 
     /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; 0 where there is none. */
     internal val halfWidth: Double

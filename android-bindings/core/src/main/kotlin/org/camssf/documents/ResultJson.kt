@@ -12,10 +12,13 @@ import org.camssf.Grid
 import org.camssf.evidence.Colour
 import org.camssf.evidence.Reason
 import org.camssf.evidence.Verdict
+import org.camssf.flatten
 import org.camssf.photo.Assumption
 import org.camssf.photo.Begun
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import kotlin.math.roundToInt
+import kotlin.math.sqrt
 
 /** Results → "camssf-result/1" (Python's data/result.schema.json). It forms nothing anew: it writes what it is given. */
 internal object ResultJson {
@@ -40,7 +43,11 @@ internal object ResultJson {
             put("ssf", curves(List(3) { ssf.curve(it) }))
             put("ssf_std", if (ssf.sharedStd == null) JsonNull else curves(List(3) { ssf.deviation(it)!! }))
             put("channel_gain", array(ssf.sharedGain))
+            put("code_covariance", ssf.sharedCodeCovariance?.let { array(triangle(it)) } ?: JsonNull)
             put("gap", array(ssf.sharedGap))
+            put("layers_gap", array(ssf.sharedLayersGap))
+            put("finish_steps", JsonArray(ssf.sharedFinishSteps.map { JsonPrimitive(it) }))
+            put("evidence", JsonPrimitive(ssf.logEvidence))
             put("gamma", array(ssf.sharedGamma))
             put("l2", JsonPrimitive(ssf.l2))
             put("uncertainty", uncertainty(solution))
@@ -175,6 +182,12 @@ internal object ResultJson {
             put("alone", array(alone.toDoubleArray()))
             put("budget", JsonArray(emptyList()))
         }
+    }
+
+    /** The lower triangle of a symmetric matrix with its diagonal, row after row. */
+    private fun triangle(matrix: DoubleArray): DoubleArray {
+        val size = sqrt(matrix.size.toDouble()).roundToInt()
+        return List(size) { matrix.copyOfRange(it * size, it * size + it + 1) }.flatten()
     }
 
     private fun curves(channels: List<DoubleArray>): JsonObject = buildJsonObject {

@@ -2,102 +2,164 @@ package org.camssf.evidence
 
 import org.camssf.Grid
 import org.camssf.Rules
+import org.camssf.photo.Signals
 import kotlin.math.ceil
 import kotlin.math.exp
 import kotlin.math.max
 import kotlin.math.sqrt
 
+/** The used signals: patch by patch, of a patch shot by shot, of a shot red, green, blue. */
+internal class Rows(signals: Signals) {
+    private val n = signals.patches
+
+    /** Index into (k, n, 3). */
+    val at: IntArray
+
+    /** Patches that some shot uses. */
+    val patches: IntArray
+
+    /** Where the rows of each of them begin, and last how many rows there are. */
+    val starts: IntArray
+
+    init {
+        val shots = List(n) { i -> (0 until signals.shots).filter { signals.sharedUsed[it * n + i] } }
+        patches = (0 until n).filter { shots[it].isNotEmpty() }.toIntArray()
+        starts = patches.fold(intArrayOf(0)) { all, i -> all + (all.last() + 3 * shots[i].size) }
+        at = patches.flatMap { i -> shots[i].flatMap { j -> List(3) { 3 * (j * n + i) + it } } }.toIntArray()
+    }
+
+    val size: Int get() = at.size
+
+    fun shot(row: Int): Int = at[row] / (3 * n)
+
+    fun patch(row: Int): Int = at[row] / 3 % n
+
+    fun channel(row: Int): Int = at[row] % 3
+
+    /** Those of values (k, n, 3). */
+    fun of(values: DoubleArray): DoubleArray = DoubleArray(size) { values[at[it]] }
+}
+
 /**
- * Rule 1 of docs/verdict.md: the covariance of a channel's rows, taken at the answer. A row is a used patch of a shot.
- *
- * @param rows of the used signals, shot by shot: index into (k, n).
+ * Rule 1 of docs/verdict.md: Σ of the used signals of all three channels, taken at the answer. It is Σ = D + U Uᵀ: D has
+ * a block a patch (its noise, and the chart's error there); U is few errors that all rows share, the white's and each
+ * lamp's. [Precision] inverts it as that.
  */
-internal class Covariance(private val told: Told, private val rows: IntArray, private val channel: Int) {
-    private val patches = told.signals.patches
+internal class Covariance(private val told: Told, private val rows: Rows) {
     private val white = told.whiteReflectance
+    private val tolerance = told.table.sharedTolerance
+    private val signal = rows.of(told.signals.sharedValues)
+    private val predicted = rows.of(told.ssf.sharedPredicted)
     private val long = Directions.of(number("chart_correlation"))
     private val short = Directions.of(number("table_correlation"))
     private val smooth = Directions.of(number("lamp_correlation"))
-    private val relativePart = square(number("relative"))
-    private val absolutePart = square(number("absolute"))
-    private val edgePart = square(number("edge"))
-    private val drift = square(number("drift"))
-    private val independent = number("independent_share")
-    private val floor = square(number("floor"))
+    private val relativePart = number("relative")
+    private val absolutePart = number("absolute")
+    private val edgePart = number("edge")
+    private val channelShare = number("channel_share")
+    private val independentShare = number("independent_share")
+    private val floor = number("floor")
+    private val drift = number("drift")
+    private val patches = rows.patches.size
 
-    private val signal = column { told.signals.sharedValues[it] }
-    private val error = column { told.signals.sharedError[it] }
-    private val predicted = column { told.ssf.sharedPredicted[it] }
+    /** R of the patches, and ρ_w behind them; dR/dλ, and 1 behind them. */
+    private val reflectances = Spectra(patches + 1) { at, m ->
+        if (at < patches) reflectance(rows.patches[at], m) else white[m]
+    }
+    private val slopes = Spectra(patches + 1) { at, m -> if (at < patches) slope(rows.patches[at], m) else 1.0 }
 
-    /** v_j: what each shot's lamp and the curve make of a reflectance, in parts of the white signal. */
-    private val light = told.lamps.indices.map { shot ->
-        val seen = DoubleArray(Grid.SIZE) {
+    /** By shot and channel. */
+    private val seen = List(told.lamps.size) { shot -> List(3) { channel -> Seen(shot, channel) } }
+
+    /**
+     * What a channel under a shot's lamp makes of spectra: of each a row along the directions of an error; that of ρ_w or
+     * of 1 comes last.
+     */
+    private inner class Seen(shot: Int, channel: Int) {
+        /** L s dλ / W. */
+        private val light = DoubleArray(Grid.SIZE) {
             told.ssf.sharedLamp[shot * Grid.SIZE + it] * told.ssf.sharedValues[3 * it + channel] * Grid.STEP
         }
-        val whiteSignal = (0 until Grid.SIZE).sumOf { seen[it] * white[it] }
-        DoubleArray(Grid.SIZE) { seen[it] / whiteSignal }
-    }
-    private val absolute = light.map { v -> short.along { v[it] } }
-    private val whites = light.map { v -> long.along { v[it] * white[it] } }
-    private val relative = rows.map { row -> long.along { light[shot(row)][it] * reflectance(patch(row), it) } }
-    private val edges = rows.map { row -> short.along { light[shot(row)][it] * slope(patch(row), it) } }
 
-    /** a_ij - ŷ_ij ρ v_j: how a row answers to a relative change of its lamp. */
-    private val answers = rows.mapIndexed { at, row ->
-        val v = light[shot(row)]
-        DoubleArray(Grid.SIZE) { v[it] * (reflectance(patch(row), it) - predicted[at] * white[it]) }
-    }
-    private val bends = answers.map { answer -> smooth.along { answer[it] } }
-    private val modes = answers.mapIndexed { at, answer ->
-        val known = told.lamps[shot(rows[at])].sharedModes
-        DoubleArray(known.size) { q -> (0 until Grid.SIZE).sumOf { answer[it] * known[q][it] } }
+        init {
+            val whole = dot(light, white)
+            for (m in light.indices) light[m] /= whole
+        }
+
+        val relative = reflectances.along(long.columns, light)
+        val edges = slopes.along(short.columns, light)
+        val bends = reflectances.along(smooth.columns, light)
+        val modes = reflectances.along(told.lamps[shot].sharedModes, light)
     }
 
-    /** Σ, (rows, rows). */
-    fun matrix(): Array<DoubleArray> {
-        val sigma = Array(rows.size) { DoubleArray(rows.size) }
-        for (a in rows.indices) {
+    /** D: a block of each patch. */
+    val blocks: List<Array<DoubleArray>> = List(patches) { block(it) }
+
+    /** U: of each row how it answers to the errors that all share, white first, then lamp by lamp. */
+    val shared: Array<DoubleArray>
+
+    init {
+        val widths = told.lamps.map { smooth.columns.size + 1 + it.sharedModes.size }
+        val starts = widths.runningFold(long.columns.size) { from, width -> from + width }
+        shared = Array(rows.size) { row -> DoubleArray(starts.last()).also { fill(it, row, starts[rows.shot(row)]) } }
+    }
+
+    private fun fill(factors: DoubleArray, row: Int, lampFrom: Int) {
+        val own = seen[rows.shot(row)][rows.channel(row)]
+        val patch = rows.patches.binarySearch(rows.patch(row))
+        own.relative[patches].forEachIndexed { q, answer ->
+            factors[q] = told.whiteTolerance * predicted[row] * answer
+        }
+
+        // A relative change of the lamp moves the patch and, by ŷ, the white: (R - ŷ ρ_w) L s dλ / W.
+        fun change(along: Array<DoubleArray>, q: Int) = along[patch][q] - predicted[row] * along[patches][q]
+        val bends = smooth.columns.size
+        val width = told.lamps[rows.shot(row)].tolerance
+        for (q in 0 until bends) factors[lampFrom + q] = width * change(own.bends, q)
+        factors[lampFrom + bends] = drift * predicted[row]
+        for (q in own.modes[patches].indices) factors[lampFrom + bends + 1 + q] = change(own.modes, q)
+    }
+
+    private fun block(at: Int): Array<DoubleArray> {
+        val first = rows.starts[at]
+        val size = rows.starts[at + 1] - first
+        val chart = List(size) { chart(first + it, at) }
+        val block = Array(size) { DoubleArray(size) }
+        for (a in 0 until size) {
             for (b in 0..a) {
-                val value = shared(a, b)
-                sigma[a][b] = value
-                sigma[b][a] = value
+                // A reflectance that is wrong is wrong for all channels, but for a part that each has for itself.
+                val share = if (rows.channel(first + a) == rows.channel(first + b)) 1.0 else channelShare
+                block[a][b] = share * dot(chart[a], chart[b])
+                block[b][a] = block[a][b]
             }
-            val own = independent * told.table.sharedTolerance[patch(rows[a])] * signal[a]
-            sigma[a][a] += max(square(error[a]) + square(own), floor)
+            block[a][a] += independent(first + a)
         }
-        return sigma
+        return block
     }
 
-    /** What two rows have in common: the white, the patch, the lamp. */
-    private fun shared(a: Int, b: Int): Double {
-        val both = predicted[a] * predicted[b]
-        val one = shot(rows[a])
-        val other = shot(rows[b])
-        var value = square(told.whiteTolerance) * both * dot(whites[one], whites[other])
-        if (patch(rows[a]) == patch(rows[b])) {
-            value += square(told.table.sharedTolerance[patch(rows[a])]) * (
-                relativePart * dot(relative[a], relative[b]) +
-                    absolutePart * dot(absolute[one], absolute[other]) +
-                    edgePart * dot(edges[a], edges[b])
-                )
+    /** How a row answers to its patch's errors: relative, absolute, of wavelength. */
+    private fun chart(row: Int, at: Int): DoubleArray {
+        val own = seen[rows.shot(row)][rows.channel(row)]
+        val width = tolerance[rows.patch(row)]
+        val long = own.relative[at].size
+        val short = own.edges[at].size
+        return DoubleArray(long + 2 * short) {
+            when {
+                it < long -> width * relativePart * own.relative[at][it]
+                it < long + short -> width * absolutePart * own.edges[patches][it - long]
+                else -> width * edgePart * own.edges[at][it - long - short]
+            }
         }
-        if (one == other) {
-            value += square(told.lamps[one].tolerance) * dot(bends[a], bends[b])
-            value += dot(modes[a], modes[b])
-            value += drift * both
-        }
-        return value
+    }
+
+    /** The variance that a row has for itself. */
+    private fun independent(row: Int): Double {
+        val noise = told.signals.sharedError[rows.at[row]]
+        val own = independentShare * tolerance[rows.patch(row)] * signal[row]
+        return max(noise * noise + own * own, floor * floor)
     }
 
     private fun number(word: String): Double = Rules.shipped.number("covariance.$word")
-
-    private fun square(value: Double): Double = value * value
-
-    private fun shot(row: Int): Int = row / patches
-
-    private fun patch(row: Int): Int = row % patches
-
-    private fun column(value: (Int) -> Double) = DoubleArray(rows.size) { value(3 * rows[it] + channel) }
 
     private fun reflectance(patch: Int, at: Int): Double = told.table.sharedValues[patch * Grid.SIZE + at]
 
@@ -109,18 +171,39 @@ internal class Covariance(private val told: Told, private val rows: IntArray, pr
     }
 }
 
+/** Spectra side by side, (681, size), so that all of them are summed at once. */
+private class Spectra(private val size: Int, value: (Int, Int) -> Double) {
+    private val values = DoubleArray(Grid.SIZE * size) { value(it % size, it / size) }
+
+    /** Σ direction · weight · spectrum over the grid: (size, directions). */
+    fun along(directions: List<DoubleArray>, weight: DoubleArray): Array<DoubleArray> {
+        val found = Array(size) { DoubleArray(directions.size) }
+        val sums = DoubleArray(size)
+        for ((q, direction) in directions.withIndex()) {
+            sums.fill(0.0)
+            for (m in 0 until Grid.SIZE) {
+                val factor = direction[m] * weight[m]
+                val from = m * size
+                for (i in sums.indices) sums[i] += factor * values[from + i]
+            }
+            for (i in sums.indices) found[i][q] = sums[i]
+        }
+        return found
+    }
+}
+
 /**
  * Φ of an error that is smooth over a length: column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²), with h = ℓ / 2 and
  * t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ.
  */
-internal class Directions private constructor(length: Double) {
-    private val columns: Array<DoubleArray>
+private class Directions private constructor(length: Double) {
+    val columns: List<DoubleArray>
 
     init {
         val step = length / 2.0
         val weight = sqrt(step / (length * sqrt(Math.PI / 2.0)))
         val grid = Grid.WAVELENGTHS
-        columns = Array(ceil((340.0 + 4.0 * length) / step).toInt() + 1) { q ->
+        columns = List(ceil((340.0 + 4.0 * length) / step).toInt() + 1) { q ->
             val place = 380.0 - 2.0 * length + step * q
             DoubleArray(Grid.SIZE) {
                 val u = (grid[it] - place) / length
@@ -129,54 +212,11 @@ internal class Directions private constructor(length: Double) {
         }
     }
 
-    /** Φᵀ f. */
-    inline fun along(f: (Int) -> Double): DoubleArray {
-        val values = DoubleArray(Grid.SIZE) { f(it) }
-        return project(values)
-    }
-
-    fun project(values: DoubleArray): DoubleArray = DoubleArray(columns.size) { dot(columns[it], values) }
-
     companion object {
         private val made = HashMap<Double, Directions>()
 
         /** Of that length, nm. */
         fun of(length: Double): Directions = synchronized(made) { made.getOrPut(length) { Directions(length) } }
-    }
-}
-
-/** Symmetric positive definite matrices. */
-internal object Symmetric {
-    /** The inverse by Cholesky's factor. */
-    fun inverse(matrix: Array<DoubleArray>): Array<DoubleArray> {
-        val n = matrix.size
-        val root = Array(n) { DoubleArray(n) }
-        for (i in 0 until n) {
-            for (j in 0..i) {
-                var value = matrix[i][j]
-                for (p in 0 until j) value -= root[i][p] * root[j][p]
-                root[i][j] = if (i == j) sqrt(value) else value / root[j][j]
-            }
-        }
-        val back = Array(n) { DoubleArray(n) } // root⁻¹, lower
-        for (j in 0 until n) {
-            back[j][j] = 1.0 / root[j][j]
-            for (i in j + 1 until n) {
-                var value = 0.0
-                for (p in j until i) value -= root[i][p] * back[p][j]
-                back[i][j] = value / root[i][i]
-            }
-        }
-        val inverse = Array(n) { DoubleArray(n) }
-        for (i in 0 until n) {
-            for (j in 0..i) {
-                var value = 0.0
-                for (p in i until n) value += back[p][i] * back[p][j]
-                inverse[i][j] = value
-                inverse[j][i] = value
-            }
-        }
-        return inverse
     }
 }
 

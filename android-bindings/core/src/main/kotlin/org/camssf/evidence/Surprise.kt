@@ -76,88 +76,75 @@ internal class Told(
     val whiteReflectance: DoubleArray,
     val whiteTolerance: Double,
 ) {
-    private val n = signals.patches
-
-    /** Used signals, shot by shot: index into (k, n). */
-    private val rows = signals.sharedUsed.indices.filter { signals.sharedUsed[it] }.toIntArray()
+    private val rows = Rows(signals)
 
     /** The parts of the answer to shot j alone that concern that shot. */
     fun only(j: Int, answer: Ssf): Told = Told(
         signals.only(j),
         table,
         listOf(lamps[j]),
-        answer.only(j, n),
+        answer.only(j, signals.patches),
         whiteReflectance,
         whiteTolerance,
     )
 
     /** Suspects are questioned where the pose of one shot is given. */
     fun surprise(pose: ChartPose? = null, whiteIsPatch: Boolean = false): Surprise {
-        val residuals = List(3) { channel -> column(channel) { signals.sharedValues[it] - ssf.sharedPredicted[it] } }
-        val precision = List(3) { channel -> Symmetric.inverse(Covariance(this, rows, channel).matrix()) }
-        val weighed = List(3) { channel -> times(precision[channel], residuals[channel]) }
-        val residual = (0..2).sumOf { channel -> dot(residuals[channel], weighed[channel]) }
+        val covariance = Covariance(this, rows)
+        val precision = Precision(covariance.blocks, covariance.shared)
+        val off = rows.of(signals.sharedValues)
+        for (row in off.indices) off[row] -= ssf.sharedPredicted[rows.at[row]]
+        val residual = precision.weighed(off)
         val prior = if (ssf.sharedStd != null) ssf.sharedCode.sumOf { it * it } else 0.0
-        val suspects = if (pose == null) emptyList() else Questioning(precision, weighed).suspects(pose, whiteIsPatch)
-        return Surprise(residual, prior, 3 * rows.size, suspects)
+        val suspects = if (pose ==
+            null
+        ) {
+            emptyList()
+        } else {
+            Questioning(precision, residual).suspects(pose, whiteIsPatch)
+        }
+        return Surprise(dot(residual, residual), prior, rows.size, suspects)
     }
 
-    private fun column(channel: Int, value: (Int) -> Double): DoubleArray = DoubleArray(rows.size) {
-        value(3 * rows[it] + channel)
-    }
+    /** Rule 3: by Σ⁻¹, and what it makes of the residual. */
+    private inner class Questioning(private val precision: Precision, private val residual: DoubleArray) {
+        private val signal = rows.of(signals.sharedValues)
 
-    /** Rule 3: Σ⁻¹ of each channel, and Σ⁻¹ r. */
-    private inner class Questioning(
-        private val precision: List<Array<DoubleArray>>,
-        private val weighed: List<DoubleArray>,
-    ) {
-        private val signal = List(3) { channel -> column(channel) { signals.sharedValues[it] } }
-
-        /** One direction: how every signal would move, a column a channel. */
-        private fun way(value: (Int, Int) -> Double): List<DoubleArray> =
-            List(3) { channel -> DoubleArray(rows.size) { value(channel, it) } }
+        /** One direction: how every signal would move. */
+        private inline fun way(value: (Int) -> Double) = DoubleArray(rows.size) { value(it) }
 
         fun suspects(pose: ChartPose, whiteIsPatch: Boolean): List<Suspect> {
-            val ways = LinkedHashMap<Cause, List<List<DoubleArray>>>()
-            ways[Cause.VEIL] = listOf(way { channel, row -> 1.0 - signal[channel][row] })
+            val ways = LinkedHashMap<Cause, List<DoubleArray>>()
+            ways[Cause.VEIL] = listOf(way { 1.0 - signal[it] })
             if (!whiteIsPatch) {
-                ways[Cause.WHITE] = List(3) { own -> scaled { channel, _ -> if (channel == own) 1.0 else 0.0 } }
+                ways[Cause.WHITE] = List(3) { own -> way { if (rows.channel(it) == own) signal[it] else 0.0 } }
             }
             ways[Cause.LIGHT] = unevenness(pose, whiteIsPatch)
             val darkest = Rules.shipped.number("verdict.darkest_tone")
-            ways[Cause.TONE] = listOf(scaled { channel, row -> ln(max(signal[channel][row], darkest)) })
+            ways[Cause.TONE] = listOf(way { signal[it] * ln(max(signal[it], darkest)) })
             return ways.map { (cause, directions) ->
                 val (gain, amount) = gain(directions)
                 Suspect(cause, null, gain, amount)
-            } + rows.indices.map { row -> Suspect(Cause.PATCH, rows[row] % n, alone(row), 0.0) }
+            } + rows.patches.mapIndexed { at, patch ->
+                Suspect(Cause.PATCH, patch, precision.alone(at, residual), 0.0)
+            }
         }
 
-        /** The signals, times something. */
-        private fun scaled(by: (Int, Int) -> Double): List<DoubleArray> =
-            way { channel, row -> signal[channel][row] * by(channel, row) }
-
-        private fun unevenness(pose: ChartPose, whiteIsPatch: Boolean): List<List<DoubleArray>> {
+        private fun unevenness(pose: ChartPose, whiteIsPatch: Boolean): List<DoubleArray> {
             val (across, down) = places(pose)
             return listOfNotNull(
-                scaled { _, row -> across[row] },
-                scaled { _, row -> down[row] },
-                scaled { _, row -> across[row] * across[row] + down[row] * down[row] },
+                way { signal[it] * across[it] },
+                way { signal[it] * down[it] },
+                way { signal[it] * (across[it] * across[it] + down[it] * down[it]) },
                 if (whiteIsPatch) signal else null,
             )
         }
 
-        /** What one wrong patch would explain. */
-        private fun alone(row: Int): Double = (0..2).sumOf { channel ->
-            weighed[channel][row] * weighed[channel][row] / precision[channel][row][row]
-        }
-
         /** What a suspect explains, and its amount. */
-        private fun gain(ways: List<List<DoubleArray>>): Pair<Double, Double> {
-            val slope = DoubleArray(ways.size) { d -> (0..2).sumOf { dot(ways[d][it], weighed[it]) } }
-            val solved = ways.map { way -> List(3) { times(precision[it], way[it]) } }
-            val curvature = Array(ways.size) { a ->
-                DoubleArray(ways.size) { b -> (0..2).sumOf { dot(ways[a][it], solved[b][it]) } }
-            }
+        private fun gain(ways: List<DoubleArray>): Pair<Double, Double> {
+            val solved = ways.map { precision.weighed(it) }
+            val slope = DoubleArray(ways.size) { dot(solved[it], residual) }
+            val curvature = Array(ways.size) { a -> DoubleArray(ways.size) { b -> dot(solved[a], solved[b]) } }
             val ridge = 1e-12 * ways.indices.sumOf { curvature[it][it] } + 1e-300
             for (d in ways.indices) curvature[d][d] += ridge
             val amounts = LeastSquares.solve(curvature, slope) ?: return 0.0 to 0.0
@@ -165,11 +152,11 @@ internal class Told(
         }
     }
 
-    /** X, Y of the used patches. */
+    /** X, Y of each row's patch. */
     private fun places(pose: ChartPose): List<DoubleArray> {
         val centres = List(2) { axis ->
             DoubleArray(rows.size) { row ->
-                (0..3).sumOf { pose.sharedQuads[8 * (rows[row] % n) + 2 * it + axis] } / 4
+                (0..3).sumOf { pose.sharedQuads[8 * rows.patch(row) + 2 * it + axis] } / 4
             }
         }
         val size = max(centres.maxOf { it.max() - it.min() }, 1.0)
@@ -179,6 +166,3 @@ internal class Told(
         }
     }
 }
-
-private fun times(matrix: Array<DoubleArray>, vector: DoubleArray): DoubleArray =
-    DoubleArray(matrix.size) { dot(matrix[it], vector) }

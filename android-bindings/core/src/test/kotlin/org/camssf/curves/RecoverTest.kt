@@ -12,9 +12,11 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import kotlin.math.PI
+import kotlin.math.abs
 import kotlin.math.cos
 import kotlin.math.exp
 import kotlin.math.ln
+import kotlin.math.sqrt
 
 class RecoverTest {
     private val table = ChartTable.read("classic24")
@@ -31,13 +33,15 @@ class RecoverTest {
     private fun evidence(error: Double, tolerance: Double = 0.0) = Evidence(
         Tensor(signals, 1, 24, 3),
         Tensor.full(error, 1, 24, 3),
-        Tensor(table.values, 24, Grid.SIZE),
-        Tensor.full(tolerance, 24),
-        Tensor.full(1.0, Grid.SIZE),
-        0.01,
-        Tensor(lamp, 1, Grid.SIZE),
-        Tensor.full(0.0, 1),
-        Tensor(DoubleArray(0), 1, 0, Grid.SIZE),
+        Known(
+            Tensor(table.values, 24, Grid.SIZE),
+            Tensor.full(tolerance, 24),
+            Tensor.full(1.0, Grid.SIZE),
+            0.01,
+            Tensor(lamp, 1, Grid.SIZE),
+            Tensor.full(0.0, 1),
+            Tensor(DoubleArray(0), 1, 0, Grid.SIZE),
+        ),
     )
 
     private val defaults = Penalties(null, null, null)
@@ -90,16 +94,73 @@ class RecoverTest {
     }
 
     @Test
-    fun `three gammas are three problems`() {
+    fun `on the paper's basis three gammas are three problems`() {
+        OnnxEngine.load("gaussian").use { engine ->
+            fun gamma(vararg values: Double) =
+                Recover.recover(engine, evidence(0.002), null, Penalties(null, values, null))
+            val mixed = gamma(20.0, 50.0, 200.0)
+            val single = listOf(gamma(20.0), gamma(50.0), gamma(200.0))
+            for (c in 0..2) {
+                for (m in 0 until Grid.SIZE) assertEquals(single[c].values[3 * m + c], mixed.values[3 * m + c])
+                assertEquals(single[c].gap[c], mixed.gap[c])
+                assertEquals(single[c].layersGap[c], mixed.layersGap[c])
+                assertEquals(single[c].finishSteps[c], mixed.finishSteps[c])
+            }
+            assertNotEquals(single[0].values[900], single[2].values[900])
+        }
+    }
+
+    /** The words are those of Python's penalties. */
+    @Test
+    fun `on a learned basis the channels are one problem of one gamma`() {
         OnnxEngine.load("cameras").use { engine ->
             val told = evidence(0.002, 0.03)
             fun gamma(vararg values: Double) = Recover.recover(engine, told, null, Penalties(null, values, null))
-            val mixed = gamma(0.05, 1.0, 5.0)
-            val single = listOf(gamma(0.05), gamma(1.0), gamma(5.0))
-            for (c in 0..2) {
-                for (m in 0 until Grid.SIZE) assertEquals(single[c].values[3 * m + c], mixed.values[3 * m + c])
+            val error = assertThrows(InvalidArgument::class.java) { gamma(0.05, 1.0, 5.0) }
+            assertEquals(
+                "`gamma` is [0.05, 1.0, 5.0], but on the cameras basis the three channels are one problem.",
+                error.message,
+            )
+            assertEquals("Give one number.", error.advice)
+            assertTrue(gamma(0.1, 0.1, 0.1).values.contentEquals(gamma(0.1).values))
+        }
+    }
+
+    @Test
+    fun `a learned basis tells its proof, its evidence and how the codes vary together`() {
+        OnnxEngine.load("cameras").use { engine ->
+            val told = evidence(0.002, 0.03)
+            val ssf = Recover.recover(engine, told, null, defaults)
+            val size = ssf.code.size
+            val spread = ssf.codeCovariance!!
+            assertEquals(72 to 72 * 72, size to spread.size)
+            for (i in 0 until size) {
+                // The prior's variance is 1, and signals only take from it.
+                assertTrue(spread[i * size + i] in 0.0..1.0)
+                for (j in 0 until i) {
+                    assertEquals(spread[i * size + j], spread[j * size + i], 1e-12)
+                    assertTrue(abs(spread[i * size + j]) <= sqrt(spread[i * size + i] * spread[j * size + j]))
+                }
             }
-            assertNotEquals(single[0].values[900], single[2].values[900])
+            // What is shared by the channels binds them to each other.
+            assertTrue((0..23).maxOf { i -> (24..47).maxOf { j -> abs(spread[i * size + j]) } } > 1e-3)
+            assertEquals(1, ssf.layersGap.size)
+            assertTrue(ssf.layersGap[0] <= 1e-10 && ssf.finishSteps.contentEquals(intArrayOf(0)))
+            assertTrue(ssf.gap.all { it == ssf.gap[0] })
+            // A patch that is a fifth too dark speaks against all that was told.
+            val dark = DoubleArray(72) { if (it / 3 == 7) 0.8 * signals[it] else signals[it] }
+            val wrong = Evidence(Tensor(dark, 1, 24, 3), told.standardError, told.known)
+            val misled = Recover.recover(engine, wrong, null, defaults)
+            assertTrue(misled.logEvidence!! < ssf.logEvidence!! - 10, "${misled.logEvidence}, ${ssf.logEvidence}")
+        }
+    }
+
+    @Test
+    fun `the paper's basis has three problems and no prior`() {
+        OnnxEngine.load("gaussian").use { engine ->
+            val ssf = Recover.recover(engine, evidence(0.004), null, defaults)
+            assertEquals(3 to 3, ssf.layersGap.size to ssf.finishSteps.size)
+            assertEquals(listOf(null, null, null), listOf(ssf.std, ssf.codeCovariance, ssf.logEvidence))
         }
     }
 

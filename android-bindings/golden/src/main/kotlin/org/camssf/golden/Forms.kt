@@ -3,6 +3,7 @@ package org.camssf.golden
 import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
@@ -51,6 +52,8 @@ internal class Forms(private val files: GoldenFiles) {
         }
 
         setOf("polynomials") -> polynomials(form.getValue("polynomials").jsonArray)
+
+        setOf("modes") -> modes(form.getValue("modes").jsonArray)
 
         setOf("camera") -> camera(form.text("camera"))
 
@@ -119,15 +122,30 @@ internal class Forms(private val files: GoldenFiles) {
 
     private fun camera(name: String): Tensor {
         val nodes = values("cameras", name).map { numbers(it.jsonArray) }
+        val curves = List(3) { c -> straight(DoubleArray(nodes.size) { nodes[it][c] }) }
+        return Tensor(DoubleArray(3 * Grid.SIZE) { curves[it % 3][it / 3] }, Grid.SIZE, 3)
+    }
+
+    /** Modes of each shot's kind of lamp, zeros where it has fewer than another, or no kind. */
+    private fun modes(kinds: JsonArray): Tensor {
+        val known = kinds.map { kind ->
+            if (kind == JsonNull) return@map emptyList()
+            values("modes", kind.jsonPrimitive.content).map { straight(numbers(it.jsonArray)) }
+        }
+        val q = known.maxOf { it.size }
+        val values = DoubleArray(known.size * q * Grid.SIZE)
+        known.forEachIndexed { j, own ->
+            own.forEachIndexed { i, mode -> mode.copyInto(values, (j * q + i) * Grid.SIZE) }
+        }
+        return Tensor(values, known.size, q, Grid.SIZE)
+    }
+
+    /** On the grid what is known every 5 nm, straight between. */
+    private fun straight(nodes: DoubleArray): DoubleArray {
         val grid = Grid.WAVELENGTHS
-        return Tensor(
-            DoubleArray(3 * Grid.SIZE) { at ->
-                val wavelength = grid[at / 3]
-                nodes.indices.sumOf { max(0.0, 1.0 - abs(wavelength - (380.0 + 5 * it)) / 5.0) * nodes[it][at % 3] }
-            },
-            Grid.SIZE,
-            3,
-        )
+        return DoubleArray(Grid.SIZE) { m ->
+            nodes.indices.sumOf { max(0.0, 1.0 - abs(grid[m] - (380.0 + 5 * it)) / 5.0) * nodes[it] }
+        }
     }
 
     private fun bells(channels: JsonArray): Tensor {

@@ -132,6 +132,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "lamp_tolerance",
             "lamp_modes",
         )
+        private val CALL =
+            ROWS + setOf("chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative")
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
         private val INPUTS = mapOf(
@@ -142,7 +144,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "sensing" to ROWS + setOf("signals", "standard_error"),
             "weights" to PROBLEM + "depths",
             "solve" to PROBLEM + setOf("depth", "finish"),
-            "ssf" to ROWS + setOf("chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"),
+            "ssf" to CALL,
+            "layers" to CALL + setOf("iteration", "depth"),
             "calibrate" to setOf(
                 "shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
                 "white_reflectance", "basis", "l2", "gamma", "nonnegative",
@@ -166,8 +169,12 @@ internal class GoldenCase private constructor(val name: String, private val json
             "signals" to setOf("signals", "standard_error", "used", "assumptions"),
             "sensing" to setOf("matrix", "target", "covariance"),
             "weights" to setOf("rho", "W", "z"),
-            "solve" to setOf("code", "objective", "gap", "pivots"),
-            "ssf" to setOf("ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"),
+            "solve" to setOf("code", "objective", "gap", "layers_gap", "finish_steps", "evidence"),
+            "ssf" to setOf(
+                "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap",
+                "finish_steps", "evidence", "channel_gain",
+            ),
+            "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "calibrate" to setOf(
                 "signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes",
             ),

@@ -17,7 +17,10 @@ import org.camssf.Settings
 import org.camssf.Solve
 import org.camssf.curves.Engine
 import org.camssf.curves.Evidence
+import org.camssf.curves.Frames
+import org.camssf.curves.Known
 import org.camssf.curves.ModelInputs
+import org.camssf.curves.ModelOutputs
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
@@ -161,6 +164,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "patches" -> photos.patches(case)
         "signals" -> signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
+        "layers" -> layers(case)
         "calibrate" -> calibrate(case)
         "verdict" -> Weighing(forms, frames).verdict(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
@@ -194,28 +198,51 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         },
     )
 
-    /** By the model's own contract. */
+    /** By the model's own contract; `lamp_estimate` is no output of a case. */
     private fun model(case: GoldenCase): Map<String, Any?> {
         fun given(name: String) = forms.resolve(case.inputs.getValue(name))
-        val chart = given("chart")
-        val (k, n) = chart.shape
-        val modes = given("lamp_modes").takeIf { it.shape[1] > 0 } ?: Tensor.full(0.0, k, 1, Grid.SIZE)
+        val frames = Frames(given("chart"), given("white"), given("dark"))
         val found = engine(case).run(
             ModelInputs(
-                chart, given("white"), given("dark"), given("standard_error"), given("reflectance"),
-                given("chart_tolerance"), given("white_reflectance"), given("white_tolerance").values[0],
-                given("lamp"), given("lamp_tolerance"), modes, given("l2").values[0], given("gamma").values[0],
+                frames,
+                given("standard_error"),
+                known(case),
+                given("l2").values[0],
+                given("gamma").values[0],
                 case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
             ),
         )
-        return mapOf(
-            "ssf" to Tensor(found.ssf, Grid.SIZE, 3),
-            "ssf_std" to Tensor(found.ssfStd, Grid.SIZE, 3),
-            "code" to Tensor(found.code, found.code.size / 3, 3),
-            "signals" to Tensor(found.signals, k, n, 3),
-            "predicted" to Tensor(found.predicted, k, n, 3),
-            "gap" to Tensor(found.gap, 3),
-            "channel_gain" to Tensor(found.channelGain, 3),
+        val r = found["code"].size / 3
+        val shapes = mapOf(
+            "ssf" to intArrayOf(Grid.SIZE, 3),
+            "ssf_std" to intArrayOf(Grid.SIZE, 3),
+            "code" to intArrayOf(r, 3),
+            "code_covariance" to intArrayOf(3 * r, 3 * r),
+            "signals" to frames.chart.shape,
+            "predicted" to frames.chart.shape,
+            "evidence" to intArrayOf(),
+        )
+        return (ModelOutputs.NAMES - "lamp_estimate").associateWith { name ->
+            Tensor(found[name], *(shapes[name] ?: intArrayOf(found[name].size)))
+        }
+    }
+
+    /**
+     * What the model's layers give by themselves: its answer, where the finish took no step, and a case that lets a model
+     * run demands none.
+     */
+    private fun layers(case: GoldenCase): Map<String, Any?> {
+        val has = engine(case).metadata.let { listOf(it["iteration"], it["depth"]) }
+        val wanted = listOf(case.inputs.text("iteration"), case.inputs.text("depth"))
+        if (has != wanted) throw GoldenError("${case.name}: layers $wanted, but the model has $has")
+        return model(case).filterKeys { it in setOf("ssf", "gap", "finish_steps") }
+    }
+
+    private fun known(case: GoldenCase): Known {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
+        return Known(
+            given("reflectance"), given("chart_tolerance"), given("white_reflectance"),
+            given("white_tolerance").values[0], given("lamp"), given("lamp_tolerance"), given("lamp_modes"),
         )
     }
 
@@ -226,11 +253,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val y = DoubleArray(chart.values.size) {
             (chart.values[it] - dark.values[it]) / (white.values[it] - dark.values[it])
         }
-        val evidence = Evidence(
-            Tensor(y, *chart.shape), given("standard_error"), given("reflectance"), given("chart_tolerance"),
-            given("white_reflectance"), given("white_tolerance").values[0], given("lamp"), given("lamp_tolerance"),
-            given("lamp_modes"),
-        )
+        val evidence = Evidence(Tensor(y, *chart.shape), given("standard_error"), known(case))
         val penalties = Penalties(
             given("l2").values[0],
             doubleArrayOf(given("gamma").values[0]),

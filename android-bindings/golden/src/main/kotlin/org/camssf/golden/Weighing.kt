@@ -58,14 +58,12 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             Lamp("golden", row(lamp, j), tolerance[j], own, "golden/spectra")
         }
         val std = inputs.getValue("ssf_std").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
-        fun answer(of: JsonObject) = Ssf(
-            forms.resolve(of.getValue("ssf")).values, std, forms.resolve(of.getValue("code")).values,
-            forms.resolve(of.getValue("predicted")).values, DoubleArray(3), DoubleArray(3), 1.0,
-            DoubleArray(3) {
-                1.0
-            },
-            "golden", lamp.values,
-        )
+        val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), null)
+        fun answer(of: JsonObject): Ssf {
+            fun told(name: String) = forms.resolve(of.getValue(name)).values
+            val curves = Ssf.Curves(told("ssf"), std, told("code"), null, told("predicted"), lamp.values)
+            return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, "golden")
+        }
         val told = Told(
             signals,
             table,
