@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Ssf
 import org.camssf.documents.Solution
@@ -17,7 +18,7 @@ import org.camssf.spectra.Lamp
 
 /** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
 internal class Solve(
-    private val engine: Engine,
+    private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val settings: Settings,
     private val tell: Tell,
@@ -35,10 +36,11 @@ internal class Solve(
         val asked = asked()
         val signals =
             Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(asked)
-        val fit = Fit(engine, capture, signals, settings)
-        checkEnough(fit.taken(signals.sharedUsed).size)
+        val asking = Fit(engines, capture, signals, settings)
+        checkEnough(asking.taken(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
-        val ssf = curves(fit, SOLVING, signals.sharedUsed, gamma)
+        val ssf = curves(asking, SOLVING, signals.sharedUsed, gamma)
+        val fit = asking.settled(ssf)
         val unseen = unseen(fit, signals, asked, ssf)
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }.map { shot ->
@@ -46,8 +48,8 @@ internal class Solve(
             curves(fit, VALIDATING, own, gamma)
         }
         val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance)
-        val rivals = rivals(fit, signals, ssf, gamma)
-        val verdict = Judge.judge(Case(told, capture.shots, alone, rivals, foretold()))
+        val family = Choice.believed(capture.shots[0].photo.make).keys.firstOrNull()
+        val verdict = Judge.judge(Case(told, capture.shots, alone, foretold(), family) { rivals(fit, signals, ssf) })
         val assumptions = signals.assumptions + Assumptions.of(capture, fit.paper)
         val widths = alone.map { it.halfWidth }.takeIf { ssf.sharedStd != null }
         return Solution(capture, signals, ssf, unseen.values, scores, verdict, assumptions, widths)
@@ -79,10 +81,9 @@ internal class Solve(
         stage: Pair<String, Double>,
         used: BooleanArray,
         gamma: DoubleArray?,
-        lamps: List<Lamp> = fit.lamps,
     ): Ssf {
         tell(stage.first, stage.second)
-        return fit.curves(used, gamma, lamps)
+        return fit.curves(used, gamma)
     }
 
     /** Predictions (k, n, 3) of patches that the fit had not seen, NaN elsewhere, and how that was done in words. */
@@ -119,21 +120,18 @@ internal class Solve(
         return Scores.of(signals, predicted, table, fit.lamps, counts, unseen.how)
     }
 
-    /** How well the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
-    private fun rivals(fit: Fit, signals: Signals, ssf: Ssf, gamma: DoubleArray?): List<Rival> {
+    /** How much better the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
+    private fun rivals(fit: Fit, signals: Signals, ssf: Ssf): List<Rival> {
         if (ssf.sharedStd == null || k > Light.MOST_RIVALLED) return emptyList()
+        fun evidence(lamps: List<Lamp>): Double {
+            tell(JUDGING.first, JUDGING.second)
+            return fit.logEvidence(signals.sharedUsed, lamps, Light.NARROW)
+        }
+        val named = evidence(fit.lamps)
         return capture.shots.indices.flatMap { j ->
-            Light.RIVALS.mapNotNull { name ->
+            Light.RIVALS.map { name ->
                 val others = fit.lamps.toMutableList().also { it[j] = lamp(name) }
-                val answer = try {
-                    curves(fit, JUDGING, signals.sharedUsed, gamma, others)
-                } catch (_: LampUnfit) {
-                    return@mapNotNull null // then it is no rival
-                } catch (_: NotConverged) {
-                    return@mapNotNull null
-                }
-                val told = Told(signals, table, others, answer, fit.white, fit.whiteTolerance)
-                Rival(j, name, told.surprise().weighted)
+                Rival(j, name, evidence(others) - named)
             }
         }
     }
