@@ -31,8 +31,9 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
-from benchmarks.accuracy import LOW, PRODUCT, SEED, SEEN, SETTINGS, Setting, left_out, photograph, score, solve
+from benchmarks.accuracy import LOW, SEED, SEEN, SETTINGS, Setting, declared, left_out, photograph, score
 from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.choice import recover
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.spectra import read_chart
@@ -165,7 +166,7 @@ def measure(
             for device in devices:
                 y, error = photograph(setting, device.curves, seen, rng)
                 for name, basis in device.bases.items():
-                    answer = solve(PRODUCT, setting, y, error, basis)
+                    answer = recover(declared(setting, y, error), basis=basis, engine="reference")
                     rmse, covered = score(answer, device.curves)
                     assert covered is not None  # a learned basis has bands
                     assert answer.log_evidence is not None

@@ -74,19 +74,19 @@ LensShading: TypeAlias = Annotated[
     ),
 ]
 BasisName: TypeAlias = Annotated[
-    str, typer.Option(metavar="NAME", help="auto, phones, cameras, or gaussian (the paper's).")
+    str, typer.Option(metavar="NAME", help="auto (phones or cameras, as the signals say), phones, cameras, gaussian (the paper's), or a file.")
 ]
 Gamma: TypeAlias = Annotated[
     float | None,
     typer.Option(
         show_default=False,
-        help="The l1 penalty γ; unless given, 0.05; chosen from the measured noise on `gaussian`.",
+        help="The l1 penalty γ; unless given, 0.05, on `gaussian` chosen from the measured noise.",
     ),
 ]
 L2: TypeAlias = Annotated[
     float | None,
     typer.Option(
-        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1 on `cameras`, 0 on `gaussian`."
+        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0."
     ),
 ]
 Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]

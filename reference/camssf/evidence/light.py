@@ -51,13 +51,14 @@ def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp]) -> list[Reason]:
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain <= RIVAL:
         return []
-    own = [rival.gain for rival in rivals if rival.shot == best.shot]
-    odds = float(np.mean(np.exp(np.array(own)))) * MISNAMED / (1.0 - MISNAMED)
+    own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
+    # Less the best, or e^gain overflows where a lamp is grossly wrong.
+    odds = best.gain + np.log(np.mean(np.exp(own - best.gain)) * MISNAMED / (1.0 - MISNAMED))
     words: dict[str, str | float] = {
         "shot": f"shot {best.shot + 1}",
         "rival": best.lamp,
         "lamp": lamps[best.shot].name,
-        "probability": odds / (1.0 + odds),
+        "probability": float(1.0 / (1.0 + np.exp(-odds))),
     }
     return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
 
