@@ -7,14 +7,11 @@ import org.camssf.documents.Solution
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
-import org.camssf.evidence.Light
-import org.camssf.evidence.Rival
 import org.camssf.evidence.Scores
 import org.camssf.evidence.Told
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
 import org.camssf.photo.Signals
-import org.camssf.spectra.Lamp
 
 /** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
 internal class Solve(
@@ -49,7 +46,11 @@ internal class Solve(
         }
         val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance)
         val family = Choice.believed(capture.shots[0].photo.make).keys.firstOrNull()
-        val verdict = Judge.judge(Case(told, capture.shots, alone, foretold(), family) { rivals(fit, signals, ssf) })
+        val verdict = Judge.judge(
+            Case(told, capture.shots, alone, foretold(), family) {
+                Rivals.of(fit, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+            },
+        )
         val assumptions = signals.assumptions + Assumptions.of(capture, fit.paper)
         val widths = alone.map { it.halfWidth }.takeIf { ssf.sharedStd != null }
         return Solution(capture, signals, ssf, unseen.values, scores, verdict, assumptions, widths)
@@ -120,25 +121,9 @@ internal class Solve(
         return Scores.of(signals, predicted, table, fit.lamps, counts, unseen.how)
     }
 
-    /** How much better the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
-    private fun rivals(fit: Fit, signals: Signals, ssf: Ssf): List<Rival> {
-        if (ssf.sharedStd == null || k > Light.MOST_RIVALLED) return emptyList()
-        fun evidence(lamps: List<Lamp>): Double {
-            tell(JUDGING.first, JUDGING.second)
-            return fit.logEvidence(signals.sharedUsed, lamps, Light.NARROW)
-        }
-        val named = evidence(fit.lamps)
-        return capture.shots.indices.flatMap { j ->
-            Light.RIVALS.map { name ->
-                val others = fit.lamps.toMutableList().also { it[j] = lamp(name) }
-                Rival(j, name, evidence(others) - named)
-            }
-        }
-    }
-
     /** What each shot's file foretells of its white. */
     private fun foretold(): List<List<Foretold>> = capture.shots.map { shot ->
-        shot.photo.neutrals.map { Foretold(lamp(it.light).sharedValues, it.white) }
+        shot.photo.neutrals.map { Foretold(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
     private companion object {
@@ -148,10 +133,5 @@ internal class Solve(
         val SOLVING = "solving" to 0.9
         val VALIDATING = "validating" to 0.95
         val JUDGING = "judging" to 0.98
-
-        /** Lamps by name, which every verdict asks for. */
-        val known = HashMap<String, Lamp>()
-
-        fun lamp(name: String): Lamp = synchronized(known) { known.getOrPut(name) { Lamp.read(name) } }
     }
 }
