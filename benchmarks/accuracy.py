@@ -34,6 +34,7 @@ from rich.progress import Progress
 
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
 from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.code import solve as solve_code
 from camssf.curves.covariance import (
     ABSOLUTE,
@@ -50,7 +51,7 @@ from camssf.curves.covariance import (
 from camssf.curves.evidence import Evidence
 from camssf.curves.penalties import GAMMA, L2
 from camssf.curves.sensing import Sensing, anchor, sense
-from camssf.curves.ssf import Ssf, moves_of_peak_one, own_blocks, recover
+from camssf.curves.ssf import Ssf, moves_of_peak_one, own_blocks
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.tools.learn import learn, maker_of, read_curves
@@ -196,6 +197,12 @@ def answer_of(sensing: Sensing, evidence: Evidence, basis: Basis) -> Found:
     return (curves / peak).T, (std / peak).T
 
 
+def declared(setting: Setting, y: Floats, error: Floats) -> Evidence:
+    """The signals, and what is told of chart, white and lamps."""
+    lamps = np.stack([lamp(name) for name in setting.lamps])
+    return Evidence(y, chart()[slice(*setting.patches)], lamps, standard_error=error, **setting.tolerances())
+
+
 def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis) -> Found:
     given = chart()[slice(*setting.patches)]
     lamps = np.stack([lamp(name) for name in setting.lamps])
@@ -203,7 +210,7 @@ def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis)
     if method == PAPER:
         told = {key: told[key] for key in ("chart_tolerance", "white_tolerance")}
         return recover(Evidence(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian").peak()
-    evidence = Evidence(y, given, lamps, standard_error=error, **told)
+    evidence = declared(setting, y, error)
     if method == APART:
         return answer_of(apart(sense(evidence, basis)), evidence, basis)
     l2, gamma = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
@@ -284,7 +291,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
         y = y * (1.0 + DRIFT * rng.normal(size=(len(lamps), 1, 1)))
         own = INDEPENDENT_SHARE * told["chart_tolerance"] * y
         y = y + np.hypot(error, own) * rng.normal(size=y.shape)
-        answer = recover(Evidence(y, given, lamps, standard_error=error, **told))
+        answer = recover(Evidence(y, given, lamps, standard_error=error, **told), basis="cameras")
         got, std = answer.peak()
         assert std is not None
         errors.append((got - camera / camera.max(axis=0))[SEEN])

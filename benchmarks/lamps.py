@@ -22,9 +22,9 @@ import numpy as np
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, left_out, score
 from camssf.curves.basis import interpolate
+from camssf.curves.choice import recover
 from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import recover
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, Kind, principal_modes

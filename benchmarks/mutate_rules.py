@@ -2,8 +2,8 @@
 
 Every number is changed (times 1.5, times 0.5 or plus and minus 1, and exchanged with its neighbour), every reason
 given another code and another sentence. Each mutant is loaded by the reader itself from a changed copy of the file,
-and the golden cases must notice: in this process for Python, in a JVM each for Kotlin's jar. Rival lamps and advice
-are left out: no golden case can hold a photo for each rival, and advice differs between the faces.
+and the golden cases must notice: in this process for Python, in a JVM each for Kotlin's jar. Rival lamps, makers and
+advice are left out: no golden case can hold a photo for each of them, and advice differs between the faces.
 Survivors that are not among `EQUIVALENT`, each with its reason, give exit status 1. Kotlin needs
 `mvn -f android-bindings -pl core,model,golden -am package`; without its jar it is skipped, and says so.
 """
@@ -35,8 +35,8 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 FAULT = 3
 """Exit status of Kotlin's runner where a case does not hold."""
 CHEAP = ("verdict", "signals", "patches")
-"""Stages whose golden cases take a second in all; `calibrate` follows where these notice nothing."""
-STAGES = (*CHEAP, "calibrate")
+"""Stages whose golden cases take a second in all; the others follow where these notice nothing."""
+STAGES = (*CHEAP, "choice", "rivals", "calibrate")
 _HIDDEN = "the row weighs a millionth of the others at 1000, and no more at 500 or 1500"
 _FAINTEST = "no sensor gives a signal between half and one and a half millionths of white that is not lost in noise"
 EQUIVALENT: dict[str, str] = {

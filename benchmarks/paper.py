@@ -37,11 +37,11 @@ from benchmarks.accuracy import left_out
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.rivals.qr import READINGS
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.code import solve
 from camssf.curves.evidence import Evidence
 from camssf.curves.penalties import GAMMA, L2
 from camssf.curves.sensing import Sensing, anchor, sense
-from camssf.curves.ssf import recover
 from camssf.errors import NotConverged
 from camssf.evidence.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats

@@ -19,8 +19,8 @@ import numpy as np
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import CHART, SEED, WHITE, Setting, left_out, photograph, score
 from camssf.curves.basis import Basis
+from camssf.curves.choice import recover
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import recover
 from camssf.grid import Floats
 from camssf.spectra import read_chart
 from camssf.tools.learn import maker_of

@@ -54,9 +54,9 @@ from benchmarks._common import (
 )
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.code import solve
 from camssf.curves.engine import load_model
-from camssf.curves.ssf import recover
 from camssf.grid import Floats
 from camssf.spectra import read_camera
 

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from camssf.curves.basis import widened
+from camssf.curves.choice import AUTO
 from camssf.curves.code import DEPTH
 from camssf.curves.engine import load_model
 from camssf.curves.finish import SETTLED
@@ -190,7 +192,7 @@ def _oracle(made: Json) -> Json:
     gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     basis = white = None
     if made["stage"] in ("ssf", "layers"):
-        basis = basis_of(given["basis"])
+        basis = widened(basis_of(given["basis"]), given.get("prior_scale", 1.0))
         white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
     oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
     for proof in proofs(made | {"oracle": oracle}):
@@ -228,6 +230,10 @@ def _limits(made: Json, scene: Json) -> list[Json]:
         "ssf": [("ssf", "norm", 1e-10), ("ssf_std", "norm", 1e-10), ("code_covariance", "sums", 1e-10),
                 ("signals", "norm", 1e-15), ("predicted", "norm", 1e-10), ("evidence", "relative", 1e-10),
                 ("channel_gain", "norm", 1e-14)],
+        "choice": [("weighed", "exact", 0.0), ("log_evidence", "relative", 1e-10), ("probability", "norm", 1e-8),
+                   ("basis", "exact", 0.0), ("prior_scale", "exact", 0.0), ("ssf", "norm", 1e-9),
+                   ("ssf_std", "norm", 1e-9), ("predicted", "norm", 1e-9)],
+        "rivals": [("gains", "norm", 1e-8)],
         "layers": [("ssf", "peak", 1e-10)],
         "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
                       ("ssf_std", "norm", 1e-10), ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14),
@@ -252,7 +258,7 @@ def _limits(made: Json, scene: Json) -> list[Json]:
         ]
     if stage == "layers":
         return found + _layers_limits(made, limit)
-    if stage == "calibrate":
+    if stage in ("calibrate", "choice"):
         found.append(limit("gap", "outputs", "at_most", GAP))
     if made["oracle"] is not None:
         found.append(limit("objective", "oracle", "relative", 1e-9, *(["reference"] if stage == "ssf" else [])))
@@ -296,21 +302,22 @@ _ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_sh
 def _requires(stage: str, inputs: Json) -> list[str]:
     if stage in ("mosaic", "pose", "patches", "signals", "verdict"):
         return [stage]
-    if stage == "calibrate":
+    if stage in ("calibrate", "rivals"):
         return ["signals", "model"]
     if stage == "layers":
         return ["model"] if (inputs["iteration"], inputs["depth"]) == ("splitting", DEPTH) else ["reference"]
-    return ["model"] if stage == "ssf" else ["reference"]
+    return ["model"] if stage in ("ssf", "choice") else ["reference"]
 
 
 def _source(inputs: Json) -> Json:
     """Where a case comes from: the basis by the hash that the shipped model states, the spectra by name."""
     basis = _basis(inputs)
     shipped = isinstance(basis, str)
+    one = isinstance(basis, str) and basis != AUTO
     return {
         "generator": COMMAND,
         "basis": basis,
-        "basis_sha256": load_model(basis).metadata["basis_sha256"] if isinstance(basis, str) else None,
+        "basis_sha256": load_model(basis).metadata["basis_sha256"] if one else None,
         "spectra": sorted(_names(inputs)),
     } | (
         {} if shipped else {"basis": None if basis is None else f"{basis['count']} Gaussians of {basis['width']} nm"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -35,6 +35,10 @@ _ROWS = {
 }  # fmt: skip
 _CALL = _ROWS | {"chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"}
 _SHOTS = {"shots", "patches", "white"}
+_CAPTURE = {
+    "shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes", "white_reflectance",
+    "basis", "l2", "gamma", "nonnegative",
+}  # fmt: skip
 INPUTS: dict[str, set[str]] = {
     "mosaic": {"dng"},
     "pose": {"dng", "table", "corners"},
@@ -45,12 +49,15 @@ INPUTS: dict[str, set[str]] = {
     "solve": _PROBLEM | {"depth", "finish"},
     "ssf": _CALL,
     "layers": _CALL | {"iteration", "depth"},
-    "calibrate": {"shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
-                  "white_reflectance", "basis", "l2", "gamma", "nonnegative"},
+    "choice": _CALL | {"prior"},
+    "calibrate": _CAPTURE,
+    "rivals": _CAPTURE,
     "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
                 "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
 }  # fmt: skip
+MAY: dict[str, set[str]] = {"ssf": {"prior_scale"}, "calibrate": {"make"}, "verdict": {"choice", "family"}}
+"""Inputs that a case may leave out; README.md says what then holds."""
 _STATISTICS = {"mean", "standard_error", "count", "clipped", "dead", "gradient", "greens"}
 OUTPUTS: dict[str, set[str]] = {
     "mosaic": {
@@ -96,6 +103,18 @@ OUTPUTS: dict[str, set[str]] = {
         "channel_gain",
     },
     "layers": {"ssf", "objective", "gap", "finish_steps", "distance"},
+    "choice": {
+        "weighed",
+        "log_evidence",
+        "probability",
+        "basis",
+        "prior_scale",
+        "ssf",
+        "ssf_std",
+        "predicted",
+        "gap",
+    },
+    "rivals": {"gains"},
     "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes"},
     "verdict": {
         "status",
@@ -145,7 +164,7 @@ def check(case: Json) -> Json:
     _need(case["expect"] == "success" or case["expect"] in codes(), f"{name}: expects {case['expect']!r}")
     _need(set(case["requires"]) <= set(CAPABILITIES), f"{name}: requires {case['requires']}")
     _keys(f"{name}: source", case["source"], {"generator", "basis", "basis_sha256", "spectra"})
-    _keys(f"{name}: inputs", case["inputs"], INPUTS[stage])
+    _keys(f"{name}: inputs", case["inputs"], INPUTS[stage], MAY.get(stage, ()))
     for shot in case["inputs"].get("shots", []):
         _keys(f"{name}: shot", shot, {"chart", "white", "dark", "black", "saturation"})
         for frame in ("chart", "white", "dark"):
@@ -317,12 +336,10 @@ def _numbers(value: Any) -> Any:
     return value
 
 
-def _keys(where: str, found: Any, allowed: set[str]) -> None:
+def _keys(where: str, found: Any, needed: set[str], optional: Collection[str] = ()) -> None:
     _need(isinstance(found, dict), f"{where} is no object")
-    _need(
-        set(found) == allowed,
-        f"{where}: unknown {sorted(set(found) - allowed)}, missing {sorted(allowed - set(found))}",
-    )
+    unknown, missing = set(found) - needed - set(optional), needed - set(found)
+    _need(not unknown and not missing, f"{where}: unknown {sorted(unknown)}, missing {sorted(missing)}")
 
 
 def _need(holds: bool, message: str) -> None:

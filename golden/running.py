@@ -10,13 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
-from camssf.curves.basis import Basis, gaussian_basis, read_basis
+from camssf.curves.basis import Basis, gaussian_basis, read_basis, widened
+from camssf.curves.choice import recover
 from camssf.curves.code import DEPTH, solve
 from camssf.curves.engine import Model, load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.ssf import Ssf, Weight
 from camssf.errors import CalibrationError
+from camssf.evidence.problem import pose_problem
+from camssf.evidence.rivals import weigh_rivals
 from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import STEP, Floats
@@ -66,7 +69,7 @@ def arrays(case: Json) -> dict[str, Any]:
     numbers = plain_numbers.get(case["stage"])
     if numbers is not None:
         return {key: resolve(value) if key in numbers else value for key, value in case["inputs"].items()}
-    plain = ("basis", "shots", "iteration", "depth")
+    plain = ("basis", "shots", "iteration", "depth", "prior", "make")
     return {key: value if key in plain else resolve(value) for key, value in case["inputs"].items()}
 
 
@@ -91,6 +94,10 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
         return stages[case["stage"]](given)
     if case["stage"] == "calibrate":
         return _calibrate(given, engine)
+    if case["stage"] == "rivals":
+        return _rivals(given)
+    if case["stage"] == "choice":
+        return _choice(given, engine)
     if case["stage"] == "layers":
         return layers(case, load_model(given["basis"]) if engine == "onnx" else None)
     return _ssf(given, engine, case["expect"] == "success")
@@ -166,7 +173,12 @@ def _evidence(given: dict[str, Any], signals: Any, frames: Any = None) -> Eviden
 
 
 def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
-    return sense(_evidence(given, signals), basis_of(given["basis"]))
+    return sense(_evidence(given, signals), widened(basis_of(given["basis"]), _scale(given)))
+
+
+def _scale(given: dict[str, Any]) -> float:
+    """How much wider the prior is taken: 1 where the case does not say."""
+    return float(given.get("prior_scale", 1.0))
 
 
 def _sensing(given: dict[str, Any]) -> dict[str, Any]:
@@ -208,6 +220,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
             gamma=given["gamma"],
             nonnegative=given["nonnegative"],
             engine=engine,
+            prior_scale=_scale(given),
         )
         names = ("code", "code_covariance", "predicted", "gap", "layers_gap", "finish_steps", "channel_gain")
         found = {
@@ -224,7 +237,36 @@ def _fed(model: Model, given: dict[str, Any]) -> dict[str, Any]:
     fed = {i.name: given[i.name] for i in model.session.get_inputs() if i.name != "nonnegative"}
     if not fed["lamp_modes"].shape[1]:
         fed["lamp_modes"] = np.zeros((len(given["lamp"]), 1, given["lamp"].shape[1]))
+    fed["prior_scale"] = np.array(_scale(given))
     return dict(model.run(fed | {"nonnegative": np.array(float(given["nonnegative"]))}))
+
+
+def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
+    """`recover` with its choice; curves and bands on the 5-nm nodes, at peak 1."""
+    frames = tuple(given[name] for name in ("chart", "white", "dark"))
+    signals = (frames[0] - frames[2]) / (frames[1] - frames[2])
+    ssf = recover(
+        _evidence(given, signals, frames),
+        basis=given["basis"],
+        l2=given["l2"],
+        gamma=given["gamma"],
+        nonnegative=given["nonnegative"],
+        engine=engine,
+        prior=given["prior"],
+    )
+    curves, std = ssf.peak()
+    assert std is not None
+    return {
+        "weighed": [[weight.basis, weight.prior_scale] for weight in ssf.choice],
+        "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
+        "probability": np.array([weight.probability for weight in ssf.choice]),
+        "basis": ssf.basis,
+        "prior_scale": ssf.prior_scale,
+        "ssf": curves[::10],
+        "ssf_std": std[::10],
+        "predicted": ssf.predicted,
+        "gap": ssf.gap,
+    }
 
 
 def _objective(given: dict[str, Any], rows: Sensing, code: Floats) -> Floats:
@@ -369,19 +411,22 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     ]
     rho = np.ravel(given["white_reflectance"])
 
+    choice = tuple(Weight(basis, scale, 0.0, probability) for basis, scale, probability in given.get("choice", ()))
+    basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
+
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
             curves, std, code, None, predicted, np.zeros(3), np.zeros(1), np.zeros(1, np.int64), None, np.zeros(3),
-            1.0, np.ones(3), "golden", "golden", given["lamp"],
+            1.0, np.ones(3), basis, "golden", given["lamp"], choice=choice,
         )  # fmt: skip
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
     alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
-    rivals = [Rival(shot, name, weighted) for shot, name, weighted in given["rivals"]]
+    rivals = [Rival(shot, name, gain) for shot, name, gain in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
     weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"])
-    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone)
+    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"))
     joint = weighed.surprise(ssf)
     each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]
@@ -401,14 +446,14 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
-    """`camssf.calibration.solve`, from patch statistics on: what a phone does after measuring."""
+def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
+    """A capture from patch statistics on, and how to solve it."""
     table = _table(given["reflectance"], given["chart_tolerance"], given["white"])
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
     corners = square * np.array([6.0, 4.0])
     pose = Pose("classic24", corners, places[:, None, :] + square, 0, "by hand", 1.0, ())
-    photo = Photo("golden", 600, 400, 1, None, None, False, "golden", "golden", "")
+    photo = Photo("golden", 600, 400, 1, None, None, False, given.get("make", "golden"), "golden", "")
     shots = tuple(
         Shot(
             Lamp("golden", values, float(tolerance), modes, "golden/spectra"),
@@ -423,16 +468,28 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
             given["shots"], given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True
         )
     )
-    done = calibrate_capture(
-        Capture(shots, table, given["white_reflectance"]),
-        options=Options(
-            basis=given["basis"],
-            nonnegative=given["nonnegative"],
-            l2=given["l2"],
-            gamma=given["gamma"],
-            engine=engine,
-        ),
+    options = Options(
+        basis=given["basis"],
+        nonnegative=given["nonnegative"],
+        l2=given["l2"],
+        gamma=given["gamma"],
+        engine=engine,
     )
+    return Capture(shots, table, given["white_reflectance"]), options
+
+
+def _rivals(given: dict[str, Any]) -> dict[str, Any]:
+    """`camssf.evidence.rivals.weigh_rivals` on the basis that the case names: gains of every lamp, shot by shot."""
+    capture, options = _capture(given, "reference")
+    problem = pose_problem(capture, options)
+    found = weigh_rivals(problem, problem.solve(problem.signals.used, options.gamma))
+    return {"gains": np.array([rival.gain for rival in found]).reshape(len(capture.shots), -1)}
+
+
+def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
+    """`camssf.calibration.solve`, from patch statistics on: what a phone does after measuring."""
+    capture, options = _capture(given, engine)
+    done = calibrate_capture(capture, options=options)
     curves, std = done.ssf.peak()
     return {
         "signals": done.signals.values,

@@ -35,6 +35,24 @@ NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
 BELLS = {
     "bells": [[[1.0, 604, 31], [0.07, 442, 24]], [[1.0, 534, 37]], [[1.0, 459, 26], [0.03, 545, 30]]],
 }  # fmt: skip
+PHONE = {
+    "bells": [
+        [[0.66, 623.6, 26.9], [0.639, 595.5, 11.9], [0.102, 524.3, 22.6]],
+        [[0.915, 548.8, 38.8], [0.291, 514.9, 15.6], [0.265, 495.1, 11.1]],
+        [[0.92, 474.9, 30.0], [0.319, 434.2, 16.3], [0.115, 541.1, 62.1]],
+    ],
+}  # fmt: skip
+"""Near the mean of the phones."""
+BETWEEN = {
+    "bells": [
+        [[0.636, 595.0, 12.8], [0.559, 624.3, 25.9], [0.103, 557.6, 77.1]],
+        [[0.688, 553.9, 31.1], [0.518, 507.9, 22.9], [0.155, 529.3, 65.9]],
+        [[0.915, 472.8, 29.0], [0.36, 435.5, 15.4], [0.101, 533.1, 56.1]],
+    ],
+}  # fmt: skip
+"""Half-way from there to the mean of the cameras."""
+ODD = {"bells": [[[1.0, 632, 18]], [[1.0, 560, 22]], [[1.0, 440, 18]]]}
+"""Narrow filters, far from each other, such as no camera has."""
 FLAT = {"constant": 1.0, "shape": [681]}
 Case = Json
 
@@ -46,10 +64,13 @@ def cases() -> Iterator[Case]:
     yield from _weights_cases()
     yield from _solve_cases()
     yield from _ssf_cameras()
+    yield from _ssf_phones()
     yield from _ssf_gaussian()
     yield from _ssf_errors()
     yield from _layers_cases()
+    yield from _choice_cases()
     yield from _calibrate_cases()
+    yield from _rivals_cases()
 
 
 def case(name: str, comment: str, inputs: Json, *, expect: str = "success", **more: Any) -> Case:
@@ -125,7 +146,7 @@ def scene(
     )
     photo = photograph(camera, lamps, known | {"chart": taken or table}, noise=noise, white=white)
     k, n, _ = photo["chart"].shape
-    learned = basis == "cameras"
+    learned = basis != "gaussian"
     inputs: Json = {
         "basis": basis,
         **photo,
@@ -270,6 +291,24 @@ def _ssf_cameras() -> Iterator[Case]:
     )  # fmt: skip
 
 
+def _ssf_phones() -> Iterator[Case]:
+    phone: Json = {"basis": "phones", "camera": PHONE}
+    yield scene(
+        "phones-bells", "A phone of Gaussian bells, which is in nobody's list; two lamps, the product's penalties.",
+        lamps=["D55", "A"], rmse=0.06, **phone,
+    )  # fmt: skip
+    yield scene("phones-l1-only", "λ₂ = 0, γ = 1.4: the l1 penalty alone.", l2=0.0, gamma=1.4, **phone)
+    yield scene(
+        "phones-nonnegative-closed", "γ = 0 and non-negative codes.", patches=TWELVE, nonnegative=True, gamma=0.0,
+        **phone,
+    )  # fmt: skip
+    for basis, camera in (("phones", PHONE), ("cameras", NIKON)):
+        yield scene(
+            f"{basis}-wide", "The prior twice as wide: s = μ + 2 Ψ x, in rows, evidence, bands and curves.",
+            basis=basis, camera=camera, patches=TWELVE, change={"prior_scale": 2.0},
+        )  # fmt: skip
+
+
 def _ssf_gaussian() -> Iterator[Case]:
     plain: Json = {"basis": "gaussian", "chart_tolerance": 0.0, "white_tolerance": 0.0}
     unit = {"standard_error": {"constant": 1.0, "shape": None}}
@@ -328,6 +367,15 @@ def _ssf_errors() -> Iterator[Case]:
         "error-zero-code-gaussian", "γ = 1e6 leaves nothing of the paper's curves.", basis="gaussian", gamma=1e6,
         expect="not_converged",
     )  # fmt: skip
+    yield scene(
+        "error-wide-gaussian", "A wider prior of a basis that has none.", basis="gaussian",
+        change={"prior_scale": 2.0}, expect="invalid_argument",
+    )  # fmt: skip
+    for name, scale in (("zero", 0.0), ("nan", "NaN")):
+        yield scene(
+            f"error-{name}-prior-scale", "A prior's width that is no positive number.", patches=TWELVE,
+            change={"prior_scale": scale}, expect="invalid_argument",
+        )  # fmt: skip
     one = photograph(NIKON, ["D55"], {"chart": "babelcolor", "patches": ALL})
     yield scene(
         "error-zero-signal-gaussian", "Chart equal to dark: no curve explains a black chart.", basis="gaussian",
@@ -421,6 +469,31 @@ def _layers_cases() -> Iterator[Case]:
                     "they stand beside cvxpy's optimum.",
                     told, patches, NIKON["camera"], iteration, depth,
                 )  # fmt: skip
+
+
+# -- stage choice ---------------------------------------------------------------------------------------------------
+
+
+def _choice_cases() -> Iterator[Case]:
+    """`auto`: who answers, and the mixture where nobody does alone."""
+
+    def choice(name: str, comment: str, camera: Json, lamps: list[str], prior: dict[str, float] | None = None,
+               **more: Any) -> Case:  # fmt: skip
+        return scene(name, comment, camera=camera, lamps=lamps, basis="auto", stage="choice",
+                     change={"prior": prior or {}}, **more)  # fmt: skip
+
+    yield choice("phone", "A phone under two lamps: its basis answers alone.", PHONE, ["D55", "A"])
+    yield choice("camera", "A camera under two lamps: its basis answers alone.", NIKON, ["D55", "A"])
+    yield choice("undecided", "Between the two under one lamp: both answers are mixed, bands and all.", BETWEEN,
+                 ["D55"], patches=TWELVE, noise="usual")  # fmt: skip
+    for family, comment in (("cameras", "it answers alone"), ("phones", "it leads, but not by 20 : 1")):
+        yield choice(f"maker-{family}", f"The same, and the file's maker makes {family}: {comment}.", BETWEEN, ["D55"],
+                     {family: 20.0}, patches=TWELVE, noise="usual")  # fmt: skip
+    yield choice("maker-outweighed", "A phone whose file names a maker of cameras: the signals outweigh 20 : 1.",
+                 PHONE, ["D55", "A"], {"cameras": 20.0}, noise="none")  # fmt: skip
+    yield choice("wide", "Curves that neither knows: the prior twice as wide is the likelier.", ODD, ["D55", "A"])
+    yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],
+                 patches=TWELVE, noise="usual", l2=0.0, gamma=1.4)  # fmt: skip
 
 
 # -- stages signals and calibrate ---------------------------------------------------------------------------------
@@ -568,10 +641,18 @@ def _calibrate_cases() -> Iterator[Case]:
     yield calibrate("modes", "A lamp of uncertain temperature: one mode.", [shot],
                     lamp_modes={"polynomials": [[[0.0, 0.1]]]}, truth=NIKON, rmse=0.08)  # fmt: skip
     yield calibrate("families", "Two lamps known by their kind alone: predicted under the lamps as found.",
-                    _frames(NIKON, ["D55", "A"]), ["equal-energy"] * 2, lamp_modes={"polynomials": FAMILY},
+                    _frames(NIKON, ["D55", "LED-B3"]), ["daylight", "white-led"],
+                    lamp_modes={"modes": ["daylight", "white-led"]}, lamp_tolerance=[0.02, 0.17],
                     truth=NIKON, rmse=0.08)  # fmt: skip
     yield calibrate("paper", "The paper's basis with a given γ; no band.", [shot], basis="gaussian", gamma=1.0,
                     truth=NIKON, rmse=0.15)  # fmt: skip
+    yield calibrate("auto-camera", "No basis told: the signals choose, and folds and rivals stand on what they chose.",
+                    _frames(NIKON, ["D55", "A"]), ["D55", "A"], basis="auto", truth=NIKON, rmse=0.05)  # fmt: skip
+    yield calibrate("auto-phone", "The same of a phone, whose file says so.", _frames(PHONE, ["D55", "A"]),
+                    ["D55", "A"], basis="auto", make="Apple", truth=PHONE, rmse=0.06)  # fmt: skip
+    yield calibrate("auto-other-maker", "A phone's curves in a file that names a maker of cameras: camera_unusual.",
+                    _frames(PHONE, ["D55", "A"], noise="none"), ["D55", "A"], basis="auto", lamp_tolerance=[0.0, 0.0],
+                    make="NIKON CORPORATION")  # fmt: skip
     for name, comment, code, shots, _ in _faulty():
         yield calibrate(f"error-{name}", comment, shots, expect=code)
     yield calibrate("error-lamp-dark", "A lamp without power on the grid.", [shot],
@@ -585,6 +666,26 @@ def _calibrate_cases() -> Iterator[Case]:
                     _frames(NIKON, true), told)  # fmt: skip
     yield calibrate("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.", [shot], basis="gaussian",
                     gamma=1e9, expect="not_converged")  # fmt: skip
+
+
+def _rivals_cases() -> Iterator[Case]:
+    """Gains of rival lamps alone: what the verdict's rule 4 takes."""
+    names = {"basis", "shots", "lamp"}
+
+    def rivals(name: str, comment: str, shots: list[Json], lamps: Sequence[str], **more: Any) -> Case:
+        made = next(each for each in _calibrate_cases() if each["case"] == "calibrate/two-shots")["inputs"]
+        inputs = {key: value for key, value in made.items() if key not in names}
+        inputs |= {"shots": shots, "lamp": {"lamps": list(lamps)}, "basis": "cameras",
+                   "lamp_tolerance": {"constant": 0.02, "shape": [len(lamps)]},
+                   "lamp_modes": {"polynomials": [[] for _ in lamps]}}  # fmt: skip
+        return case(f"rivals/{name}", comment, inputs | more)
+
+    yield rivals("right", "D55 under its own name: no lamp gains much.", _frames(), ["D55"])
+    yield rivals("wrong", "D55 named A: daylight gains most.", _frames(), ["A"])
+    yield rivals("phone", "On the basis of phones, two shots, the second named wrongly.",
+                 _frames(PHONE, ["D55", "LED-B3"]), ["D55", "A"], basis="phones")  # fmt: skip
+    yield rivals("kind", "Told by its kind alone: a rival has no modes.", _frames(), ["daylight"],
+                 lamp_modes={"modes": ["daylight"]})  # fmt: skip
 
 
 # -- stages sensing, weights, solve -------------------------------------------------------------------------------

@@ -93,20 +93,40 @@ def verdicts() -> Iterator[Json]:
     yield case("strange-two-shots", "Two shots leave the code freer: 13 + 7.", predicted(k=2), k=2, code=25.0)
     yield case("alien", "Curves that no camera has: refused.", y, code=80.0)
     # rules 4 and 5
-    yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", 5.0], [0, "A", -20.0]])
-    yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", -5.0], [0, "FL2", 0.0]])
+    yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", -12.0], [0, "A", 5.0]])
+    yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", 3.0], [0, "FL2", -2.0]])
     yield case(
-        "rival-condemned", "Another lamp fits so much better that the named one is out.", y, rivals=[[0, "A", -300.0]]
-    )
+        "rival-condemned", "Another lamp fits so much better that the named one is out.", y,
+        rivals=[[0, "FL2", -900.0], [0, "A", 20.0]],
+    )  # fmt: skip
+    yield case(
+        "rival-beyond-numbers", "e to the gain is no number any more: the probability still is.", y,
+        rivals=[[0, "FL2", 900.0], [0, "A", 1500.0]],
+    )  # fmt: skip
+    yield case(
+        "rival-of-the-refused", "Where the capture is refused already no rival is named.", 0.7 * y + 0.3,
+        rivals=[[0, "A", 20.0]],
+    )  # fmt: skip
     yield case(
         "rival-of-two",
         "The rival of one of two shots is named with its shot.",
         predicted(k=2),
         k=2,
-        rivals=[[0, "A", -1.0], [1, "D55", -40.0]],
+        rivals=[[0, "A", 1.0], [1, "D55", 9.0], [1, "FL2", 8.0]],
     )
     yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
     yield case("tint-other-matrix", "One of two matrices agrees: that is enough.", y, tint=1.3, second=True)
+    # rule 7
+    apart = [["phones", 1.0, 0.93], ["phones", 2.0, 0.03], ["cameras", 1.0, 0.03], ["cameras", 2.0, 0.01]]
+    yield case("choice-maker-agrees", "The maker makes phones, and so the signals say.", y, choice=apart,
+               family="phones")  # fmt: skip
+    yield case("choice-other-maker", "The maker makes cameras, the signals speak for phones: camera_unusual.", y,
+               choice=apart, family="cameras")  # fmt: skip
+    yield case("choice-no-maker", "The file does not say who made it: phones it is.", y, choice=apart)
+    wide = [["phones", 1.0, 0.01], ["phones", 2.0, 0.02], ["cameras", 1.0, 0.03], ["cameras", 2.0, 0.94]]
+    yield case("choice-wide", "A camera wider than either basis: camera_unusual.", y, choice=wide)
+    nearly = [["phones", 1.0, 0.10], ["phones", 2.0, 0.35], ["cameras", 1.0, 0.05], ["cameras", 2.0, 0.5]]
+    yield case("choice-nearly-wide", "Wider with a probability of 85 %: not enough to say so.", y, choice=nearly)
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -167,6 +187,8 @@ def case(
     score: float = 0.97,
     forgiven: bool = False,
     error: float = 1.0,
+    choice: list[list[Any]] | None = None,
+    family: str | None = None,
 ) -> Json:
     """The inputs of `judge`; what is not named is as in a clean capture.
 
@@ -232,6 +254,8 @@ def case(
         "rivals": rivals or [],
         "neutrals": [neutral] * k,
     }
+    if choice is not None:
+        inputs |= {"choice": choice, "family": family}
     return {"case": f"verdict/{name}", "comment": comment, "expect": "success", "inputs": inputs, "truth": None}
 
 

@@ -28,6 +28,7 @@ NUMERICAL = {
     "test_golden",
     "test_layers",
     "test_onnx",
+    "test_phones",
     "test_sensing",
     "test_ssf",
     "test_code",

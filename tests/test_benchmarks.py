@@ -141,7 +141,7 @@ def test_problems_are_the_same_every_time_and_of_every_kind() -> None:
         assert ((share >= 0.999e-6) & (share <= 1.001)).all()
         kind_of_lamp.add(any(name in problem.label for name in certify.KINDS))
         assert len(A) == (3 if problem.basis == "gaussian" else 1)
-    assert len(kinds) == 8
+    assert len(kinds) == 12
     assert kind_of_lamp == {False, True}
     again = certify.draw(7, 59)[0]
     assert all(np.array_equal(again.inputs[name], value) for name, value in problem.inputs.items())
@@ -595,7 +595,7 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
 
 
 BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {"kotlin_variants", "penalties", "rules_table", "spectrograph"}
+WITHOUT_BARS = {"kotlin_variants", "penalties", "phones", "rules_table", "spectrograph"}
 """Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
 
 

@@ -431,12 +431,11 @@ def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCu
 
 
 def test_the_real_photo_tells_warm_light_from_daylight() -> None:
-    """Taken under an unknown warm light: 3000 K stands, D65 does not."""
-    warm, cold = (
-        calibrate(PHOTO, lamp, options=Options(basis="cameras")).verdict.reasons for lamp in ("3000K", "D65")
-    )
-    assert "lamp_unfit" not in {reason.code for reason in warm}
-    assert any("fits" in reason.message and "better than D65" in reason.message for reason in cold)
+    """Taken under an unknown warm light: 3000 K stands, D65 is refused."""
+    warm = calibrate(PHOTO, "3000K", options=Options(basis="cameras"))
+    assert "lamp_unfit" not in {reason.code for reason in warm.verdict.reasons}
+    with pytest.raises(LampUnfit, match="fits .* far better than D65; with a probability of 100%"):
+        calibrate(PHOTO, "D65", options=Options(basis="cameras"))
 
 
 def test_the_real_photo_is_doubtful() -> None:

@@ -655,7 +655,7 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
         "corners": [None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]]],
         "white_reflectance": 0.95,
         "chart": "classic24",
-        "basis": "cameras",
+        "basis": "auto",
         "fit": (1, 7, 8, 9),
         "nonnegative": False,
         "gamma": 0.1,

@@ -251,6 +251,7 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
             "unreadable_raw",
             "unsupported_raw",
             "not_sensor_raw",
+            "camera_unusual",
             "chart_not_found",
             "overexposed",
             "underexposed",

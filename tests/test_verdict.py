@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import chi2, norm
 
 from camssf.curves.basis import NODES, Basis, interpolate, read_basis
+from camssf.curves.choice import recover
 from camssf.curves.covariance import CHANNEL_SHARE, smooth_errors
 from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import anchor, sense
-from camssf.curves.ssf import Ssf, recover
+from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
+from camssf.curves.choice import recover
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import recover
 from camssf.grid import Floats
 
 NAME = "elastic net on cameras (camssf)"

@@ -48,6 +48,9 @@ INPUTS: dict[str, list[str | int]] = {
     "l2": [],
     "gamma": [],
 }
+DEFAULTS = {"nonnegative": 0.0, "prior_scale": 1.0}
+"""Inputs that may be left out: x ≥ 0 where above ½ (1 on a basis without a mean unless told), and how much wider than
+its basis the prior is taken."""
 
 
 def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:
@@ -65,12 +68,12 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     g = Graph(f"camssf-{basis.name}")
     given = {name: Value(g, name) for name in INPUTS}
-    nonnegative = Value(g, "nonnegative")
+    nonnegative, prior_scale = (Value(g, name) for name in DEFAULTS)
     r = basis.dictionary.shape[2]
     p, R = (1, 3 * r) if basis.prior else (3, r)
 
     rows = Rows(g, given)
-    whitened, curves = learned_rows(g, rows, basis) if basis.prior else paper_rows(g, rows, basis)
+    whitened, curves = learned_rows(g, rows, basis, prior_scale) if basis.prior else paper_rows(g, rows, basis)
     problem = pose((whitened.A, whitened.b), (given["l2"], given["gamma"]), nonnegative, (p, R))
     one = g.constant(np.eye(R))
     # The layers' weight and the code's posterior covariance in one go.
@@ -137,14 +140,14 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
     }
     for name in shapes:
         g.nodes.append(helper.make_node("Identity", [outputs[name].name], [name]))
-    default = helper.make_tensor("nonnegative", D, [], [0.0 if basis.prior else 1.0])
+    defaults = dict(DEFAULTS, nonnegative=0.0 if basis.prior else 1.0)
     graph = helper.make_graph(
         g.nodes,
         g.name,
         [helper.make_tensor_value_info(name, D, shape) for name, shape in INPUTS.items()]
-        + [helper.make_tensor_value_info("nonnegative", D, [])],
+        + [helper.make_tensor_value_info(name, D, []) for name in defaults],
         [helper.make_tensor_value_info(name, D, shape) for name, shape in shapes.items()],
-        [*g.initializers, default],
+        [*g.initializers, *(helper.make_tensor(name, D, [], [value]) for name, value in defaults.items())],
         doc_string="RAW patch statistics of a ColorChecker in, camera spectral sensitivities and their proof out.",
     )
     model = helper.make_model(

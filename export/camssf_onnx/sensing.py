@@ -99,7 +99,7 @@ def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     return whitened, curves
 
 
-def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
+def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tuple[Whitened, Curves]:
     """Rows free of exposure, whitened by their full covariance, on the 5-nm nodes (sensing.py, `sense`).
 
     One Loop whose body takes the rows about a point: one turn where the lamps have no modes, else two, the first of
@@ -108,7 +108,7 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     given = rows.given
     nodes = basis.mean[:, ::10]
     mean = g.constant(nodes, name="mean")  # (3, v)
-    atoms = g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
+    atoms = prior_scale * g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
     v, r = basis.dictionary[:, ::10].shape[1:]
     k = g.op("Shape", rows.power).slice(0, 1, 0)
     given_twice = g.op("Concat", given["reflectance"], slope(g, given["reflectance"]), axis=0)  # (2 n, m)

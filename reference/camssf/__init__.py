@@ -12,8 +12,8 @@ from camssf._former import install
 
 if TYPE_CHECKING:
     from camssf.calibration import calibrate as calibrate
+    from camssf.curves.choice import recover as recover
     from camssf.curves.evidence import Evidence as Evidence
-    from camssf.curves.ssf import recover as recover
     from camssf.documents.result import Calibration as Calibration
     from camssf.errors import CalibrationError as CalibrationError
     from camssf.evidence.scores import validate as validate
@@ -31,7 +31,7 @@ _HOME = {
     "find_chart": "camssf.photo.pose",
     "measure_patches": "camssf.photo.patches",
     "normalise": "camssf.photo.signals",
-    "recover": "camssf.curves.ssf",
+    "recover": "camssf.curves.choice",
     "validate": "camssf.evidence.scores",
     "Calibration": "camssf.documents.result",
     "CalibrationError": "camssf.errors",

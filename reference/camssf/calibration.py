@@ -125,6 +125,7 @@ def solve(
     problem = pose_problem(capture, options)
     signals = problem.signals
     ssf = problem.solve(signals.used, options.gamma)
+    problem = problem.settled(ssf)
     tell("validating", 0.95)
     predicted_std = problem.bands(signals.used, ssf)
     unseen = foretell(problem, ssf, predicted_std)

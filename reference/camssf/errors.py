@@ -18,7 +18,8 @@ CalibrationError
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
 ├── NotConverged           not_converged       7   the solver's own proof failed
-└── ColourOutOfReach       colour_out_of_reach 8   a colour that no surface has
+├── CameraUnusual          camera_unusual      8   no basis knows such a camera
+└── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -163,8 +164,15 @@ class NotConverged(CalibrationError):
     exit_status = 7
 
 
+class CameraUnusual(CalibrationError):
+    """A camera unlike all that the bases were learned from."""
+
+    code = "camera_unusual"
+    exit_status = 8
+
+
 class ColourOutOfReach(CalibrationError):
     """A colour that no surface has under this lamp, so that the curves cannot carry it."""
 
     code = "colour_out_of_reach"
-    exit_status = 8
+    exit_status = 9

@@ -29,7 +29,7 @@ class Options:
     Of solving, as in `recover`:
 
     Attributes:
-        basis: a name, a file, or a Basis.
+        basis: "auto", for phones or cameras as the signals say; a name, a file, or a Basis.
         fit: 1-based numbers of the patches that enter the fit; None for all, validated fold by fold.
         nonnegative: coefficients ≥ 0; None leaves it to the basis.
         l2, gamma: the penalties λ₂ and γ; None leaves them to the basis.
@@ -40,7 +40,7 @@ class Options:
     white_reflectance: float | None = None
     lamp_tolerance: str | Sequence[str | None] | None = None
     lens_shading: str = "as-stored"
-    basis: str | Basis = "cameras"
+    basis: str | Basis = "auto"
     fit: Sequence[int] | None = None
     nonnegative: bool | None = None
     l2: float | None = None

@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.calibration import attempt, recorded, solve
+from camssf.curves.choice import AUTO
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options, with_former
@@ -39,6 +40,8 @@ CURVES = 1e-9
 """Of the peak: another processor rounds differently (measured bounds: docs/solver.md)."""
 GAP = 1e-9
 """Largest duality gap of either answer."""
+SOLVED = ("basis", "width of the prior", "bases weighed", "model")
+"""Inputs that a result has only where it was solved."""
 COLOURS = 1e-6
 """Of a display colour, which says what reflectances were taken."""
 
@@ -143,7 +146,9 @@ def parity(
         words = f"here the measurement is refused: {error.code}, {error.message}"
         return (*found, Finding("patch means", False, np.inf, MEANS, words))
     tell("solving", 0.7)
-    basis = document["basis"] if document["basis"] != "none" else "cameras"
+    # What the evidence chose there it must choose here, by the same weights; a refusal does not say what it asked.
+    chosen = document["basis"] == "none" or bool(document.get("choice"))
+    basis = AUTO if chosen else document["basis"]
     stated = replace(
         DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative, l2=document.get("l2"),
         gamma=document.get("gamma"),
@@ -324,9 +329,11 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
         ("table", document["chart"]["table"], made["chart"]["table"]),
         ("layout", document["chart"]["layout"], made["chart"]["layout"]),
         ("basis", document["basis"], made["basis"]),
+        ("width of the prior", document.get("prior_scale", 1.0), made.get("prior_scale", 1.0)),
+        ("bases weighed", _hypotheses(document), _hypotheses(made)),
         ("model", document["hashes"]["model"], made["hashes"]["model"]),
     ):
-        if theirs != ours and not (name in ("basis", "model") and "none" in (document["engine"], made["engine"])):
+        if theirs != ours and not (name in SOLVED and "none" in (document["engine"], made["engine"])):
             other.append(f"{name} {theirs} there, {ours} here")
     stated: Mapping[str, str] = document["hashes"]["inputs"]
     for role, spec in (("chart table", chart), *((f"shot {j}, lamp", lamp) for j, lamp in enumerate(specs, 1))):
@@ -346,6 +353,20 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
     words = "; ".join(other + used[:3]) or "table, lamps, basis, model, patches used"
     differ = bool(other or used)
     yield Finding("inputs", not differ, max(colours, np.inf if differ else 0.0), COLOURS, words)
+
+
+def _hypotheses(document: Json) -> str:
+    """What the evidence chose among."""
+    return ", ".join(f"{each['basis']} × {each['prior_scale']:g}" for each in document.get("choice", ())) or "none"
+
+
+def _chosen(document: Json, made: Json) -> Iterator[tuple[float, str]]:
+    """Evidence and probability of each hypothesis. A probability moves by at most as much as an evidence does."""
+    for theirs, ours in zip(document.get("choice", ()), made["choice"], strict=False):
+        size = max(1.0, abs(ours["log_evidence"]))
+        for key in ("log_evidence", "probability"):
+            place = f"{key} of {ours['basis']} × {ours['prior_scale']:g}"
+            yield abs(theirs[key] - ours[key]) / size, f"{place}: {theirs[key]:.9g} there, {ours[key]:.9g} here"
 
 
 def _curve(document: Json, key: str) -> Floats | None:
@@ -402,7 +423,8 @@ def _answers(document: Json, made: Json) -> Iterator[Finding]:
     ]
     yield _compare("curve", CURVES, parts)
     spread = [_list(document, made, "code_covariance", 1.0), _list(document, made, "evidence", made.get("evidence"))]
-    yield _compare("band", CURVES, [_curves(document, made, "ssf_std"), *spread])
+    weighed = _chosen(document, made)
+    yield _compare("band", CURVES, [_curves(document, made, "ssf_std"), *spread, *weighed])
     gaps = [("there", max(document["gap"])), ("here", max(made["gap"]))]
     parts = [(gap, f"largest {where} {gap:.2g}") for where, gap in gaps]
     yield _compare("gap", GAP, [*parts, _list(document, made, "layers_gap", 1.0), _walked(document, made)])

@@ -75,11 +75,13 @@ class Rules:
     Attributes:
         numbers: by group and word, "signals.clipped".
         rivals: lamps tried in the place of the named one.
+        makers: beginnings of makers' names, in small letters, that speak for a basis.
         reasons: by name.
     """
 
     numbers: Mapping[str, Number]
     rivals: tuple[str, ...]
+    makers: Mapping[str, tuple[str, ...]]
     reasons: Mapping[str, Wording]
 
     def number(self, name: str) -> float:
@@ -129,9 +131,9 @@ def parse(text: str) -> Rules:
         document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
     except ValueError as error:
         raise _damaged(f"it is no strict JSON: {error}") from error
-    _keys("the file", document, {"format", "numbers", "rivals", "reasons"})
+    _keys("the file", document, {"format", "numbers", "rivals", "makers", "reasons"})
     _need(document["format"] == FORMAT, f"it calls itself {document['format']!r} instead of {FORMAT!r}")
-    for part in ("numbers", "reasons"):
+    for part in ("numbers", "makers", "reasons"):
         _need(isinstance(document[part], dict), f"{part} is no object")
     numbers: dict[str, Number] = {}
     for group, entries in document["numbers"].items():
@@ -139,8 +141,11 @@ def parse(text: str) -> Rules:
         numbers |= {f"{group}.{word}": _number(f"{group}.{word}", entry) for word, entry in entries.items()}
     rivals = document["rivals"]
     _need(_texts(rivals) and len(set(rivals)) == len(rivals), "rivals is no list of different names")
+    for basis, names in document["makers"].items():
+        _need(_texts(names) and len(set(names)) == len(names), f"makers, {basis} is no list of different names")
+    makers = {basis: tuple(names) for basis, names in document["makers"].items()}
     reasons = {name: _wording(name, entry, numbers) for name, entry in document["reasons"].items()}
-    return Rules(MappingProxyType(numbers), tuple(rivals), MappingProxyType(reasons))
+    return Rules(MappingProxyType(numbers), tuple(rivals), MappingProxyType(makers), MappingProxyType(reasons))
 
 
 def fill(template: str, values: Mapping[str, str | float]) -> str:

@@ -53,7 +53,7 @@ def demo(
     out: OutFolder = Path("out"),
     camera: Annotated[str, typer.Option(metavar="NAME|CSV", help="Whose curves to simulate.")] = DEMO_CAMERA,
     lamp: Annotated[str, typer.Option(metavar="SPEC", help="The light.")] = "D55",
-    basis: BasisName = "cameras",
+    basis: BasisName = "auto",
     seed: Annotated[int, typer.Option(help="Of the simulated noise.")] = 0,
 ) -> None:
     """Simulate, calibrate, compare with truth."""
@@ -97,7 +97,7 @@ def calibrate(
     white_reflectance: WhiteReflectance = None,
     lamp_tolerance: LampTolerances = None,
     lens_shading: LensShading = "as-stored",
-    basis: BasisName = "cameras",
+    basis: BasisName = "auto",
     fit: Fit = None,
     signed: Signed = False,
     l2: L2 = None,
@@ -154,7 +154,7 @@ def batch(
         ),
     ],
     out: OutFolder = Path("out"),
-    basis: BasisName = "cameras",
+    basis: BasisName = "auto",
     engine: Engine = "onnx",
     lens_shading: LensShading = "as-stored",
     jobs: Annotated[

@@ -73,18 +73,20 @@ LensShading: TypeAlias = Annotated[
         help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
     ),
 ]
-BasisName: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="gaussian (the paper's) or cameras.")]
+BasisName: TypeAlias = Annotated[
+    str, typer.Option(metavar="NAME", help="auto (phones or cameras, as the signals say), phones, cameras, gaussian (the paper's), or a file.")
+]
 Gamma: TypeAlias = Annotated[
     float | None,
     typer.Option(
         show_default=False,
-        help="The l1 penalty γ; unless given, 0.05 on `cameras`, chosen from the measured noise on `gaussian`.",
+        help="The l1 penalty γ; unless given, 0.05, on `gaussian` chosen from the measured noise.",
     ),
 ]
 L2: TypeAlias = Annotated[
     float | None,
     typer.Option(
-        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1 on `cameras`, 0 on `gaussian`."
+        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0."
     ),
 ]
 Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]

@@ -85,7 +85,7 @@ def patches(
 
 def solve(
     document: Document = "-",
-    basis: BasisName = "cameras",
+    basis: BasisName = "auto",
     fit: Fit = None,
     signed: Signed = False,
     l2: L2 = None,

@@ -103,6 +103,8 @@ def summarise(document: dict[str, Any], out: Path | None) -> None:
     """A table of the result on stderr."""
     from rich.table import Table
 
+    from camssf.documents.choice import choice_of
+
     scores, verdict = document.get("scores") or {}, document["verdict"]
     table = Table("", "red", "green", "blue", title=literal(_title(document)), title_justify="left")
     for label, values, form in (
@@ -113,6 +115,9 @@ def summarise(document: dict[str, Any], out: Path | None) -> None:
         if values is not None:
             table.add_row(label, *("–" if v is None else form.format(v) for v in values))
     stderr().print(table)
+    chosen = choice_of(document)
+    if chosen is not None and chosen.words:
+        say("basis: ", chosen.words[0])
     colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
     say(f"verdict: [bold {colour}]{verdict['status']}[/]", "")
     for reason in verdict["reasons"]:

@@ -1,14 +1,15 @@
 """The bases: a mean and a dictionary for each channel, so that s = μ + Ψ x.
 
-`gaussian` is the paper's: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` is learned from
-measured cameras and whitened, so that a code's prior is standard normal; `camssf.tools.learn` makes its file.
+`gaussian` is the paper's: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` and `phones` are
+learned from measured cameras and phones and whitened, so that a code's prior is standard normal;
+`camssf.tools.learn` makes their files.
 """
 
 from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -23,7 +24,9 @@ NODES: Floats = WAVELENGTHS[::10]
 """The 69 wavelengths, 5 nm apart, on which measured cameras are known; between them curves run straight."""
 
 FWHM_TO_SIGMA = 1.0 / np.sqrt(8.0 * np.log(2.0))
-NAMES = ("cameras", "gaussian")
+LEARNED = ("cameras", "phones")
+"""Shipped with the package: data/NAME.npz."""
+NAMES = (*LEARNED, "gaussian")
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Basis:
     """Where the curves live.
 
     Attributes:
-        name: "gaussian", "cameras", or a file's name.
+        name: "gaussian", "cameras", "phones", or a file's name.
         mean: (3, 681) μ of R, G, B.
         dictionary: (3, 681, r) Ψ of R, G, B.
         prior: True where x is standard normal a priori (whitened), so that bands exist.
@@ -93,6 +96,22 @@ _STRAIGHT: Floats = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) /
 """(681, 69) weights of the nodes in a curve that is straight between them."""
 
 
+def widened(basis: Basis, scale: float) -> Basis:
+    """The same basis for cameras that spread so much wider: s = μ + scale · Ψ x.
+
+    Raises:
+        InvalidArgument: a scale that is not positive, or any but 1 on a basis without a prior.
+    """
+    if scale == 1.0:
+        return basis
+    if not (np.isfinite(scale) and scale > 0 and basis.prior):
+        raise InvalidArgument(
+            f"A prior cannot be {scale} times as wide on the {basis.name} basis.",
+            "Give a number above 0, and 1 on a basis without a prior.",
+        )
+    return replace(basis, dictionary=scale * basis.dictionary)
+
+
 def interpolate(nodes: Floats) -> Floats:
     """Curves on the 5-nm nodes, wavelength in axis -2, straight between them, on the grid: (..., 681, r)."""
     return np.asarray(_STRAIGHT @ nodes)
@@ -108,7 +127,7 @@ def fold(values: Floats) -> Floats:
 
 def basis_file(spec: str) -> Any:
     """Where the arrays of a learned basis lie: in the package, or a file."""
-    return resources.files("camssf") / "data" / "cameras.npz" if spec == "cameras" else Path(spec)
+    return resources.files("camssf") / "data" / f"{spec}.npz" if spec in LEARNED else Path(spec)
 
 
 @lru_cache(maxsize=8)

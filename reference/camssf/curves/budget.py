@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.curves.basis import Basis, read_basis
+from camssf.curves.basis import Basis, read_basis, widened
 from camssf.curves.evidence import Evidence, evidence_of
 from camssf.curves.sensing import anchor, sense
 from camssf.curves.ssf import moves_of_peak_one
@@ -17,13 +17,15 @@ def explain(
     evidence: Evidence | ArrayLike | None = None,
     *former: ArrayLike,
     basis: str | Basis = "cameras",
+    prior_scale: float = 1.0,
     **named: ArrayLike | None,
 ) -> dict[str, Floats]:
     """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
 
     The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
     G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Each channel's
-    shares are of the sum over the grid of the variances of the curve of peak 1. Former arguments as in `recover`.
+    shares are of the sum over the grid of the variances of the curve of peak 1. `basis` and `prior_scale` are
+    those of the answer. Former arguments as in `recover`.
 
     Raises:
         InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
@@ -33,6 +35,7 @@ def explain(
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
     evidence.check_for(basis)
+    basis = widened(basis, prior_scale)
     sensing = sense(evidence, basis)
     basis = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
     A, sigma = sensing.matrix[0], sensing.covariance[0]

@@ -75,6 +75,12 @@ def solve(
     return Code(*(np.array(each) for each in zip(*found, strict=True)))
 
 
+def log_evidence(sensing: Sensing) -> float:
+    """The evidence of one problem without its solution, a closed form: `Code.log_evidence`."""
+    rows, target, log_det = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
+    return _evidence(Problem(rows, target, 1.0, 0.0, False), log_det)
+
+
 def _evidence(problem: Problem, log_det: float) -> float:
     """-½ (bᵀ P⁻¹ b + ln det P) from whitened rows: P = L (I + A Aᵀ) Lᵀ, Σ = L Lᵀ.
 

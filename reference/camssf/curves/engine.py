@@ -15,7 +15,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 
-SHIPPED = ("cameras", "gaussian")
+SHIPPED = ("phones", "cameras", "gaussian")
 VOCABULARY = "1"
 LAST_SILENT = (1, 28)
 """Version of ONNX Runtime after which it reports its use to its maker, on every system, unless it is told not to."""

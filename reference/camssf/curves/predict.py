@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.curves.basis import Basis, read_basis
+from camssf.curves.basis import Basis, read_basis, widened
 from camssf.curves.evidence import Evidence, array_of, evidence_of, tolerance_of
 from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf, respond
@@ -34,7 +34,7 @@ def predict(
     *former: ArrayLike,
     of: ArrayLike | None = None,
     of_tolerance: ArrayLike = 0.0,
-    basis: str | Basis = "cameras",
+    basis: str | Basis | None = None,
     **named: ArrayLike | None,
 ) -> Prediction:
     """The signals that the curves give of the patches they come from, then of other surfaces `of`, with their bands.
@@ -50,6 +50,7 @@ def predict(
         evidence: what it was recovered from.
         of: (p, 681) reflectances of the other surfaces, seen under the same lamps; None for none.
         of_tolerance: how well these are known, (p,) or one number; 0 for surfaces of exactly that reflectance.
+        basis: the answer's own: to be given where it was a file or a Basis. Of a mixture it is the likeliest one's.
 
     Returns:
         n + p surfaces: the n of `reflectance`, then the p of `of`.
@@ -58,10 +59,11 @@ def predict(
         InvalidArgument: as `recover`; also a basis without a prior, which has no bands.
     """
     evidence = evidence_of("predict", evidence, former, named)
-    basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    basis = basis if isinstance(basis, Basis) else read_basis(ssf.basis if basis is None else str(basis))
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
     evidence.check_for(basis)
+    basis = widened(basis, ssf.prior_scale)
     others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))
     if others.shape[1:] != (WAVELENGTHS.size,):
         raise InvalidArgument(f"`of` has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from camssf.curves.basis import Basis, read_basis
+from camssf.curves.basis import Basis, read_basis, widened
 from camssf.curves.code import Code, solve
 from camssf.curves.engine import SHIPPED, Model, load_model
-from camssf.curves.evidence import Evidence, evidence_of
+from camssf.curves.evidence import Evidence
 from camssf.curves.penalties import penalties
 from camssf.curves.sensing import anchor, sense
 from camssf.errors import InvalidArgument, NotConverged
@@ -22,6 +21,22 @@ LARGEST_GAP = 1e-9
 ENGINES = ("onnx", "reference")
 BY_CHANNEL = ("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")
 """Outputs of the paper's model whose last axis is the channel, each from its own problem."""
+
+
+@dataclass(frozen=True)
+class Weight:
+    """One hypothesis among those that were weighed.
+
+    Attributes:
+        basis, prior_scale: which it is.
+        log_evidence: ln of the marginal likelihood of the signals under it, but for a constant common to all.
+        probability: its weight among them, with what was believed beforehand.
+    """
+
+    basis: str
+    prior_scale: float
+    log_evidence: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -48,6 +63,8 @@ class Ssf:
         basis: its name.
         engine: "onnx" or "reference".
         lamp: (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes.
+        prior_scale: how much wider than its basis the prior was taken, 1.
+        choice: what was weighed where the evidence chose the basis; empty where one was told.
     """
 
     values: Floats
@@ -65,6 +82,8 @@ class Ssf:
     basis: str
     engine: str
     lamp: Floats
+    prior_scale: float = 1.0
+    choice: tuple[Weight, ...] = ()
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""
@@ -72,49 +91,40 @@ class Ssf:
         return self.values / peak, None if self.std is None else self.std / peak
 
 
-def recover(
-    evidence: Evidence | ArrayLike | None = None,
-    *former: ArrayLike,
-    basis: str | Basis = "cameras",
+def answer(
+    evidence: Evidence,
+    basis: str | Basis,
+    *,
+    prior_scale: float = 1.0,
     l2: float | None = None,
     gamma: ArrayLike | None = None,
     nonnegative: bool | None = None,
     engine: str = "onnx",
-    **named: Any,
 ) -> Ssf:
-    """The curves that explain the signals.
+    """The curves that explain the signals, on one basis: `camssf.curves.choice.recover` without its choice.
 
     Args:
         evidence: the signals, and what is known of chart, white and lamps.
-        former, named: `recover(signals, reflectance, lamp, standard_error=..., ...)`, the form before `Evidence`; it
-            goes with the release after the next.
         basis: a name, a file, or a Basis.
-        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, whose channels are one problem, γ is one number,
-            and they default to 1 and 0.05. On the paper's γ may be one a channel, and they default to 0 and to the
-            discrepancy principle: the largest γ whose residual is not above the measured noise,
-            rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that leaves nothing.
-        nonnegative: x ≥ 0; None asks for it on a basis without a mean. False gives the paper's literal Eq. (10).
-        engine: "onnx", the shipped model, or "reference". A basis without a shipped model takes the reference;
-            the answer says which it was.
-
-    With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
+        prior_scale: how much wider the cameras spread than those that the basis was learned from; 1 on the paper's.
+        l2, gamma, nonnegative, engine: as there.
 
     Raises:
         InvalidArgument: values or names that do not fit.
         NotConverged: a relative duality gap above 1e-9.
     """
-    evidence = evidence_of("recover", evidence, former, named)
     known = basis if isinstance(basis, Basis) else read_basis(str(basis))
     evidence.check_for(known)
     if engine not in ENGINES:
         raise InvalidArgument(f"There is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
     positive = not known.prior if nonnegative is None else nonnegative
+    known = widened(known, prior_scale)
     weight, sparsity = penalties(evidence, known, l2, gamma, positive)
     if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
-        return _run(load_model(basis), evidence, known, weight, sparsity, positive)
+        return _run(load_model(basis), evidence, known, prior_scale, (weight, sparsity, positive))
     sensing = sense(evidence, known)
     code = solve(sensing, weight, sparsity[: len(sensing.matrix)], nonnegative=positive)
-    return _curves(evidence, known, sensing.lamp, code, weight, sparsity)
+    return replace(_curves(evidence, known, sensing.lamp, code, weight, sparsity), prior_scale=prior_scale)
 
 
 def _curves(evidence: Evidence, basis: Basis, lamp: Floats, code: Code, l2: float, gamma: Floats) -> Ssf:
@@ -167,9 +177,9 @@ def moves_of_peak_one(basis: Basis, curves: Floats) -> Floats:
     return np.asarray(basis.dictionary - shape[:, :, None] * at_peak)
 
 
-def _run(model: Model, evidence: Evidence, basis: Basis, l2: float, gamma: Floats, nonnegative: bool) -> Ssf:
+def _run(model: Model, evidence: Evidence, basis: Basis, prior_scale: float, how: tuple[float, Floats, bool]) -> Ssf:
     """The model's answer. It takes one γ a call; the paper's channels that differ in it take a call each."""
-    y = evidence.signals
+    y, (l2, gamma, nonnegative) = evidence.signals, how
     chart, white, dark = evidence.frames or (y, np.ones_like(y), np.zeros_like(y))
     modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
     inputs: dict[str, Floats] = {
@@ -186,6 +196,7 @@ def _run(model: Model, evidence: Evidence, basis: Basis, l2: float, gamma: Float
         "lamp_modes": modes,
         "l2": np.array(l2),
         "nonnegative": np.array(float(nonnegative)),
+        "prior_scale": np.array(prior_scale),
     }
     answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
     order = np.searchsorted(np.unique(gamma), gamma)
@@ -201,7 +212,7 @@ def _run(model: Model, evidence: Evidence, basis: Basis, l2: float, gamma: Float
     return Ssf(
         out["ssf"], std, out["code"], spread, out["predicted"], out["gap"], out["layers_gap"],
         np.rint(out["finish_steps"]).astype(np.int64), evidence_, gamma, l2, out["channel_gain"], basis.name, "onnx",
-        out["lamp_estimate"],
+        out["lamp_estimate"], prior_scale,
     )  # fmt: skip
 
 

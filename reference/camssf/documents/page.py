@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.colour.indices import quality_of
+from camssf.documents.choice import choice_of
 from camssf.errors import CalibrationError
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
@@ -178,6 +179,7 @@ def page(document: Json, previews: Sequence[bytes | None]) -> str:
         _banner(document),
         _headline(document),
         _section("Spectral sensitivity", _curve_section(document)) if curves else "",
+        _section("Which basis answered", _choice_section(document)),
         _section("Where the band comes from", _budget_section(document)),
         _section("What the curves are worth for colour", _colour_section(document)) if curves else "",
         _section("Measured against synthetic patches", _tile_section(document)),
@@ -452,6 +454,37 @@ def _columns(quadrangles: Sequence[Any]) -> int:
 
 def _hex(srgb: Sequence[float]) -> str:
     return "#" + "".join(f"{round(255 * v):02x}" for v in srgb)
+
+
+def _choice_section(document: Json) -> str:
+    """Which basis answered, with what odds, and why; nothing where one was told."""
+    found = choice_of(document)
+    if found is None:
+        return ""
+    weighed = document["choice"]
+    best = max(each["log_evidence"] for each in weighed)
+    rows = [
+        [
+            _t(each["basis"]),
+            _brief(each["prior_scale"]),
+            f"{each['log_evidence'] - best:.1f}".replace("-", "\u2212"),
+            _percent(each["probability"]),
+        ]
+        for each in weighed
+    ]
+    table = _table(
+        "What was weighed. Evidence: natural logarithm of the marginal likelihood, less the best; the probabilities "
+        "hold what was believed beforehand, too.",
+        ["Basis", "Width of its prior", "Evidence", "Probability"],
+        rows,
+        "choice",
+    )
+    return "".join(f"<p>{_t(words)}</p>\n" for words in found.words) + table
+
+
+def _percent(share: float) -> str:
+    """A probability; beyond a thousandth of 0 or 1 only that it is."""
+    return "< 0.1 %" if 0.0 <= share < 1e-3 else "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 
 def _budget_section(document: Json) -> str:

@@ -73,6 +73,8 @@ class Calibration:
             "layers_gap": self.ssf.layers_gap.tolist(),
             "finish_steps": self.ssf.finish_steps.tolist(),
             "evidence": self.ssf.log_evidence,
+            "prior_scale": self.ssf.prior_scale,
+            "choice": [vars(weight) for weight in self.ssf.choice],
             "gamma": self.ssf.gamma.tolist(),
             "l2": self.ssf.l2,
             "uncertainty": self.uncertainty,

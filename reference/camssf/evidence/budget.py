@@ -23,7 +23,7 @@ def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] |
     if ssf.std is None:
         return None
     capture, signals = problem.capture, problem.signals
-    shares = explain(problem.given(signals.used), basis=problem.options.basis)
+    shares = explain(problem.given(signals.used), basis=problem.basis, prior_scale=problem.prior_scale)
     noise = float(np.median((signals.standard_error / np.maximum(signals.values, FAINTEST))[signals.used]))
     _, white = problem.white_reference()
     lamps = problem.lamps

@@ -18,17 +18,24 @@ _NUMBER = rules().number
 RIVAL, CONDEMNED = _NUMBER("verdict.rival"), _NUMBER("verdict.condemned")
 RIVALS = rules().rivals
 """Lamps tried in the place of the named one."""
+MISNAMED = _NUMBER("verdict.misnamed")
+"""How probable it is beforehand that a lamp is named wrongly."""
 MOST_RIVALLED = rules().whole("verdict.most_rivalled")
 TINTED = _NUMBER("verdict.tinted")
 
 
 @dataclass(frozen=True)
 class Rival:
-    """T₄ with another lamp in place of a shot's own."""
+    """Another lamp in place of a shot's own.
+
+    Attributes:
+        shot: 0-based. lamp: its name.
+        gain: of ln of the marginal likelihood over the named lamp's, on the narrowed prior.
+    """
 
     shot: int
     lamp: str
-    weighted: float
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -39,14 +46,21 @@ class Neutral:
     white: Floats
 
 
-def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp], weighted: float) -> list[Reason]:
-    """Rule 4: of all shots and lamps the one that fits best."""
-    best = min(rivals, key=lambda rival: rival.weighted, default=None)
-    if best is None or weighted - best.weighted <= RIVAL:
+def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp]) -> list[Reason]:
+    """Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong."""
+    best = max(rivals, key=lambda rival: rival.gain, default=None)
+    if best is None or best.gain <= RIVAL:
         return []
-    gain = weighted - best.weighted
-    words = {"shot": f"shot {best.shot + 1}", "rival": best.lamp, "lamp": lamps[best.shot].name}
-    return [because("rival", gain, words, fatal=gain > CONDEMNED)]
+    own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
+    # Less the best, or e^gain overflows where a lamp is grossly wrong.
+    odds = best.gain + np.log(np.mean(np.exp(own - best.gain)) * MISNAMED / (1.0 - MISNAMED))
+    words: dict[str, str | float] = {
+        "shot": f"shot {best.shot + 1}",
+        "rival": best.lamp,
+        "lamp": lamps[best.shot].name,
+        "probability": float(1.0 / (1.0 + np.exp(-odds))),
+    }
+    return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
 
 
 def tinted(name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: int, answer: Ssf) -> list[Reason]:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis
+from camssf.curves.choice import CLEAR, recover
 from camssf.curves.evidence import Evidence
 from camssf.curves.predict import predict
-from camssf.curves.ssf import Ssf, recover, respond
+from camssf.curves.ssf import Ssf, respond
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
@@ -36,12 +37,19 @@ class Problem:
         signals: Eq. (5); `used` are the usable patches among those that were asked for.
         asked: (n,) the patches that may enter the fit.
         options: how to solve.
+        basis, prior_scale: on what; "auto" until an answer has settled it.
     """
 
     capture: Capture
     signals: Signals
     asked: NDArray[np.bool_]
     options: Options
+    basis: str | Basis
+    prior_scale: float = 1.0
+
+    def settled(self, ssf: Ssf) -> Problem:
+        """The same problem on the basis that gave the answer: parts of it, and rivals, are held against that one."""
+        return replace(self, basis=ssf.basis, prior_scale=ssf.prior_scale) if ssf.choice else self
 
     @property
     def lamps(self) -> list[Lamp]:
@@ -60,8 +68,8 @@ class Problem:
         """`recover` on the used patches (k, n); the answer predicts all of them."""
         options, given = self.options, self.given(used)
         ssf = recover(
-            given, basis=options.basis, l2=options.l2, gamma=gamma, nonnegative=options.nonnegative,
-            engine=options.engine,
+            given, basis=self.basis, prior_scale=self.prior_scale, prior=believed(self.capture.shots[0].photo.make),
+            l2=options.l2, gamma=gamma, nonnegative=options.nonnegative, engine=options.engine,
         )  # fmt: skip
         return replace(
             ssf, predicted=respond(ssf.values, self.capture.chart.values, ssf.lamp, given.white_reflectance)
@@ -79,14 +87,15 @@ class Problem:
             return None
         table, taken = self.capture.chart, used.any(axis=0)
         others, tolerance = table.values[~taken], table.tolerance[~taken]
-        found = predict(ssf, self.given(used), of=others, of_tolerance=tolerance, basis=self.options.basis).std
+        given = self.given(used)
+        found = predict(ssf, given, of=others, of_tolerance=tolerance, basis=self.basis).std
         std = np.empty_like(self.signals.values)
         std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
         return std
 
     def given(self, used: NDArray[np.bool_]) -> Evidence:
         """What `recover`, `predict` and `explain` take: the patches that some shot may use."""
-        signals, table, basis, taken = self.signals, self.capture.chart, self.options.basis, used.any(axis=0)
+        signals, table, basis, taken = self.signals, self.capture.chart, self.basis, used.any(axis=0)
         exact = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
         rho, white_tolerance = self.white_reference()
         return Evidence(
@@ -119,7 +128,15 @@ def pose_problem(capture: Capture, options: Options) -> Problem:
         raise InvalidArgument(
             f"Only {count} patches are left for the fit.", "Name more patches by --fit, or leave it out."
         )
-    return Problem(capture, signals, asked, options)
+    return Problem(capture, signals, asked, options, options.basis)
+
+
+def believed(make: str) -> dict[str, float]:
+    """What a file's own word for the maker says of the basis beforehand: odds, never a proof."""
+    name = make.casefold()
+    return {
+        basis: CLEAR for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
+    }
 
 
 def _asked(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Problem and answer → verdict: the answer weighed beside what other lamps would have given."""
+"""Problem and answer → verdict: the answer weighed beside other lamps in the place of those named."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from camssf.curves.basis import Basis, read_basis, widened
+from camssf.curves.code import log_evidence
+from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf
-from camssf.errors import LampUnfit, NotConverged
-from camssf.evidence.problem import Problem
-from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge, surprise
+from camssf.evidence.problem import Problem, believed
+from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge
+from camssf.rules import rules
 from camssf.spectra import read_lamp
+
+NARROW = rules().number("verdict.narrow")
+"""Lamps are compared by cameras that spread so much less than their basis, which was enlarged on purpose."""
 
 
 def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
@@ -29,30 +35,28 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             tolerance,
         ),
         ssf,
-        rivals=solve_rivals(problem, ssf),
+        rivals=lambda: weigh_rivals(problem, ssf),
         neutrals=[
             [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
             for shot in shots
         ],
         alone=alone,
+        family=next(iter(believed(shots[0].photo.make)), None),
     )
 
 
-def solve_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
-    """How well the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md."""
-    capture, signals = problem.capture, problem.signals
+def weigh_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
+    """How much better the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md."""
+    capture, used = problem.capture, problem.signals.used
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()
-    rho, tolerance = problem.white_reference()
+    basis = problem.basis if isinstance(problem.basis, Basis) else read_basis(problem.basis)
+    basis = widened(basis, NARROW * problem.prior_scale)
+    named = log_evidence(sense(problem.given(used), basis))
     found = []
     for j, shot in enumerate(capture.shots):
         for name in RIVALS:
             shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
             other = replace(problem, capture=replace(capture, shots=shots))
-            try:
-                answer = other.solve(signals.used, problem.options.gamma)
-            except (LampUnfit, NotConverged):  # then it is no rival
-                continue
-            fit = surprise(signals, capture.chart, other.lamps, answer, rho, tolerance)
-            found.append(Rival(j, name, fit.weighted))
+            found.append(Rival(j, name, log_evidence(sense(other.given(used), basis)) - named))
     return tuple(found)

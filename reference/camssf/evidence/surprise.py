@@ -21,7 +21,6 @@ _NUMBER = rules().number
 SURPRISE = _NUMBER("verdict.surprise")
 SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
-PRIOR_WEIGHT = _NUMBER("verdict.prior_weight")
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,6 @@ class Surprise:
     def total(self) -> float:
         """T."""
         return self.residual + self.prior
-
-    @property
-    def weighted(self) -> float:
-        """T₄."""
-        return self.residual + PRIOR_WEIGHT * self.prior
 
     @property
     def z(self) -> float:

@@ -8,7 +8,7 @@ numbers, for this file and its neighbours and for Kotlin; data/rules.json holds 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +70,7 @@ HOPELESS = _NUMBER("verdict.hopeless")
 STRANGE, ALIEN, FREER = _NUMBER("verdict.strange"), _NUMBER("verdict.alien"), _NUMBER("verdict.freer")
 FEWEST = rules().whole("verdict.fewest")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
+UNUSUAL = _NUMBER("verdict.unusual")
 
 
 @dataclass(frozen=True)
@@ -109,18 +110,20 @@ def judge(
     weighed: Weighed,
     ssf: Ssf,
     *,
-    rivals: Sequence[Rival] = (),
+    rivals: Sequence[Rival] | Callable[[], Sequence[Rival]] = (),
     neutrals: Sequence[Sequence[Neutral]] = (),
     alone: Sequence[Ssf] = (),
+    family: str | None = None,
 ) -> Verdict:
     """Weigh the evidence behind an answer.
 
     Args:
         weighed: the k shots.
         ssf: the answer, with its predictions (k, n, 3).
-        rivals: T₄ with other lamps.
+        rivals: other lamps, or what finds them: it is not asked where the capture is refused already.
         neutrals: for each shot what its file tells of the camera's white; none where it tells nothing.
         alone: of several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
+        family: the basis that the file's own word for the maker speaks for, if any.
     """
     signals, table, lamps = weighed.signals, weighed.table, weighed.lamps
     found = weighed.surprise(ssf)
@@ -136,9 +139,11 @@ def judge(
             reasons.append(because("pose", pose.score, {"shot": name, "score": pose.score}))
     for j, lamp in enumerate(lamps):
         reasons += tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
-    if len(lamps) == 1 or not any(accused(one) for one in each):
-        reasons += rivalled(rivals, lamps, found.weighted)
     reasons += _vague(ssf)
+    reasons += _unusual(ssf, family)
+    fatal = any(isinstance(reason, Fatal) for reason in reasons)
+    if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
+        reasons += rivalled(rivals() if callable(rivals) else rivals, lamps)
     if any(isinstance(reason, Fatal) for reason in reasons):
         return Verdict("refused", tuple(reasons))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons))
@@ -182,6 +187,16 @@ def _strange(prior: float, shots: int) -> list[Reason]:
     fatal = prior > alien
     bound = alien if fatal else strange
     return [because("strange", prior, {"length": prior, "bound": strange}, fatal=fatal, threshold=bound)]
+
+
+def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
+    """A camera that its basis does not know: wider than it, or of the other family than its maker."""
+    wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
+    other = sum(weight.probability for weight in ssf.choice if family is not None and weight.basis != family)
+    if max(wide, other) <= UNUSUAL:
+        return []
+    words = {"probability": max(wide, other), "basis": ssf.basis}
+    return [because("unusual", max(wide, other), words)]
 
 
 def _vague(ssf: Ssf) -> list[Reason]:

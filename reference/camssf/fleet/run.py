@@ -93,7 +93,7 @@ def run_batch(
     manifest: str | Path,
     out: str | Path,
     *,
-    basis: str = "cameras",
+    basis: str = "auto",
     engine: str = "onnx",
     lens_shading: str = "as-stored",
     jobs: int | None = None,
@@ -137,7 +137,7 @@ def run_batch(
     return outcomes
 
 
-def read_manifest(path: str | Path, *, basis: str = "cameras", engine: str = "onnx") -> tuple[Job, ...]:
+def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx") -> tuple[Job, ...]:
     """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
     path = Path(path)
     try:

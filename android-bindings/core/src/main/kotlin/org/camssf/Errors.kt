@@ -21,7 +21,8 @@ package org.camssf
  * │   ├── Blurred            blurred
  * │   └── Glare              glare
  * ├── LampUnfit              lamp_unfit          the light
- * └── NotConverged           not_converged       the solver's own proof failed
+ * ├── NotConverged           not_converged       the solver's own proof failed
+ * └── CameraUnusual          camera_unusual      no basis knows such a camera
  * ```
  *
  * @property code the word of the vocabulary, the same in every language.
@@ -197,3 +198,12 @@ public class NotConverged @JvmOverloads constructor(
     threshold: Double? = null,
     cause: Throwable? = null,
 ) : CalibrationException("not_converged", message, advice, value, threshold, cause)
+
+/** A camera unlike all that the bases were learned from, or not of the kind that its maker makes. */
+public class CameraUnusual @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("camera_unusual", message, advice, value, threshold, cause)

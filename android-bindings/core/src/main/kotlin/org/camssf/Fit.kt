@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Evidence
 import org.camssf.curves.Frames
@@ -9,6 +10,7 @@ import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
 import org.camssf.curves.Ssf
 import org.camssf.curves.Tensor
+import org.camssf.curves.respond
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
 import org.camssf.spectra.Lamp
@@ -16,19 +18,23 @@ import org.camssf.spectra.Lamp
 /**
  * One capture's rows to curves, by the model, again and again: with some patches left out, with another lamp, by one shot
  * alone.
+ *
+ * @param engines the models to choose from, or the one that was asked for.
+ * @param priorScale how much wider than its basis the prior of that one is taken.
  */
 internal class Fit(
-    private val engine: Engine,
+    private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val signals: Signals,
     private val settings: Settings,
+    private val priorScale: Double = 1.0,
 ) {
     private val table = capture.chart
     private val n = table.patches.size
     private val k = capture.shots.size
 
     /** The paper's basis, which knows of no error in the chart and has no prior. */
-    val paper: Boolean = engine.basis == OnnxEngine.PAPER
+    val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
 
     /** Whether the shots have white frames. */
     val framed: Boolean = capture.shots[0].means.white != null
@@ -48,6 +54,12 @@ internal class Fit(
         whiteTolerance = if (framed) WHITE_TOLERANCE else table.sharedTolerance[table.white]
     }
 
+    /** The same on the basis that gave the answer: parts of it, and rivals, are held against that one. */
+    fun settled(ssf: Ssf): Fit {
+        if (ssf.choice.isEmpty()) return this
+        return Fit(engines.filter { it.basis == ssf.basis }, capture, signals, settings, ssf.priorScale)
+    }
+
     /** Patches, 0-based, that enter the fit of some shot, of `used` (k, n). */
     fun taken(used: BooleanArray): IntArray =
         (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
@@ -59,20 +71,39 @@ internal class Fit(
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged there is no proof.
      */
-    fun curves(used: BooleanArray, gamma: DoubleArray?, lamps: List<Lamp> = this.lamps): Ssf {
+    fun curves(used: BooleanArray, gamma: DoubleArray?): Ssf {
+        val taken = taken(used)
+        val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, taken) }
+        val shown = Frames(frames[0], frames[1], frames[2])
+        val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
+        val given = evidence(used, lamps)
+        val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
+            ?: Choice.recover(engines, given, shown, penalties, Choice.believed(capture.shots[0].photo.make))
+        return found.predicting(respond(found.sharedValues, table.sharedValues, found.sharedLamp, white))
+    }
+
+    /**
+     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, on the settled basis with its prior
+     * so many times as wide as the answer's.
+     */
+    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double =
+        Recover.logEvidence(engines.single(), evidence(used, lamps), scale * priorScale)
+
+    /** Of values (k, n, 3) those of the taken patches. */
+    private fun rows(values: DoubleArray, taken: IntArray): Tensor {
+        val t = taken.size
+        val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + taken[at / 3 % t]) + at % 3] }
+        return Tensor(own, k, t, 3)
+    }
+
+    private fun evidence(used: BooleanArray, lamps: List<Lamp>): Evidence {
         val taken = taken(used)
         val t = taken.size
-        fun rows(values: DoubleArray) = Tensor(
-            DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + taken[at / 3 % t]) + at % 3] },
-            k,
-            t,
-            3,
-        )
         val unused = HIDDEN
         val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else unused }
-        val evidence = Evidence(
-            rows(signals.sharedValues),
-            rows(hidden),
+        return Evidence(
+            rows(signals.sharedValues, taken),
+            rows(hidden, taken),
             Known(
                 Tensor(taken.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
                 Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[taken[it]] }, t),
@@ -83,9 +114,6 @@ internal class Fit(
                 modes(lamps),
             ),
         )
-        val frames = Frames(rows(signals.sharedChart), rows(signals.sharedWhite), rows(signals.sharedDark))
-        val found = Recover.recover(engine, evidence, frames, Penalties(settings.l2, gamma, settings.nonnegative))
-        return found.predicting(predict(found))
     }
 
     /** (k, q, 681), filled up with zeros where a lamp has fewer. */
@@ -96,24 +124,6 @@ internal class Fit(
             lamp.sharedModes.forEachIndexed { i, mode -> mode.copyInto(modes, (j * q + i) * Grid.SIZE) }
         }
         return Tensor(modes, k, q, Grid.SIZE)
-    }
-
-    /** Signals (k, n, 3) of all patches. */
-    private fun predict(ssf: Ssf): DoubleArray {
-        val predicted = DoubleArray(3 * k * n)
-        for (j in 0 until k) {
-            for (c in 0..2) {
-                val seen =
-                    DoubleArray(Grid.SIZE) { ssf.sharedLamp[j * Grid.SIZE + it] * ssf.sharedValues[3 * it + c] }
-                val level = (0 until Grid.SIZE).sumOf { white[it] * seen[it] }
-                for (i in 0 until n) {
-                    val from = i * Grid.SIZE
-                    predicted[3 * (j * n + i) + c] =
-                        (0 until Grid.SIZE).sumOf { table.sharedValues[from + it] * seen[it] } / level
-                }
-            }
-        }
-        return predicted
     }
 
     private companion object {

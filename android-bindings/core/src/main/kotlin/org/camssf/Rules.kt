@@ -13,10 +13,12 @@ import org.camssf.model.Models
  * number and no sentence stands in two places. docs/verdict.md describes the file.
  *
  * @property rivals lamps tried in the place of the named one.
+ * @property makers beginnings of makers' names, in small letters, that speak for a basis.
  */
 internal class Rules private constructor(
     private val numbers: Map<String, String>,
     val rivals: List<String>,
+    val makers: Map<String, List<String>>,
     private val reasons: Map<String, Wording>,
 ) {
     /** A number by group and word, "verdict.surprise". */
@@ -85,7 +87,7 @@ internal class Rules private constructor(
             } catch (error: SerializationException) {
                 throw damaged("it is no JSON: ${error.message}")
             }
-            val file = record("the file", parsed, setOf("format", "numbers", "rivals", "reasons"))
+            val file = record("the file", parsed, setOf("format", "numbers", "rivals", "makers", "reasons"))
             val format = text("format", file.getValue("format"))
             if (format != FORMAT) throw damaged("it calls itself $format instead of $FORMAT")
             val numbers = HashMap<String, String>()
@@ -99,7 +101,10 @@ internal class Rules private constructor(
             val reasons = record("reasons", file.getValue("reasons")).mapValues { (name, entry) ->
                 wording(name, record(name, entry, WORDS, setOf("advice_in_apps")), numbers)
             }
-            return Rules(numbers, texts("rivals", file.getValue("rivals")), reasons)
+            val makers = record("makers", file.getValue("makers")).mapValues { (basis, names) ->
+                different("makers, $basis", names)
+            }
+            return Rules(numbers, different("rivals", file.getValue("rivals")), makers, reasons)
         }
 
         /** A template with its placeholders filled in: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
@@ -141,6 +146,9 @@ internal class Rules private constructor(
         private fun texts(where: String, value: JsonElement): List<String> =
             (value as? JsonArray)?.takeIf { it.isNotEmpty() }?.map { text(where, it) }
                 ?: throw damaged("$where is no list")
+
+        private fun different(where: String, value: JsonElement): List<String> =
+            texts(where, value).also { if (it.toSet().size < it.size) throw damaged("$where names one twice") }
 
         private fun record(where: String, value: JsonElement): JsonObject =
             value as? JsonObject ?: throw damaged("$where is no object")

@@ -1,23 +1,21 @@
 package org.camssf
 
+import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Ssf
 import org.camssf.documents.Solution
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
-import org.camssf.evidence.Light
-import org.camssf.evidence.Rival
 import org.camssf.evidence.Scores
 import org.camssf.evidence.Told
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
 import org.camssf.photo.Signals
-import org.camssf.spectra.Lamp
 
 /** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
 internal class Solve(
-    private val engine: Engine,
+    private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val settings: Settings,
     private val tell: Tell,
@@ -35,10 +33,11 @@ internal class Solve(
         val asked = asked()
         val signals =
             Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(asked)
-        val fit = Fit(engine, capture, signals, settings)
-        checkEnough(fit.taken(signals.sharedUsed).size)
+        val asking = Fit(engines, capture, signals, settings)
+        checkEnough(asking.taken(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
-        val ssf = curves(fit, SOLVING, signals.sharedUsed, gamma)
+        val ssf = curves(asking, SOLVING, signals.sharedUsed, gamma)
+        val fit = asking.settled(ssf)
         val unseen = unseen(fit, signals, asked, ssf)
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }.map { shot ->
@@ -46,8 +45,12 @@ internal class Solve(
             curves(fit, VALIDATING, own, gamma)
         }
         val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance)
-        val rivals = rivals(fit, signals, ssf, gamma)
-        val verdict = Judge.judge(Case(told, capture.shots, alone, rivals, foretold()))
+        val family = Choice.believed(capture.shots[0].photo.make).keys.firstOrNull()
+        val verdict = Judge.judge(
+            Case(told, capture.shots, alone, foretold(), family) {
+                Rivals.of(fit, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+            },
+        )
         val assumptions = signals.assumptions + Assumptions.of(capture, fit.paper)
         val widths = alone.map { it.halfWidth }.takeIf { ssf.sharedStd != null }
         return Solution(capture, signals, ssf, unseen.values, scores, verdict, assumptions, widths)
@@ -79,10 +82,9 @@ internal class Solve(
         stage: Pair<String, Double>,
         used: BooleanArray,
         gamma: DoubleArray?,
-        lamps: List<Lamp> = fit.lamps,
     ): Ssf {
         tell(stage.first, stage.second)
-        return fit.curves(used, gamma, lamps)
+        return fit.curves(used, gamma)
     }
 
     /** Predictions (k, n, 3) of patches that the fit had not seen, NaN elsewhere, and how that was done in words. */
@@ -119,28 +121,9 @@ internal class Solve(
         return Scores.of(signals, predicted, table, fit.lamps, counts, unseen.how)
     }
 
-    /** How well the same signals fit with other lamps, one shot at a time: rule 4 of the verdict. */
-    private fun rivals(fit: Fit, signals: Signals, ssf: Ssf, gamma: DoubleArray?): List<Rival> {
-        if (ssf.sharedStd == null || k > Light.MOST_RIVALLED) return emptyList()
-        return capture.shots.indices.flatMap { j ->
-            Light.RIVALS.mapNotNull { name ->
-                val others = fit.lamps.toMutableList().also { it[j] = lamp(name) }
-                val answer = try {
-                    curves(fit, JUDGING, signals.sharedUsed, gamma, others)
-                } catch (_: LampUnfit) {
-                    return@mapNotNull null // then it is no rival
-                } catch (_: NotConverged) {
-                    return@mapNotNull null
-                }
-                val told = Told(signals, table, others, answer, fit.white, fit.whiteTolerance)
-                Rival(j, name, told.surprise().weighted)
-            }
-        }
-    }
-
     /** What each shot's file foretells of its white. */
     private fun foretold(): List<List<Foretold>> = capture.shots.map { shot ->
-        shot.photo.neutrals.map { Foretold(lamp(it.light).sharedValues, it.white) }
+        shot.photo.neutrals.map { Foretold(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
     private companion object {
@@ -150,10 +133,5 @@ internal class Solve(
         val SOLVING = "solving" to 0.9
         val VALIDATING = "validating" to 0.95
         val JUDGING = "judging" to 0.98
-
-        /** Lamps by name, which every verdict asks for. */
-        val known = HashMap<String, Lamp>()
-
-        fun lamp(name: String): Lamp = synchronized(known) { known.getOrPut(name) { Lamp.read(name) } }
     }
 }

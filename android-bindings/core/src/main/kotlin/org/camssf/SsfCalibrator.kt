@@ -3,6 +3,7 @@ package org.camssf
 import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.ensureActive
 import kotlinx.coroutines.withContext
+import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.SHIPPED_BASES
@@ -22,6 +23,7 @@ import java.io.Closeable
 import java.io.InterruptedIOException
 import java.net.SocketTimeoutException
 import java.nio.channels.ClosedByInterruptException
+import java.util.Collections
 import java.util.concurrent.CancellationException
 
 /**
@@ -38,23 +40,28 @@ import java.util.concurrent.CancellationException
  * }
  * ```
  *
- * Ownership: it holds the model in native memory; who opens it closes it. Open one and keep it, or open one for each
+ * Ownership: it holds its models in native memory; who opens it closes it. Open one and keep it, or open one for each
  * calibration. Threads: any; calls from several threads wait for each other at the model. A second `close` does
  * nothing; calls after it throw [IllegalStateException]. Results belong to the caller and outlive it.
  */
-public class SsfCalibrator private constructor(private val engine: Engine) : Closeable {
+public class SsfCalibrator private constructor(
+    /** The basis of the curves: "auto", phones or cameras as the signals say; "phones", "cameras", or "gaussian". */
+    public val basis: String,
+    private val engines: List<Engine>,
+) : Closeable {
     @Volatile
     private var closed = false
 
-    /** The basis of the curves: "cameras", or "gaussian", the paper's. */
-    public val basis: String get() = engine.basis
+    /** SHA-256 of the model files by their bases, lower-case hex: of "auto" two. */
+    public val modelHashes: Map<String, String> = Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
-    /** SHA-256 of the model file, lower-case hex. */
-    public val modelSha256: String get() = engine.sha256
+    /** SHA-256 of the model file, of "auto" that of phones. */
+    @Deprecated("There may be two models. Goes with the next release.", ReplaceWith("modelHashes"))
+    public val modelSha256: String get() = engines[0].sha256
 
     /**
      * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
-     * measures the patches and solves (about twenty runs of the model for one shot). Blocks: not for the main thread.
+     * measures the patches and solves (about thirty runs of a model for one shot). Blocks: not for the main thread.
      *
      * @param progress called on this thread.
      * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].
@@ -132,7 +139,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
     }
 
     private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
-        val solution = Solve(engine, capture, settings, tell).run()
+        val solution = Solve(engines, capture, settings, tell).run()
         tell("done", 1.0)
         return solution
     }
@@ -143,7 +150,7 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
             if (solution.verdict.outcome == Status.REFUSED) {
                 return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun())
             }
-            return Calibrated(solution, engine.sha256)
+            return Calibrated(solution, modelHashes.getValue(solution.ssf.basis))
         } catch (error: InvalidArgument) {
             throw error
         } catch (error: CalibrationException) {
@@ -154,27 +161,30 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
 
     private fun checkOpen() = check(!closed) { "This SsfCalibrator was closed. Open another." }
 
-    /** Releases the model; waits for a run that is in work. */
+    /** Releases the models; waits for a run that is in work. */
     override fun close() {
         closed = true
-        engine.close()
+        engines.forEach { it.close() }
     }
 
     public companion object {
-        /** Bases that [open] knows: "cameras" learned from measured cameras, "gaussian" the paper's. */
+        /**
+         * Bases that [open] knows: "auto", "phones" and "cameras" learned from measured ones, "gaussian" the paper's.
+         */
         @JvmField
-        public val BASES: List<String> = SHIPPED_BASES
+        public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()
 
         /**
-         * Loads the shipped model of a basis and checks its hash, grid and vocabulary.
+         * Loads the shipped model of a basis, for "auto" those of phones and cameras, and checks hash, grid and
+         * vocabulary.
          *
          * @throws InvalidArgument there is no such basis, the app carries another model than this version's, or ONNX
          *   Runtime is missing.
          */
         @JvmStatic
         @JvmOverloads
-        public fun open(basis: String = "cameras"): SsfCalibrator = try {
-            SsfCalibrator(OnnxEngine.load(basis))
+        public fun open(basis: String = "auto"): SsfCalibrator = try {
+            SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)))
         } catch (error: LinkageError) {
             throw InvalidArgument(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
@@ -182,6 +192,17 @@ public class SsfCalibrator private constructor(private val engine: Engine) : Clo
                     "of the device's ABI; on a desktop onnxruntime of the same version.",
                 cause = error,
             )
+        }
+
+        private fun load(bases: List<String>): List<Engine> {
+            val engines = ArrayList<Engine>()
+            try {
+                bases.mapTo(engines) { OnnxEngine.load(it) }
+            } catch (error: Throwable) {
+                engines.forEach { it.close() }
+                throw error
+            }
+            return engines
         }
 
         private fun blocking(progress: Progress?): Tell = { stage, part ->

@@ -198,12 +198,12 @@ class FailuresTest {
         assertTrue(places.none { "onnxruntime" in it.path })
         URLClassLoader(places, ClassLoader.getPlatformClassLoader()).use { loader ->
             val type = loader.loadClass("org.camssf.SsfCalibrator")
-            assertEquals(listOf("cameras", "gaussian"), type.getField("BASES").get(null))
+            assertEquals(listOf("auto", "phones", "cameras", "gaussian"), type.getField("BASES").get(null))
             val companion = type.getField("Companion").get(null)
             repeat(2) {
                 val open = companion.javaClass.getMethod("open", String::class.java)
                 val thrown =
-                    assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "cameras") }
+                    assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "auto") }
                 val error = thrown.targetException
                 assertEquals("org.camssf.InvalidArgument", error.javaClass.name, error.toString())
                 assertTrue("onnxruntime-android of version 1.28.0" in error.toString(), error.toString())

@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.curves.Choice
 import org.camssf.evidence.Light
 import org.camssf.model.Models
 import org.camssf.spectra.Lamp
@@ -36,12 +37,23 @@ class RulesTest {
     @Test
     fun `every rival is a lamp`() {
         for (name in Light.RIVALS) assertTrue(Lamp.read(name).values.max() > 0, name)
-        assertEquals(14, Light.RIVALS.toSet().size)
+        assertEquals(18, Light.RIVALS.toSet().size)
+    }
+
+    @Test
+    fun `makers speak for the bases that are weighed`() {
+        assertEquals(Choice.FAMILIES, Rules.shipped.makers.keys.toList())
+        val all = Rules.shipped.makers.values.flatten()
+        assertTrue("google" in Rules.shipped.makers.getValue("phones") && all.all { it == it.lowercase() })
+        assertEquals(all.size, all.toSet().size)
     }
 
     @Test
     fun `where an app has no command line its advice names no option`() {
-        for (name in listOf("patch", "unexplained", "contradiction", "strange", "pose", "tint", "rival", "veil")) {
+        val all = listOf(
+            "patch", "unexplained", "contradiction", "strange", "pose", "tint", "rival", "unusual", "veil",
+        )
+        for (name in all) {
             val words = mapOf("rival" to "A")
             assertTrue("--" !in Rules.shipped.wording(name).advice(words), name)
         }
@@ -64,6 +76,10 @@ class RulesTest {
         assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
         assertTrue("limits" in refused(text.replaceFirst("[\"suspect\", \"hopeless\"]", "[\"suspects\"]")))
         assertTrue("rivals" in refused(text.replace(Regex("\"rivals\": \\[[^]]*]"), "\"rivals\": []")))
+        assertTrue("rivals" in refused(text.replace("\"2300K\", ", "\"2300K\", \"2300K\", ")))
+        assertTrue("makers, phones" in refused(text.replace("\"google\", ", "\"google\", \"google\", ")))
+        assertTrue("makers" in refused(text.replace("\"makers\"", "\"maker\"")))
+        assertTrue("makers, phones" in refused(text.replace(Regex("\"phones\": \\[[^]]*]"), "\"phones\": []")))
         val half = Rules.parse(text.replace("\"value\": 12,", "\"value\": 12.5,"))
         assertThrows(InvalidArgument::class.java) { half.whole("verdict.few_patches") }
     }

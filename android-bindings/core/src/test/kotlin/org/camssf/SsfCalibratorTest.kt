@@ -13,6 +13,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.documents.ResultJson
+import org.camssf.evidence.Light
 import org.camssf.evidence.Status
 import org.camssf.photo.Capture
 import org.camssf.photo.ChartPose
@@ -94,6 +95,53 @@ class SsfCalibratorTest {
         assertEquals(JsonNull to JsonNull, bare["code_covariance"] to bare["evidence"])
         assertEquals(paper.ssf.layersGap.toList(), numbers(bare["layers_gap"]))
         assertEquals(3, bare.getValue("finish_steps").jsonArray.size)
+    }
+
+    @Test
+    fun `what was weighed stands in the document, and the model that answered`() {
+        fun numbers(of: JsonObject, name: String) = of.getValue(name).jsonPrimitive.double
+        SsfCalibrator.open().use { calibrator ->
+            assertEquals("auto" to setOf("phones", "cameras"), calibrator.basis to calibrator.modelHashes.keys)
+            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val document = Json.parseToJsonElement(found.toJson()).jsonObject
+            val told = document.getValue("choice").jsonArray.map { it.jsonObject }
+            val wanted = listOf("phones" to 1.0, "phones" to 2.0, "cameras" to 1.0, "cameras" to 2.0)
+            assertEquals(wanted, told.map { it.getValue("basis").jsonPrimitive.content to numbers(it, "prior_scale") })
+            assertEquals(found.ssf.choice.map { it.logEvidence }, told.map { numbers(it, "log_evidence") })
+            assertEquals(1.0, told.sumOf { numbers(it, "probability") }, 1e-12)
+            assertEquals(found.ssf.basis, document.getValue("basis").jsonPrimitive.content)
+            assertEquals(found.ssf.priorScale, numbers(document, "prior_scale"))
+            val model = document.getValue("hashes").jsonObject.getValue("model").jsonPrimitive.content
+            assertEquals(calibrator.modelHashes.getValue(found.ssf.basis), model)
+        }
+        SsfCalibrator.open("phones").use { calibrator ->
+            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val document = Json.parseToJsonElement(found.toJson()).jsonObject
+            assertEquals(0, document.getValue("choice").jsonArray.size)
+            assertEquals(1.0, numbers(document, "prior_scale"))
+            assertEquals("phones", document.getValue("basis").jsonPrimitive.content)
+        }
+    }
+
+    @Test
+    fun `each rival costs one run, and none where the capture is refused`() {
+        fun dng(name: String) = PhotoSource.of(File(root, "golden/dng/$name.dng"))
+        val flat = Corners.of(19.44, 19.44, 160.56, 19.44, 160.56, 112.56, 19.44, 112.56)
+        val (white, dark) = listOf("white", "dark").map { dng("patches-$it") }
+        val shaded = Shot(dng("patches-shaded"), Lamp.read("D55"), flat, white, dark)
+        SsfCalibrator.open().use { calibrator ->
+            fun steps(of: Shot): Pair<Calibration, Int> {
+                var judging = 0
+                val found = calibrator.calibrate(Capture(of, chart)) { stage, _ -> if (stage == "judging") judging++ }
+                return found to judging
+            }
+            val (sound, asked) = steps(shot())
+            calibrated(sound)
+            assertEquals(1 + Light.RIVALS.size, asked)
+            val (wrong, none) = steps(shaded)
+            assertEquals(Status.REFUSED, wrong.verdict.outcome, wrong.verdict.reasons.joinToString { it.message })
+            assertEquals(0, none)
+        }
     }
 
     @Test

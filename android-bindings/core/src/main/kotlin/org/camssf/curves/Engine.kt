@@ -9,6 +9,7 @@ import java.io.Closeable
  * @property l2 λ₂.
  * @property gamma γ, one number.
  * @property nonnegative x ≥ 0.
+ * @property priorScale how much wider than its basis the prior is taken.
  */
 internal class ModelInputs(
     val frames: Frames,
@@ -17,6 +18,7 @@ internal class ModelInputs(
     val l2: Double,
     val gamma: Double,
     val nonnegative: Boolean,
+    val priorScale: Double = 1.0,
 )
 
 /**
@@ -51,11 +53,11 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
 }
 
 /** Bases whose model is shipped. */
-internal val SHIPPED_BASES = listOf("cameras", "gaussian")
+internal val SHIPPED_BASES = listOf("phones", "cameras", "gaussian")
 
 /** The one way to run a shipped model: one thread, in order, on the CPU. */
 internal interface Engine : Closeable {
-    /** The basis of its curves: "cameras" or "gaussian". */
+    /** The basis of its curves: "phones", "cameras" or "gaussian". */
     val basis: String
 
     /** SHA-256 of the model file, lower-case hex. */

@@ -14,44 +14,20 @@ import java.nio.DoubleBuffer
 /**
  * ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same.
  *
- * Java's ONNX Runtime takes no value for an input that has a default (`nonnegative`), so the other value of it
- * is a second session, opened when first asked for.
+ * Java's ONNX Runtime takes no value for an input that has a default (`nonnegative`, `prior_scale`), and a session of its
+ * own for each value would cost 7 MB and 60 ms. So the defaults are taken out of the model before it is loaded
+ * ([Defaults]), and every call tells both.
  */
-internal class OnnxEngine private constructor(override val basis: String, private val content: ByteArray) : Engine {
-    private class Session(
-        val options: OrtSession.SessionOptions,
-        val override: OnnxTensor?,
-        val session: OrtSession,
-    ) {
-        /** Options outlive their session. */
-        fun close() {
-            session.close()
-            options.close()
-            override?.close()
-        }
-    }
-
+internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
     private val environment = OnnxLibrary.environment()
-    private val sessions = HashMap<Boolean, Session>()
+    private val options = OrtSession.SessionOptions()
+    private val session: OrtSession
     private var open = true
 
     override val sha256: String = Models.sha256(content)
     override val metadata: Map<String, String>
 
     init {
-        val usual = start(null)
-        metadata = try {
-            usual.session.metadata.customMetadata
-        } catch (error: Throwable) {
-            usual.close()
-            throw error
-        }
-        sessions[basis == PAPER] = usual
-    }
-
-    private fun start(nonnegative: Boolean?): Session {
-        val options = OrtSession.SessionOptions()
-        var override: OnnxTensor? = null
         try {
             options.setIntraOpNumThreads(1)
             options.setInterOpNumThreads(1)
@@ -61,14 +37,15 @@ internal class OnnxEngine private constructor(override val basis: String, privat
             options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
             options.addConfigEntry("session.intra_op.allow_spinning", "0")
             options.addConfigEntry("mlas.disable_kleidiai", "1")
-            if (nonnegative != null) {
-                override = tensor(Tensor.scalar(if (nonnegative) 1.0 else 0.0))
-                options.addInitializer("nonnegative", override)
-            }
-            return Session(options, override, environment.createSession(content, options))
+            session = environment.createSession(Defaults.without(content), options)
         } catch (error: Throwable) {
             options.close()
-            override?.close()
+            throw error
+        }
+        metadata = try {
+            session.metadata.customMetadata
+        } catch (error: Throwable) {
+            close()
             throw error
         }
     }
@@ -77,13 +54,13 @@ internal class OnnxEngine private constructor(override val basis: String, privat
     override fun run(inputs: ModelInputs): ModelOutputs {
         check(open) { "This SsfCalibrator was closed. Open another." }
         try {
-            return run(sessions.getOrPut(inputs.nonnegative) { start(inputs.nonnegative) }.session, inputs)
+            return answer(inputs)
         } catch (error: OrtException) {
             throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
         }
     }
 
-    private fun run(session: OrtSession, inputs: ModelInputs): ModelOutputs {
+    private fun answer(inputs: ModelInputs): ModelOutputs {
         val known = inputs.known
         val modes = known.lampModes
         val given = linkedMapOf(
@@ -101,6 +78,8 @@ internal class OnnxEngine private constructor(override val basis: String, privat
             "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
             "l2" to Tensor.scalar(inputs.l2),
             "gamma" to Tensor.scalar(inputs.gamma),
+            "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
+            "prior_scale" to Tensor.scalar(inputs.priorScale),
         )
         val tensors = LinkedHashMap<String, OnnxTensor>()
         try {
@@ -124,13 +103,13 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
     }
 
-    /** A second call does nothing; the process's environment stays. */
+    /** A second call does nothing; the process's environment stays. Options outlive their session. */
     @Synchronized
     override fun close() {
         if (!open) return
         open = false
-        sessions.values.forEach { it.close() }
-        sessions.clear()
+        session.close()
+        options.close()
     }
 
     companion object {
@@ -146,7 +125,8 @@ internal class OnnxEngine private constructor(override val basis: String, privat
          */
         fun load(basis: String): OnnxEngine {
             if (basis !in SHIPPED_BASES) {
-                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${SHIPPED_BASES.joinToString()}.")
+                val known = listOf(Choice.AUTO) + SHIPPED_BASES
+                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
             }
             val name = "camssf-$basis.onnx"
             val content = try {
@@ -161,7 +141,9 @@ internal class OnnxEngine private constructor(override val basis: String, privat
             val engine = try {
                 OnnxEngine(basis, content)
             } catch (error: OrtException) {
-                throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+                throw unloadable(name, error)
+            } catch (error: DamagedModel) {
+                throw unloadable(name, error)
             }
             val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
             val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }
@@ -174,5 +156,8 @@ internal class OnnxEngine private constructor(override val basis: String, privat
             }
             return engine
         }
+
+        private fun unloadable(name: String, error: Exception) =
+            InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
     }
 }

@@ -49,12 +49,20 @@ internal object Recover {
      * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
      *
      * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
+     * @param priorScale how much wider the cameras spread than those that the basis was learned from; 1 on the paper's.
      * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
      */
-    fun recover(engine: Engine, evidence: Evidence, frames: Frames?, penalties: Penalties): Ssf {
+    fun recover(
+        engine: Engine,
+        evidence: Evidence,
+        frames: Frames?,
+        penalties: Penalties,
+        priorScale: Double = 1.0,
+    ): Ssf {
         check(evidence, engine.basis)
+        checkScale(priorScale, engine.basis)
         val paper = engine.basis == OnnxEngine.PAPER
         val y = evidence.signals
         if (frames != null) {
@@ -62,9 +70,9 @@ internal object Recover {
         }
         val positive = penalties.nonnegative ?: paper
         val weight = penalties.l2 ?: if (paper) 0.0 else L2
-        val shown = frames ?: Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
+        val shown = frames ?: bare(y)
         fun run(gamma: Double): ModelOutputs =
-            engine.run(ModelInputs(shown, evidence.standardError, evidence.known, weight, gamma, positive))
+            engine.run(ModelInputs(shown, evidence.standardError, evidence.known, weight, gamma, positive, priorScale))
         checkPenalties(weight, penalties.gamma, engine.basis)
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(evidence, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
@@ -74,10 +82,34 @@ internal object Recover {
         val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
         believe(found["gap"])
         respond(found["ssf"])
-        return curves(found, gamma, weight, engine.basis)
+        return curves(found, Penalties(weight, gamma, positive), engine.basis, priorScale)
     }
 
-    private fun curves(found: ModelOutputs, gamma: DoubleArray, l2: Double, basis: String): Ssf {
+    /**
+     * ln of the marginal likelihood of the signals alone, but for a constant; on a basis with a prior. No penalty has a
+     * part in it, and it needs no proof: it is a closed form.
+     *
+     * @throws InvalidArgument as [recover], and the rest.
+     */
+    fun logEvidence(engine: Engine, evidence: Evidence, priorScale: Double): Double {
+        check(evidence, engine.basis)
+        checkScale(priorScale, engine.basis)
+        val (y, error, known) = Triple(evidence.signals, evidence.standardError, evidence.known)
+        return engine.run(ModelInputs(bare(y), error, known, L2, GAMMA, false, priorScale))["evidence"][0]
+    }
+
+    /** Frames of a sensor without black level whose white is 1. */
+    private fun bare(y: Tensor) = Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
+
+    private fun checkScale(scale: Double, basis: String) {
+        if (scale == 1.0 || (scale > 0 && scale.isFinite() && basis != OnnxEngine.PAPER)) return
+        throw InvalidArgument(
+            "a prior cannot be $scale times as wide on the $basis basis.",
+            "Give a number above 0, and 1 on a basis without a prior.",
+        )
+    }
+
+    private fun curves(found: ModelOutputs, penalties: Penalties, basis: String, priorScale: Double): Ssf {
         val prior = basis != OnnxEngine.PAPER
         val curves = Ssf.Curves(
             found["ssf"],
@@ -94,7 +126,7 @@ internal object Recover {
             IntArray(steps.size) { steps[it].roundToInt() },
             found["evidence"][0].takeIf { prior },
         )
-        return Ssf(curves, proof, found["channel_gain"], gamma, l2, basis)
+        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, priorScale)
     }
 
     private fun checkPenalties(l2: Double, gamma: DoubleArray?, basis: String) {

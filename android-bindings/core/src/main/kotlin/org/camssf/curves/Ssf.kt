@@ -1,6 +1,22 @@
 package org.camssf.curves
 
 import org.camssf.Grid
+import org.camssf.frozen
+
+/**
+ * One hypothesis among those that were weighed.
+ *
+ * @property basis of which family the camera is.
+ * @property priorScale how much wider than its basis the prior was taken.
+ * @property logEvidence ln of the marginal likelihood of the signals under it, but for a constant common to all.
+ * @property probability its weight among them, with what was believed beforehand.
+ */
+public class Weight internal constructor(
+    public val basis: String,
+    public val priorScale: Double,
+    public val logEvidence: Double,
+    public val probability: Double,
+)
 
 /**
  * The recovered spectral sensitivity functions. Arrays are row-major, columns R, G, B; each call copies one (16 kB for a
@@ -10,7 +26,8 @@ import org.camssf.Grid
  * On a basis with a prior the three channels are one problem, on the paper's each is one: p = 1 or 3.
  *
  * @property l2 the quadratic penalty.
- * @property basis its name, "cameras" or "gaussian".
+ * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture the likeliest one's.
+ * @property priorScale how much wider than its basis the prior was taken, 1.
  */
 public class Ssf internal constructor(
     private val curves: Curves,
@@ -19,7 +36,12 @@ public class Ssf internal constructor(
     internal val sharedGamma: DoubleArray,
     public val l2: Double,
     public val basis: String,
+    public val priorScale: Double = 1.0,
+    choice: List<Weight> = emptyList(),
 ) {
+    /** What was weighed where the signals chose the basis; empty where it was told. */
+    public val choice: List<Weight> = choice.frozen()
+
     /** The answer; shapes and units as of the properties of their names. */
     internal class Curves(
         val values: DoubleArray,
@@ -122,7 +144,17 @@ public class Ssf internal constructor(
 
     private fun with(predicted: DoubleArray, lamp: DoubleArray): Ssf {
         val seen = Curves(sharedValues, sharedStd, sharedCode, sharedCodeCovariance, predicted, lamp)
-        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis)
+        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
+    }
+
+    /** The same, chosen among these. */
+    internal fun chosen(choice: List<Weight>): Ssf =
+        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
+
+    /** The same but for curves and proof: a mixture of which this is the likeliest part. */
+    internal fun mixed(values: DoubleArray, std: DoubleArray?, seen: Pair<DoubleArray, DoubleArray>, proof: Proof): Ssf {
+        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, seen.first, seen.second)
+        return Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
     }
 
     /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; 0 where there is none. */

@@ -9,6 +9,7 @@ import kotlinx.serialization.json.JsonObjectBuilder
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
+import org.camssf.curves.Weight
 import org.camssf.evidence.Colour
 import org.camssf.evidence.Reason
 import org.camssf.evidence.Verdict
@@ -48,6 +49,8 @@ internal object ResultJson {
             put("layers_gap", array(ssf.sharedLayersGap))
             put("finish_steps", JsonArray(ssf.sharedFinishSteps.map { JsonPrimitive(it) }))
             put("evidence", JsonPrimitive(ssf.logEvidence))
+            put("prior_scale", JsonPrimitive(ssf.priorScale))
+            put("choice", JsonArray(ssf.choice.map { weight(it) }))
             put("gamma", array(ssf.sharedGamma))
             put("l2", JsonPrimitive(ssf.l2))
             put("uncertainty", uncertainty(solution))
@@ -62,6 +65,13 @@ internal object ResultJson {
             )
         }
         return write(document)
+    }
+
+    private fun weight(of: Weight): JsonObject = buildJsonObject {
+        text("basis", of.basis)
+        put("prior_scale", JsonPrimitive(of.priorScale))
+        put("log_evidence", JsonPrimitive(of.logEvidence))
+        put("probability", JsonPrimitive(of.probability))
     }
 
     /** A refusal. */

@@ -10,15 +10,19 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), the rivals, and for each shot
- * what its file foretells of its white.
+ * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and for each shot what its file
+ * foretells of its white.
+ *
+ * @property family the basis that the file's own word for the maker speaks for, if any.
+ * @property rivals finds other lamps; it is not asked where the capture is refused already.
  */
 internal class Case(
     val told: Told,
     val shots: List<MeasuredShot>,
     val alone: List<Ssf>,
-    val rivals: List<Rival>,
     val foretold: List<List<Foretold>>,
+    val family: String?,
+    val rivals: () -> List<Rival>,
 ) {
     /** What is told of each shot alone, and the answer to it. */
     val single: List<Told> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
@@ -51,6 +55,7 @@ internal object Judge {
     private val FREER get() = Rules.shipped.number("verdict.freer")
     private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
     private val VAGUE get() = Rules.shipped.number("verdict.vague")
+    private val UNUSUAL get() = Rules.shipped.number("verdict.unusual")
 
     fun judge(case: Case): Verdict {
         val told = case.told
@@ -69,10 +74,11 @@ internal object Judge {
         case.shots.forEachIndexed { j, shot ->
             reasons += Light.tinted("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
         }
-        if (case.shots.size == 1 || each.none { it.accused() != null }) {
-            reasons += Light.rivalled(case.rivals, case.shots.map { it.lamp.name }, found.weighted)
-        }
         reasons += vague(told.ssf)
+        reasons += unusual(told.ssf, case.family)
+        if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.accused() != null })) {
+            reasons += Light.rivalled(case.rivals(), case.shots.map { it.lamp.name })
+        }
         return Verdict(Status.of(reasons), reasons)
     }
 
@@ -113,6 +119,15 @@ internal object Judge {
         val fatal = prior > alien
         val words = mapOf("length" to prior, "bound" to strange)
         return listOf(Reasons.because("strange", prior, words, fatal, if (fatal) alien else strange))
+    }
+
+    /** A camera that its basis does not know: wider than it, or of the other family than its maker. */
+    private fun unusual(ssf: Ssf, family: String?): List<Reason> {
+        val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
+        val other = ssf.choice.sumOf { if (family != null && it.basis != family) it.probability else 0.0 }
+        val most = max(wide, other)
+        if (most <= UNUSUAL) return emptyList()
+        return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
     }
 
     /** A band too wide to tell cameras apart. */

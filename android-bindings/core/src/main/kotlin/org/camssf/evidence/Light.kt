@@ -3,12 +3,18 @@ package org.camssf.evidence
 import org.camssf.Grid
 import org.camssf.Rules
 import kotlin.math.abs
+import kotlin.math.exp
 import kotlin.math.expm1
 import kotlin.math.ln
 import kotlin.math.max
 
-/** T₄ with another lamp in place of a shot's own. */
-internal class Rival(val shot: Int, val lamp: String, val weighted: Double)
+/**
+ * Another lamp in place of a shot's own.
+ *
+ * @property shot 0-based.
+ * @property gain of ln of the marginal likelihood over the named lamp's, on the narrowed prior.
+ */
+internal class Rival(val shot: Int, val lamp: String, val gain: Double)
 
 /** The camera's white (3) under a light of power (681), as a file's colour matrix tells it. */
 internal class Foretold(val light: DoubleArray, val white: DoubleArray)
@@ -19,19 +25,32 @@ internal object Light {
     private val CONDEMNED get() = Rules.shipped.number("verdict.condemned")
     private val TINTED get() = Rules.shipped.number("verdict.tinted")
 
+    /** How probable it is beforehand that a lamp is named wrongly. */
+    private val MISNAMED get() = Rules.shipped.number("verdict.misnamed")
+
+    /** Lamps are compared by cameras that spread so much less than their basis, which was enlarged on purpose. */
+    val NARROW get() = Rules.shipped.number("verdict.narrow")
+
     /** Lamps tried in the place of the named one. */
     val RIVALS: List<String> get() = Rules.shipped.rivals
 
     /** Shots of a capture beyond which rivals are not tried. */
     val MOST_RIVALLED: Int get() = Rules.shipped.whole("verdict.most_rivalled")
 
-    /** Rule 4: of all shots and lamps the one that fits best. */
-    fun rivalled(rivals: List<Rival>, lamps: List<String>, weighted: Double): List<Reason> {
-        val best = rivals.minByOrNull { it.weighted } ?: return emptyList()
-        val gain = weighted - best.weighted
-        if (gain <= RIVAL) return emptyList()
-        val words = mapOf("shot" to "shot ${best.shot + 1}", "rival" to best.lamp, "lamp" to lamps[best.shot])
-        return listOf(Reasons.because("rival", gain, words, gain > CONDEMNED))
+    /** Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong. */
+    fun rivalled(rivals: List<Rival>, lamps: List<String>): List<Reason> {
+        val best = rivals.maxByOrNull { it.gain } ?: return emptyList()
+        if (best.gain <= RIVAL) return emptyList()
+        val own = rivals.filter { it.shot == best.shot }
+        // e^gain overflows beyond 709: the mean as a multiple of the best one's.
+        val rest = own.sumOf { exp(it.gain - best.gain) } / own.size * MISNAMED / (1.0 - MISNAMED)
+        val words = mapOf(
+            "shot" to "shot ${best.shot + 1}",
+            "rival" to best.lamp,
+            "lamp" to lamps[best.shot],
+            "probability" to rest / (rest + exp(-best.gain)),
+        )
+        return listOf(Reasons.because("rival", best.gain, words, best.gain > CONDEMNED))
     }
 
     /** Rule 5, by the answer to that shot alone. */

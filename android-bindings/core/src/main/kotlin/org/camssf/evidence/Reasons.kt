@@ -1,6 +1,7 @@
 package org.camssf.evidence
 
 import org.camssf.CalibrationException
+import org.camssf.CameraUnusual
 import org.camssf.ChartUnfit
 import org.camssf.FramesDiffer
 import org.camssf.Glare
@@ -43,6 +44,7 @@ internal object Reasons {
             "uneven_light" -> UnevenLight(message, advice, reason.value, reason.threshold)
             "not_sensor_raw" -> NotSensorRaw(message, advice, reason.value, reason.threshold)
             "lamp_unfit" -> LampUnfit(message, advice, reason.value, reason.threshold)
+            "camera_unusual" -> CameraUnusual(message, advice, reason.value, reason.threshold)
             else -> error("no verdict refuses for ${reason.code}")
         }
     }

@@ -42,9 +42,6 @@ internal class Surprise(val residual: Double, val prior: Double, val count: Int,
     /** T. */
     val total: Double get() = residual + prior
 
-    /** T₄. */
-    val weighted: Double get() = residual + Rules.shipped.number("verdict.prior_weight") * prior
-
     /** T as a standard normal number (Wilson and Hilferty 1931). */
     val z: Double
         get() {

@@ -156,6 +156,46 @@ class RecoverTest {
     }
 
     @Test
+    fun `a wider prior leaves a wider band, and the paper's basis has none`() {
+        val told = evidence(0.002, 0.03)
+        OnnxEngine.load("phones").use { engine ->
+            val (plain, wide) = listOf(1.0, 2.0).map { Recover.recover(engine, told, null, defaults, it) }
+            assertEquals(listOf(1.0, 2.0), listOf(plain.priorScale, wide.priorScale))
+            assertTrue(wide.halfWidth > 1.05 * plain.halfWidth, "${wide.halfWidth}, ${plain.halfWidth}")
+            assertNotEquals(plain.logEvidence, wide.logEvidence)
+            for (scale in listOf(0.0, -1.0, Double.NaN, Double.POSITIVE_INFINITY)) {
+                for (call in listOf<(Double) -> Any>(
+                    { Recover.recover(engine, told, null, defaults, it) },
+                    { Recover.logEvidence(engine, told, it) },
+                )) {
+                    assertThrows(InvalidArgument::class.java) { call(scale) }
+                }
+            }
+        }
+        OnnxEngine.load("gaussian").use { engine ->
+            val error =
+                assertThrows(InvalidArgument::class.java) { Recover.recover(engine, told, null, defaults, 2.0) }
+            assertEquals("a prior cannot be 2.0 times as wide on the gaussian basis.", error.message)
+        }
+    }
+
+    /** Both values of it run in the one session that there is. */
+    @Test
+    fun `the sign is told to every call`() {
+        OnnxEngine.load("gaussian").use { engine ->
+            fun least(nonnegative: Boolean?): Double {
+                val penalties = Penalties(1.0, doubleArrayOf(0.0), nonnegative)
+                return Recover.recover(engine, evidence(0.002), null, penalties).code.min()
+            }
+            val signed = least(false)
+            assertTrue(signed < -1e-6, "$signed")
+            assertEquals(0.0, least(true), 1e-12)
+            assertEquals(least(true), least(null))
+            assertEquals(signed, least(false))
+        }
+    }
+
+    @Test
     fun `the paper's basis has three problems and no prior`() {
         OnnxEngine.load("gaussian").use { engine ->
             val ssf = Recover.recover(engine, evidence(0.004), null, defaults)

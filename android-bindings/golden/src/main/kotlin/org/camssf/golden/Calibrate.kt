@@ -38,7 +38,7 @@ public class Calibrate private constructor() : Closeable {
 
     private fun calibrate(given: Arguments): Int {
         val output = File(requireNotNull(given.one("-o")) { "-o is missing" })
-        val basis = given.one("--basis") ?: "cameras"
+        val basis = given.one("--basis") ?: "auto"
         val capture = Capture(given.shots(), chart(given), given.one("--white-reflectance")?.toDouble())
         val settings = Settings(
             given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() },

@@ -58,7 +58,8 @@ internal class GoldenCase private constructor(val name: String, private val json
         need(comment.isNotEmpty(), "has no comment")
         need(requires.all { it in CAPABILITIES }, "requires $requires")
         keys("source", json.getValue("source").jsonObject, setOf("generator", "basis", "basis_sha256", "spectra"))
-        keys("inputs", inputs, INPUTS[stage] ?: throw GoldenError("$name: there is no stage $stage"))
+        val needed = INPUTS[stage] ?: throw GoldenError("$name: there is no stage $stage")
+        keys("inputs", inputs, needed + (MAY[stage].orEmpty() intersect inputs.keys))
         for (shot in (inputs["shots"] as? JsonArray).orEmpty()) checkShot(shot.jsonObject)
         if (expect != "success") {
             val empty = listOf("outputs", "oracle", "truth").all { json[it] == JsonNull } && limits.isEmpty()
@@ -134,6 +135,17 @@ internal class GoldenCase private constructor(val name: String, private val json
         )
         private val CALL =
             ROWS + setOf("chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative")
+        private val CAPTURE = setOf(
+            "shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
+            "white_reflectance", "basis", "l2", "gamma", "nonnegative",
+        )
+
+        /** Inputs that a case may leave out. */
+        private val MAY = mapOf(
+            "ssf" to setOf("prior_scale"),
+            "calibrate" to setOf("make"),
+            "verdict" to setOf("choice", "family"),
+        )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
         private val INPUTS = mapOf(
@@ -146,10 +158,9 @@ internal class GoldenCase private constructor(val name: String, private val json
             "solve" to PROBLEM + setOf("depth", "finish"),
             "ssf" to CALL,
             "layers" to CALL + setOf("iteration", "depth"),
-            "calibrate" to setOf(
-                "shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
-                "white_reflectance", "basis", "l2", "gamma", "nonnegative",
-            ),
+            "choice" to CALL + "prior",
+            "calibrate" to CAPTURE,
+            "rivals" to CAPTURE,
             "verdict" to setOf(
                 "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
@@ -175,6 +186,10 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "finish_steps", "evidence", "channel_gain",
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
+            "choice" to setOf(
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "ssf", "ssf_std", "predicted", "gap",
+            ),
+            "rivals" to setOf("gains"),
             "calibrate" to setOf(
                 "signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes",
             ),

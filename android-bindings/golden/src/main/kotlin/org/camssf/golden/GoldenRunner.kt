@@ -2,7 +2,6 @@ package org.camssf.golden
 
 import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonElement
 import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
@@ -13,8 +12,7 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.Grid
-import org.camssf.Settings
-import org.camssf.Solve
+import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Evidence
 import org.camssf.curves.Frames
@@ -25,17 +23,8 @@ import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Penalties
 import org.camssf.curves.Recover
 import org.camssf.curves.Tensor
-import org.camssf.evidence.Reasons
-import org.camssf.evidence.Status
-import org.camssf.photo.ChartPose
-import org.camssf.photo.LensShading
-import org.camssf.photo.MeasuredCapture
-import org.camssf.photo.MeasuredShot
+import org.camssf.curves.Weight
 import org.camssf.photo.Normalise
-import org.camssf.photo.Photo
-import org.camssf.photo.Signals
-import org.camssf.spectra.ChartTable
-import org.camssf.spectra.Lamp
 import java.io.Closeable
 import java.io.File
 import java.security.MessageDigest
@@ -70,6 +59,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private val forms = Forms(files)
     private val photos = Photos(files, forms)
     private val frames = Statistics(forms)
+    private val captures = Captures(forms, frames)
     private val engines = HashMap<String, Engine>()
 
     /**
@@ -129,10 +119,17 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         engines.clear()
     }
 
+    private fun engine(basis: String): Engine = engines.getOrPut(basis) { OnnxEngine.load(basis) }
+
+    /** The models of the case's basis: of `auto`, which names no hash, those that it weighs. */
+    private fun engines(case: GoldenCase): List<Engine> {
+        if (case.inputs.text("basis") == Choice.AUTO) return Choice.FAMILIES.map { engine(it) }
+        return listOf(engine(case))
+    }
+
     /** The model of the case's basis, if it is the one that the case was made with. */
     private fun engine(case: GoldenCase): Engine {
-        val basis = case.inputs.text("basis")
-        val engine = engines.getOrPut(basis) { OnnxEngine.load(basis) }
+        val engine = engine(case.inputs.text("basis"))
         if (engine.metadata["basis_sha256"] != case.basisHash) {
             throw GoldenError("${case.name} was made with another basis than the model's")
         }
@@ -165,7 +162,9 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "signals" -> signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
         "layers" -> layers(case)
-        "calibrate" -> calibrate(case)
+        "choice" -> choice(case)
+        "calibrate" -> captures.calibrate(case, engines(case))
+        "rivals" -> captures.rivals(case, engines(case))
         "verdict" -> Weighing(forms, frames).verdict(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }
@@ -178,25 +177,10 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         return mapOf(
             "signals" to Tensor(found.values, shots.size, n, 3),
             "standard_error" to Tensor(found.standardError, shots.size, n, 3),
-            "used" to used(found),
+            "used" to usedOf(found),
             "assumptions" to JsonArray(found.assumptions.map { JsonPrimitive(it.code) }),
         )
     }
-
-    private fun used(signals: Signals): JsonElement = JsonArray(
-        List(signals.shots) { j ->
-            JsonArray(
-                List(signals.patches) {
-                    JsonPrimitive(
-                        signals.used[
-                            j * signals.patches +
-                                it,
-                        ],
-                    )
-                },
-            )
-        },
-    )
 
     /** By the model's own contract; `lamp_estimate` is no output of a case. */
     private fun model(case: GoldenCase): Map<String, Any?> {
@@ -210,6 +194,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
                 given("l2").values[0],
                 given("gamma").values[0],
                 case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
+                priorScale(case),
             ),
         )
         val r = found["code"].size / 3
@@ -238,6 +223,9 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         return model(case).filterKeys { it in setOf("ssf", "gap", "finish_steps") }
     }
 
+    /** How much wider the prior is taken: 1 where the case does not say. */
+    private fun priorScale(case: GoldenCase): Double = case.inputs["prior_scale"]?.let { number(it) } ?: 1.0
+
     private fun known(case: GoldenCase): Known {
         fun given(name: String) = forms.resolve(case.inputs.getValue(name))
         return Known(
@@ -248,100 +236,54 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
 
     /** Cases that expect an error must be refused by the checks around the model. */
     private fun recover(case: GoldenCase): Map<String, Any?> {
+        Recover.recover(engine(case), evidence(case), null, penalties(case), priorScale(case))
+        return emptyMap()
+    }
+
+    private fun evidence(case: GoldenCase): Evidence {
         fun given(name: String) = forms.resolve(case.inputs.getValue(name))
         val (chart, white, dark) = listOf("chart", "white", "dark").map { given(it) }
         val y = DoubleArray(chart.values.size) {
             (chart.values[it] - dark.values[it]) / (white.values[it] - dark.values[it])
         }
-        val evidence = Evidence(Tensor(y, *chart.shape), given("standard_error"), known(case))
-        val penalties = Penalties(
-            given("l2").values[0],
-            doubleArrayOf(given("gamma").values[0]),
-            case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
-        )
-        Recover.recover(engine(case), evidence, null, penalties)
-        return emptyMap()
+        return Evidence(Tensor(y, *chart.shape), given("standard_error"), known(case))
     }
 
-    /** From patch statistics on: what a phone does after measuring. */
-    private fun calibrate(case: GoldenCase): Map<String, Any?> {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
-        fun maybe(name: String) = number(case.inputs.getValue(name))
-        val reflectance = given("reflectance")
-        val n = reflectance.shape[0]
-        val table = ChartTable(
-            "classic24",
-            "golden",
-            "classic24",
-            List(n) { "patch ${it + 1}" },
-            reflectance.values,
-            DoubleArray(n) { maybe("chart_tolerance")!! },
-            case.inputs.getValue("white").jsonPrimitive.int,
-            "golden/spectra",
-        )
-        val square = doubleArrayOf(0.0, 0.0, 100.0, 0.0, 100.0, 100.0, 0.0, 100.0)
-        val pose = ChartPose(
-            "classic24",
-            DoubleArray(8) { square[it] * if (it % 2 == 0) 6 else 4 },
-            DoubleArray(8 * 24) {
-                val patch = it / 8
-                square[it % 8] + 100 * if (it % 2 == 0) patch % 6 else patch / 6
-            },
-            0,
-            "by hand",
-            1.0,
-            emptyList(),
-        )
-        val photo = Photo("golden", 600, 400, 1, null, null, false, "golden", "golden", "")
-        val lamp = given("lamp")
-        val modes = given("lamp_modes")
-        val tolerance = given("lamp_tolerance")
-        val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
-            val means = frames.means(entry.jsonObject)
-            val light = Lamp(
-                "golden",
-                row(lamp, j),
-                tolerance.values[j],
-                List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) },
-                "golden/spectra",
-            )
-            MeasuredShot(
-                light,
-                photo,
-                photo.takeIf { means.white != null },
-                photo.takeIf { means.dark != null },
-                pose,
-                means,
-                LensShading.AS_STORED,
-            )
-        }
-        val nonnegative = (case.inputs.getValue("nonnegative") as JsonPrimitive).takeIf { it !is JsonNull }
-        val settings = Settings(null, maybe("l2"), maybe("gamma"), nonnegative?.boolean)
-        val capture = MeasuredCapture(shots, table, maybe("white_reflectance"))
-        val done = Solve(engine(case), capture, settings) { _, _ -> }.run()
-        if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
-        val ssf = done.ssf
-        fun columns(of: (Int) -> DoubleArray): Tensor {
+    private fun penalties(case: GoldenCase): Penalties {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name)).values[0]
+        val nonnegative = case.inputs.getValue("nonnegative").jsonPrimitive.boolean
+        return Penalties(given("l2"), doubleArrayOf(given("gamma")), nonnegative)
+    }
+
+    /** What is weighed, and the answer; curves and bands on the 5-nm nodes, at peak 1. */
+    private fun choice(case: GoldenCase): Map<String, Any?> {
+        val evidence = evidence(case)
+        val (chart, white, dark) = listOf("chart", "white", "dark").map { forms.resolve(case.inputs.getValue(it)) }
+        val prior = case.inputs.getValue("prior").jsonObject.mapValues { number(it.value)!! }
+        val ssf = Choice.recover(engines(case), evidence, Frames(chart, white, dark), penalties(case), prior)
+        fun nodes(of: (Int) -> DoubleArray): Tensor {
             val channels = List(3) { of(it) }
-            return Tensor(DoubleArray(3 * Grid.SIZE) { channels[it % 3][it / 3] }, Grid.SIZE, 3)
+            return Tensor(DoubleArray(3 * NODES) { channels[it % 3][10 * (it / 3)] }, NODES, 3)
         }
+        fun weighed(of: (Weight) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
+        val bases = ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale))) }
         return mapOf(
-            "signals" to Tensor(done.signals.values, shots.size, n, 3),
-            "used" to used(done.signals),
-            "ssf" to columns { ssf.curve(it) },
-            "ssf_std" to if (ssf.std == null) null else columns { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.predicted, shots.size, n, 3),
+            "weighed" to JsonArray(bases),
+            "log_evidence" to weighed { it.logEvidence },
+            "probability" to weighed { it.probability },
+            "basis" to ssf.basis,
+            "prior_scale" to ssf.priorScale,
+            "ssf" to nodes { ssf.curve(it) },
+            "ssf_std" to nodes { ssf.deviation(it)!! },
+            "predicted" to Tensor(ssf.predicted, *chart.shape),
             "gap" to Tensor(ssf.gap, 3),
-            "channel_gain" to Tensor(ssf.channelGain, 3),
-            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
-            "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
         )
     }
-
-    private fun row(tensor: Tensor, at: Int): DoubleArray =
-        tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
 
     public companion object {
+        /** Every tenth point of the grid. */
+        private const val NODES = 69
+
         /** What Kotlin can do of what cases require. */
         @JvmField
         public val CAPABILITIES: Set<String> = GoldenCase.CAPABILITIES - "reference"

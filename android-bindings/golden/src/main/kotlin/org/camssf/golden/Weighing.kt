@@ -6,6 +6,7 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.boolean
+import kotlinx.serialization.json.contentOrNull
 import kotlinx.serialization.json.double
 import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
@@ -14,6 +15,7 @@ import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
 import org.camssf.curves.Ssf
 import org.camssf.curves.Tensor
+import org.camssf.curves.Weight
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
@@ -59,10 +61,15 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         }
         val std = inputs.getValue("ssf_std").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
         val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), null)
+        val choice = (inputs["choice"] as? JsonArray).orEmpty().map { entry ->
+            val (basis, scale, probability) = entry.jsonArray.map { it.jsonPrimitive }
+            Weight(basis.content, scale.double, 0.0, probability.double)
+        }
+        val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
         fun answer(of: JsonObject): Ssf {
             fun told(name: String) = forms.resolve(of.getValue(name)).values
             val curves = Ssf.Curves(told("ssf"), std, told("code"), null, told("predicted"), lamp.values)
-            return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, "golden")
+            return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
         }
         val told = Told(
             signals,
@@ -76,12 +83,14 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             told,
             shots(inputs, lamps, n),
             inputs.getValue("alone").jsonArray.map { answer(it.jsonObject) },
-            inputs.getValue("rivals").jsonArray.map { entry ->
-                val (shot, name, weighted) = entry.jsonArray.map { it.jsonPrimitive }
-                Rival(shot.int, name.content, weighted.double)
-            },
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { foretold(it) } },
-        )
+            inputs["family"]?.jsonPrimitive?.contentOrNull,
+        ) {
+            inputs.getValue("rivals").jsonArray.map { entry ->
+                val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }
+                Rival(shot.int, name.content, gain.double)
+            }
+        }
         return outputs(weighed)
     }
 

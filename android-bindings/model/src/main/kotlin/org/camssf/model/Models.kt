@@ -7,8 +7,9 @@ import java.security.MessageDigest
 public object Models {
     /** Names of the files. */
     @JvmField
-    public val NAMES: List<String> =
-        listOf("camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json")
+    public val NAMES: List<String> = listOf(
+        "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json",
+    )
 
     /**
      * The file of this name, opened; the caller closes it.

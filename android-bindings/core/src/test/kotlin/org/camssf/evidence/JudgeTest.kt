@@ -1,0 +1,125 @@
+package org.camssf.evidence
+
+import org.camssf.Grid
+import org.camssf.curves.Ssf
+import org.camssf.curves.Weight
+import org.camssf.photo.ChartPose
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.exp
+import kotlin.math.sqrt
+
+/** A sound capture of a camera of three bells, and what makes it doubtful. */
+class JudgeTest {
+    private val table = ChartTable.read("classic24")
+    private val lamp = Lamp.read("D55")
+    private val n = 24
+    private val white = DoubleArray(Grid.SIZE) { 1.0 }
+    private var asked = 0
+
+    private val curves = DoubleArray(3 * Grid.SIZE) {
+        val u = (Grid.WAVELENGTHS[it / 3] - listOf(600.0, 540.0, 455.0)[it % 3]) / 35
+        exp(-0.5 * u * u)
+    }
+
+    /** A frame of shares of a white of 10000 DN above black, 400 samples a patch, with the noise of light. */
+    private fun frame(share: DoubleArray): FrameMeans {
+        val level = DoubleArray(3 * n) { 500.0 + 10000.0 * share[it] }
+        val error = DoubleArray(3 * n) { sqrt((4.0 + 10000.0 * share[it]) / 400) }
+        val greens = DoubleArray(2 * n) { level[3 * (it / 2) + 1] }
+        val none = DoubleArray(3 * n)
+        return FrameMeans(level, error, LongArray(3 * n) { 400 }, none, none, none, greens)
+    }
+
+    /** @param off what every signal is multiplied by in one patch of two. */
+    private fun judged(off: Double, choice: List<Weight>, family: String?, vararg rivals: Rival): Verdict {
+        val predicted = DoubleArray(3 * n) { at ->
+            val seen = DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * curves[3 * it + at % 3] }
+            dot(table.reflectance(at / 3), seen) / seen.sum()
+        }
+        val y = DoubleArray(3 * n) { predicted[it] * if (it / 3 % 2 == 0) off else 1.0 }
+        val (chart, flat, dark) = listOf(y, DoubleArray(3 * n) { 1.0 }, DoubleArray(3 * n)).map { frame(it) }
+        val error = DoubleArray(3 * n) { 0.003 }
+        val used = BooleanArray(n) { true }
+        val signals = Signals(1, n, y, error, chart.mean, flat.mean, dark.mean, used, emptyList())
+        val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
+        val ssf = Ssf(
+            Ssf.Curves(curves, std, DoubleArray(72) { 0.1 }, null, predicted, lamp.sharedValues),
+            Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0),
+            DoubleArray(3) { 1.0 },
+            DoubleArray(3),
+            1.0,
+            "phones",
+        ).chosen(choice)
+        val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
+        val quads = DoubleArray(8 * n) { square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6 }
+        val pose = ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
+        val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
+        val means = PatchMeans(chart, flat, dark, DoubleArray(3) { 500.0 }, 16000.0)
+        val shot = MeasuredShot(lamp, photo, photo, photo, pose, means, LensShading.AS_STORED)
+        val told = Told(signals, table, listOf(lamp), ssf, white, 0.01)
+        val case = Case(told, listOf(shot), emptyList(), listOf(emptyList()), family) {
+            asked++
+            rivals.toList()
+        }
+        return Judge.judge(case)
+    }
+
+    private fun weights(vararg probability: Double) = listOf(
+        Weight("phones", 1.0, 0.0, probability[0]),
+        Weight("phones", 2.0, 0.0, probability[1]),
+        Weight("cameras", 1.0, 0.0, probability[2]),
+        Weight("cameras", 2.0, 0.0, probability[3]),
+    )
+
+    @Test
+    fun `a sound capture is accepted, and its rivals were asked for`() {
+        val found = judged(1.0, weights(0.9, 0.1, 0.0, 0.0), "phones", Rival(0, "A", -3.0))
+        assertEquals(emptyList<String>(), found.reasons.map { it.message })
+        assertEquals(Status.ACCEPTED to 1, found.outcome to asked)
+    }
+
+    @Test
+    fun `rivals are not asked for where the capture is refused already`() {
+        val found = judged(1.4, emptyList(), null, Rival(0, "A", 30.0))
+        assertEquals(Status.REFUSED to 0, found.outcome to asked)
+        assertTrue(found.reasons.none { "far better than" in it.message })
+    }
+
+    @Test
+    fun `a rival out of the question refuses what was sound`() {
+        val found = judged(1.0, emptyList(), null, Rival(0, "A", 30.0))
+        assertEquals(Status.REFUSED to listOf("lamp_unfit"), found.outcome to found.reasons.map { it.code })
+        assertEquals("lamp_unfit", Reasons.refusal(found).code)
+    }
+
+    @Test
+    fun `a camera that no basis knows makes it doubtful`() {
+        val found = judged(1.0, weights(0.02, 0.52, 0.04, 0.42), null).reasons.single()
+        assertEquals("camera_unusual", found.code)
+        assertEquals(0.94, found.value!!, 1e-12)
+        assertEquals(0.9, found.threshold)
+        assertTrue("94%" in found.message && "the basis phones knows" in found.message, found.message)
+        assertEquals(emptyList<Reason>(), judged(1.0, weights(0.06, 0.5, 0.04, 0.4), null).reasons)
+        assertEquals(emptyList<Reason>(), judged(1.0, emptyList(), "phones").reasons)
+    }
+
+    @Test
+    fun `so does a camera of the other family than its maker's`() {
+        val choice = weights(0.95, 0.03, 0.01, 0.01)
+        val found = judged(1.0, choice, "cameras").reasons.single()
+        assertEquals("camera_unusual" to 0.98, found.code to found.value)
+        for (family in listOf("phones", null)) {
+            assertEquals(emptyList<Reason>(), judged(1.0, choice, family).reasons)
+        }
+    }
+}

@@ -1,0 +1,128 @@
+package org.camssf.golden
+
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.boolean
+import kotlinx.serialization.json.int
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.Fit
+import org.camssf.Grid
+import org.camssf.Rivals
+import org.camssf.Settings
+import org.camssf.Solve
+import org.camssf.curves.Engine
+import org.camssf.curves.Tensor
+import org.camssf.evidence.Reasons
+import org.camssf.evidence.Status
+import org.camssf.photo.ChartPose
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Normalise
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+
+/** The stages that begin with the patch statistics of a whole capture: what a phone does after measuring. */
+internal class Captures(private val forms: Forms, private val frames: Statistics) {
+    private val square = doubleArrayOf(0.0, 0.0, 100.0, 0.0, 100.0, 100.0, 0.0, 100.0)
+
+    fun calibrate(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
+        val capture = capture(case)
+        val done = Solve(engines, capture, settings(case)) { _, _ -> }.run()
+        if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
+        val ssf = done.ssf
+        fun columns(of: (Int) -> DoubleArray): Tensor {
+            val channels = List(3) { of(it) }
+            return Tensor(DoubleArray(3 * Grid.SIZE) { channels[it % 3][it / 3] }, Grid.SIZE, 3)
+        }
+        val (k, n) = capture.shots.size to capture.chart.patches.size
+        return mapOf(
+            "signals" to Tensor(done.signals.values, k, n, 3),
+            "used" to usedOf(done.signals),
+            "ssf" to columns { ssf.curve(it) },
+            "ssf_std" to if (ssf.std == null) null else columns { ssf.deviation(it)!! },
+            "predicted" to Tensor(ssf.predicted, k, n, 3),
+            "gap" to Tensor(ssf.gap, 3),
+            "channel_gain" to Tensor(ssf.channelGain, 3),
+            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
+        )
+    }
+
+    /** Gains of every rival lamp, shot by shot. */
+    fun rivals(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
+        val capture = capture(case)
+        val table = capture.chart
+        val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
+        val fit = Fit(engines, capture, signals, settings(case))
+        val ssf = fit.curves(signals.used, settings(case).gamma?.let { doubleArrayOf(it) })
+        val found = Rivals.of(fit.settled(ssf), ssf, signals.used) { }
+        val k = capture.shots.size
+        return mapOf("gains" to Tensor(found.map { it.gain }.toDoubleArray(), k, found.size / k))
+    }
+
+    private fun maybe(case: GoldenCase, name: String): Double? = number(case.inputs.getValue(name))
+
+    private fun settings(case: GoldenCase): Settings {
+        val nonnegative = (case.inputs.getValue("nonnegative") as JsonPrimitive).takeIf { it !is JsonNull }
+        return Settings(null, maybe(case, "l2"), maybe(case, "gamma"), nonnegative?.boolean)
+    }
+
+    private fun capture(case: GoldenCase): MeasuredCapture {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
+        val reflectance = given("reflectance")
+        val n = reflectance.shape[0]
+        val table = ChartTable(
+            "classic24",
+            "golden",
+            "classic24",
+            List(n) { "patch ${it + 1}" },
+            reflectance.values,
+            DoubleArray(n) { maybe(case, "chart_tolerance")!! },
+            case.inputs.getValue("white").jsonPrimitive.int,
+            "golden/spectra",
+        )
+        val pose = ChartPose(
+            "classic24",
+            DoubleArray(8) { square[it] * if (it % 2 == 0) 6 else 4 },
+            DoubleArray(8 * 24) {
+                val patch = it / 8
+                square[it % 8] + 100 * if (it % 2 == 0) patch % 6 else patch / 6
+            },
+            0,
+            "by hand",
+            1.0,
+            emptyList(),
+        )
+        val make = (case.inputs["make"] as? JsonPrimitive)?.content ?: "golden"
+        val photo = Photo("golden", 600, 400, 1, null, null, false, make, "golden", "")
+        val (lamp, modes, tolerance) = listOf("lamp", "lamp_modes", "lamp_tolerance").map { given(it) }
+        val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
+            val means = frames.means(entry.jsonObject)
+            val own = List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) }
+            val light = Lamp("golden", row(lamp, j), tolerance.values[j], own, "golden/spectra")
+            val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
+            MeasuredShot(light, photo, white, dark, pose, means, LensShading.AS_STORED)
+        }
+        return MeasuredCapture(shots, table, maybe(case, "white_reflectance"))
+    }
+
+    private fun row(tensor: Tensor, at: Int): DoubleArray =
+        tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
+}
+
+/** (k, n) as nested lists. */
+internal fun usedOf(signals: Signals): JsonElement {
+    val used = signals.used
+    return JsonArray(
+        List(signals.shots) { j ->
+            JsonArray(List(signals.patches) { JsonPrimitive(used[j * signals.patches + it]) })
+        },
+    )
+}

@@ -1,0 +1,332 @@
+"""Is a phone better served by a basis of phones? `python -m benchmarks.phones --table phones.csv [--draws 8]`
+
+The measured curves of the phones may not be passed on (NOTICE), so whoever has the table names it, here or in
+CAMSSF_PHONES; columns camera, wavelength_nm, R, G, B. `--foreign`, or CAMSSF_FOREIGN, names cameras of another
+laboratory; nothing is ever fitted to them. Without a table the command says what is missing and ends with status 2.
+
+Each phone is solved on the same draws with `cameras` as shipped, with a basis learned from the other phones, and with
+one learned from the other makers' phones alone; joint reference, elastic net. Settings are those of
+benchmarks.accuracy; "low" noise is hypot(0.1 %, 0.0002), "off" lamps are off by a drawn temperature and a smooth 2 %,
+both declared. RMSE on peak-normalised curves, 400 to 700 nm; coverage of the 95 % bands, overall and of the phone
+that fares worst in that setting.
+
+The choice: by how many nats the evidence of `phones` (the phone itself left out) is above that of `cameras` (the
+camera's maker left out; as shipped for phones and the other laboratory's). 20 : 1 is 3 nats.
+
+`--choose` compares enlargements instead: how HANDFUL in camssf.tools.learn was chosen. Coverage comes first (.93 to
+.98 in every setting, worst phone .88), then RMSE.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+
+from benchmarks._common import chart, console, one_thread, progress, save, table, versions
+from benchmarks.accuracy import LOW, SEED, SEEN, SETTINGS, Setting, declared, left_out, photograph, score
+from camssf.curves.basis import Basis, interpolate, read_basis
+from camssf.curves.choice import recover
+from camssf.errors import CalibrationError
+from camssf.grid import Floats
+from camssf.spectra import read_chart
+from camssf.tools.learn import HANDFUL, Enlargement, learn, maker_of, read_curves
+
+_ACCURACY = {setting.name: setting for setting in SETTINGS}
+JUDGED = (
+    _ACCURACY["exact, D55, 24"],
+    Setting("exact, D55, 24, low", ("D55",), noise=LOW),
+    *(setting for setting in SETTINGS if setting.ohta),
+)
+CAMERAS, OTHERS, OTHER_MAKER, PHONES = "cameras", "other phones", "other maker's phones", "phones"
+COVERED, WORST_COVERED = (0.93, 0.98), 0.88
+CLEAR = float(np.log(20.0))
+"""Nats of odds of 20 : 1."""
+CANDIDATES = {
+    "that of `cameras`": Enlargement(),
+    "6 nm 8 % .3 .03 x4, 120 nm": Enlargement(6.0, 0.08, 0.3, 0.03, 4.0),
+    "6 nm 8 % .3 .03 x2, 120 nm": Enlargement(6.0, 0.08, 0.3, 0.03, 2.0),
+    "8 nm 11 % .4 .04 x4, 120 nm": Enlargement(8.0, 0.11, 0.4, 0.04, 4.0),
+    "HANDFUL: 3 nm 4 % .15 .10 x1, 60 nm, own mean": HANDFUL,
+    "the same, mean of copies": replace(HANDFUL, own_mean=False),
+    "the same, over 120 nm": replace(HANDFUL, smooth=120.0),
+    "the same, over 40 nm": replace(HANDFUL, smooth=40.0),
+    "the same, x2": replace(HANDFUL, few_makers=2.0),
+    "the same, x4": replace(HANDFUL, few_makers=4.0),
+    "the same, 1.5 nm": replace(HANDFUL, shift=1.5),
+    "the same, 6 nm": replace(HANDFUL, shift=6.0),
+    "the same, 2 %": replace(HANDFUL, width=0.02),
+    "the same, 8 %": replace(HANDFUL, width=0.08),
+    "the same, warp .08": replace(HANDFUL, warp=0.08),
+    "the same, warp .30": replace(HANDFUL, warp=0.30),
+    "the same, cross-talk .05": replace(HANDFUL, cross_talk=0.05),
+    "the same, cross-talk .15": replace(HANDFUL, cross_talk=0.15),
+    "3.5 nm 4 % .15 .03 x1, 60 nm, own mean": Enlargement(3.5, 0.04, 0.15, 0.03, 1.0, 60.0, own_mean=True),
+}
+
+
+@dataclass(frozen=True)
+class Device:
+    """One measured phone or camera and the bases that it is solved with.
+
+    Attributes:
+        name: maker first.
+        curves: (681, 3).
+        bases: by what they were learned from.
+    """
+
+    name: str
+    curves: Floats
+    bases: Mapping[str, Basis]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Of one setting and basis, by draw and device.
+
+    Attributes:
+        rmse: (draws, devices) mean of R, G, B.
+        coverage: (draws, devices) share of wavelengths, 400 to 700 nm, within the bands.
+        log_evidence: (draws, devices).
+    """
+
+    rmse: Floats
+    coverage: Floats
+    log_evidence: Floats
+
+    def row(self, names: Sequence[str]) -> dict[str, Any]:
+        """Means over draws: of all devices, of the worst, and each device's."""
+        rmse, coverage = self.rmse.mean(axis=0), self.coverage.mean(axis=0)
+        return {
+            "rmse": float(rmse.mean()),
+            "worst_rmse": float(rmse.max()),
+            "coverage": float(coverage.mean()),
+            "worst_coverage": float(coverage.min()),
+            "devices": {
+                name: {"rmse": float(wrong), "coverage": float(held)}
+                for name, wrong, held in zip(names, rmse, coverage, strict=True)
+            },
+        }
+
+
+def taught(nodes: Mapping[str, Floats], names: Sequence[str], size: Enlargement, label: str) -> Basis:
+    """The basis of these devices, curves (69, 3) by name."""
+    stack = np.stack([nodes[name] for name in names])
+    mean, atoms = learn(stack, makers=[maker_of(name) for name in names], size=size)
+    return Basis(label, interpolate(mean[..., None])[..., 0], interpolate(atoms), True, ", ".join(names))
+
+
+def phones_left_out(nodes: Mapping[str, Floats], size: Enlargement = HANDFUL) -> list[Device]:
+    """Each phone with `cameras`, the basis of all others, and that of all other makers'."""
+    found = []
+    for name, curves in nodes.items():
+        others = [other for other in nodes if other != name]
+        strangers = [other for other in nodes if maker_of(other) != maker_of(name)]
+        bases = {
+            CAMERAS: read_basis("cameras"),
+            OTHERS: taught(nodes, others, size, OTHERS),
+            OTHER_MAKER: taught(nodes, strangers, size, OTHER_MAKER),
+        }
+        found.append(Device(name, interpolate(curves), bases))
+    return found
+
+
+def measured_cameras() -> list[Device]:
+    """The 52 cameras with `cameras`, their maker left out, and `phones`."""
+    curves, bases = left_out()
+    phones = read_basis("phones")
+    return [Device(name, curve, {CAMERAS: bases[maker_of(name)], PHONES: phones}) for name, curve in curves.items()]
+
+
+def foreign_cameras(path: Path) -> list[Device]:
+    """Another laboratory's cameras with both bases as shipped."""
+    bases = {CAMERAS: read_basis("cameras"), PHONES: read_basis("phones")}
+    return [Device(name, interpolate(curves), bases) for name, curves in read_curves(path).items()]
+
+
+def measure(
+    devices: Sequence[Device], settings: Sequence[Setting], draws: int, bar: Progress | None = None, label: str = ""
+) -> dict[str, dict[str, Runs]]:
+    """By setting and basis; every basis sees the same draws."""
+    ohta = read_chart("classic24:ohta").values
+    task = None if bar is None else bar.add_task(label, total=len(settings) * draws * len(devices))
+    found = {}
+    for setting in settings:
+        rng = np.random.default_rng(SEED)
+        seen = (ohta if setting.ohta else chart())[slice(*setting.patches)]
+        kept: dict[str, list[tuple[float, float, float]]] = {basis: [] for basis in devices[0].bases}
+        for _ in range(draws):
+            for device in devices:
+                y, error = photograph(setting, device.curves, seen, rng)
+                for name, basis in device.bases.items():
+                    answer = recover(declared(setting, y, error), basis=basis, engine="reference")
+                    rmse, covered = score(answer, device.curves)
+                    assert covered is not None  # a learned basis has bands
+                    assert answer.log_evidence is not None
+                    kept[name].append((rmse.mean(), covered[:, SEEN].mean(), answer.log_evidence))
+                if bar is not None and task is not None:
+                    bar.advance(task)
+        found[setting.name] = {
+            name: Runs(*np.moveaxis(np.array(rows).reshape(draws, len(devices), 3), 2, 0))
+            for name, rows in kept.items()
+        }
+    return found
+
+
+def odds(runs: Mapping[str, Mapping[str, Runs]], phones: str) -> dict[str, Floats]:
+    """By setting, (draws, devices) nats by which the evidence is for the phones' basis."""
+    return {setting: bases[phones].log_evidence - bases[CAMERAS].log_evidence for setting, bases in runs.items()}
+
+
+def choice(nats: Mapping[str, Floats], names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """By device, over all settings and draws: least, median, largest odds in nats, and how often each side wins.
+
+    `all` counts every device alike.
+    """
+    together = np.concatenate(list(nats.values()))
+    columns = {**dict(zip(names, together.T, strict=True)), "all": together.ravel()}
+    return {
+        name: {
+            "least": float(own.min()),
+            "median": float(np.median(own)),
+            "largest": float(own.max()),
+            "phones": float((own > 0).mean()),
+            "phones_clear": float((own > CLEAR).mean()),
+            "cameras_clear": float((own < -CLEAR).mean()),
+        }
+        for name, own in columns.items()
+    }
+
+
+def choose(nodes: Mapping[str, Floats], draws: int, bar: Progress | None = None) -> dict[str, dict[str, Any]]:
+    """By candidate and what was left out: mean RMSE, least and largest coverage of a setting, worst phone's."""
+    found: dict[str, dict[str, Any]] = {}
+    for label, size in CANDIDATES.items():
+        devices = [
+            Device(phone.name, phone.curves, {key: phone.bases[key] for key in (OTHERS, OTHER_MAKER)})
+            for phone in phones_left_out(nodes, size)
+        ]
+        runs = measure(devices, JUDGED, draws, bar, label)
+        found[label] = {}
+        for key in (OTHERS, OTHER_MAKER):
+            rows = [bases[key].row(list(nodes)) for bases in runs.values()]
+            covered = [row["coverage"] for row in rows]
+            found[label][key] = {
+                "rmse": float(np.mean([row["rmse"] for row in rows])),
+                "coverage": [min(covered), max(covered)],
+                "worst_coverage": min(row["worst_coverage"] for row in rows),
+            }
+    return found
+
+
+def _held(row: Mapping[str, Any]) -> str:
+    return f"{row['rmse']:.4f} {row['coverage']:.3f} {row['worst_coverage']:.3f}"
+
+
+def _accuracy(title: str, rows: Mapping[str, Mapping[str, Mapping[str, Any]]], beside: str) -> Any:
+    """RMSE, coverage and worst coverage by basis, and the ratio of RMSE to that of `cameras`."""
+    bases = list(next(iter(rows.values())))
+    lines = [
+        [
+            name,
+            *(_held(row[basis]) for basis in bases),
+            *(f"{row[basis]['rmse'] / row[CAMERAS]['rmse']:.2f}" for basis in bases if basis != CAMERAS),
+        ]
+        for name, row in rows.items()
+    ]
+    head = ["setting", *bases, *(f"{basis} / cameras" for basis in bases if basis != CAMERAS)]
+    return table(f"{title}: RMSE, coverage, worst {beside}", head, lines)
+
+
+def _choice(title: str, rows: Mapping[str, Mapping[str, float]]) -> Any:
+    lines = [
+        [
+            name,
+            *(f"{row[key]:+.1f}" for key in ("least", "median", "largest")),
+            *(f"{100 * row[key]:.0f} %" for key in ("phones", "phones_clear", "cameras_clear")),
+        ]
+        for name, row in rows.items()
+    ]
+    return table(
+        f"{title}: nats for `phones` over settings and draws",
+        ["device", "least", "median", "largest", "phones wins", "clearly (20 : 1)", "cameras clearly"],
+        lines,
+    )
+
+
+def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict[str, Any]:
+    """The tables, printed; as a document."""
+    out, document = console(), {}
+    groups = {"phones, left out": (phones_left_out(nodes), OTHERS, draws)}
+    groups["cameras, maker left out"] = (measured_cameras(), PHONES, max(1, draws // 4))
+    if foreign is not None:
+        groups["another laboratory's cameras"] = (foreign_cameras(foreign), PHONES, draws)
+    for title, (devices, phones, count) in groups.items():
+        names = [device.name for device in devices]
+        with progress() as bar:
+            runs = measure(devices, JUDGED, count, bar, title)
+        rows = {setting: {key: run.row(names) for key, run in bases.items()} for setting, bases in runs.items()}
+        choices = {phones: choice(odds(runs, phones), names)}
+        if phones == OTHERS:
+            choices[OTHER_MAKER] = choice(odds(runs, OTHER_MAKER), names)
+        out.print(_accuracy(f"{title} ({len(names)}, {count} draws)", rows, "device"))
+        for basis, found in choices.items():
+            out.print(_choice(f"{title}, `phones` = {basis}", found))
+        document[title] = {"draws": count, "settings": rows, "choice": choices}
+    if foreign is None:
+        out.print("No cameras of another laboratory: name a table by --foreign or CAMSSF_FOREIGN to judge them, too.")
+    return document
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.phones", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    given = {key: os.environ.get(f"CAMSSF_{key}") for key in ("PHONES", "FOREIGN")}
+    parser.add_argument("--table", type=Path, default=given["PHONES"], help="measured phones, CSV")
+    parser.add_argument("--foreign", type=Path, default=given["FOREIGN"], help="cameras of another laboratory, CSV")
+    parser.add_argument("--draws", type=int, default=8, help="of noise and lamps, for each device and setting")
+    parser.add_argument("--choose", action="store_true", help="compare enlargements instead")
+    options = parser.parse_args(arguments)
+    if options.table is None:
+        print("The measured phones are missing: name their table by --table or CAMSSF_PHONES.", file=sys.stderr)
+        return 2
+    try:
+        nodes = read_curves(Path(options.table))
+        if not options.choose:
+            document = judge(nodes, Path(options.foreign) if options.foreign else None, options.draws)
+            print(save("phones", document | {"versions": versions("scipy", "colour-science")}))
+            return 0
+    except CalibrationError as error:
+        print(f"{error.code}: {error}", file=sys.stderr)
+        return error.exit_status
+    with progress() as bar:
+        found = choose(nodes, options.draws, bar)
+    lines = []
+    for label, row in found.items():
+        held = [
+            COVERED[0] <= each["coverage"][0] <= each["coverage"][1] <= COVERED[1]
+            and each["worst_coverage"] >= WORST_COVERED
+            for each in row.values()
+        ]
+        cells = [
+            f"{each['rmse']:.4f} {each['coverage'][0]:.3f}-{each['coverage'][1]:.3f} {each['worst_coverage']:.3f}"
+            for each in row.values()
+        ]
+        lines.append([label, *cells, ", ".join("yes" if each else "no" for each in held)])
+    head = ["enlargement, few_makers", OTHERS, OTHER_MAKER, "holds"]
+    console().print(table("RMSE, least and largest coverage of a setting, worst phone's", head, lines))
+    print(save("phones-choose", {"draws": options.draws, "candidates": found, "versions": versions("scipy")}))
+    return 0
+
+
+if __name__ == "__main__":
+    one_thread("benchmarks.phones")
+    sys.exit(main())

@@ -1,0 +1,135 @@
+"""Evidence → the basis that answers: phones, cameras, or a mixture of both, by their marginal likelihood.
+
+Phones and cameras are two families. Which one a camera belongs to, and whether it lies as near to it as those that
+the basis was learned from, is weighed by the evidence of each hypothesis (docs/maths.md, "Which basis"). A clear
+winner answers alone; else the answers are mixed by their probabilities, and their bands by the law of total variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.curves.basis import Basis
+from camssf.curves.evidence import Evidence, evidence_of
+from camssf.curves.ssf import Ssf, Weight, answer, respond
+from camssf.grid import STEP, Floats
+from camssf.rules import rules
+
+AUTO = "auto"
+FAMILIES = ("phones", "cameras")
+"""The bases that `auto` chooses from, in this order."""
+SCALES = (1.0, rules().number("choice.wide"))
+"""How much wider a camera may lie than those that its basis was learned from."""
+UNUSUAL = rules().number("choice.unusual")
+"""What is believed of the second scale beforehand."""
+CLEAR = rules().number("choice.clear")
+"""Odds at which a basis answers alone."""
+
+
+def recover(
+    evidence: Evidence | ArrayLike | None = None,
+    *former: ArrayLike,
+    basis: str | Basis = AUTO,
+    l2: float | None = None,
+    gamma: ArrayLike | None = None,
+    nonnegative: bool | None = None,
+    engine: str = "onnx",
+    prior: Mapping[str, float] | None = None,
+    prior_scale: float = 1.0,
+    **named: Any,
+) -> Ssf:
+    """The curves that explain the signals.
+
+    Args:
+        evidence: the signals, and what is known of chart, white and lamps.
+        former, named: `recover(signals, reflectance, lamp, standard_error=..., ...)`, the form before `Evidence`; it
+            goes with the release after the next.
+        basis: "auto" lets the evidence choose among FAMILIES; else a name, a file, or a Basis.
+        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, whose channels are one problem, γ is one number,
+            and they default to 1 and 0.05. On the paper's γ may be one a channel, and they default to 0 and to the
+            discrepancy principle: the largest γ whose residual is not above the measured noise,
+            rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that leaves nothing.
+        nonnegative: x ≥ 0; None asks for it on a basis without a mean. False gives the paper's literal Eq. (10).
+        engine: "onnx", the shipped model, or "reference". A basis without a shipped model takes the reference;
+            the answer says which it was.
+        prior: with "auto", the odds of each of FAMILIES beforehand; equal where nothing is said.
+        prior_scale: with a named basis, how much wider its prior is taken.
+
+    With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
+
+    Raises:
+        InvalidArgument: values or names that do not fit.
+        NotConverged: a relative duality gap above 1e-6.
+    """
+    evidence = evidence_of("recover", evidence, former, named)
+    how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
+    if basis != AUTO:
+        return answer(evidence, basis, prior_scale=prior_scale, **how)
+    odds = prior or {}
+    answers = [answer(evidence, name, prior_scale=scale, **how) for name in FAMILIES for scale in SCALES]
+    beliefs = [np.log(odds.get(name, 1.0) * belief) for name in FAMILIES for belief in (1.0 - UNUSUAL, UNUSUAL)]
+    return choose(evidence, answers, np.array(beliefs))
+
+
+def choose(evidence: Evidence, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
+    """One answer of several to the same signals, each with ln of what was believed of it beforehand.
+
+    A basis that is CLEAR times as probable as all others answers alone, with its own scales mixed.
+    """
+    likely = probabilities(np.array([each.log_evidence for each in answers], float) + beliefs)
+    told = tuple(
+        Weight(each.basis, each.prior_scale, float(each.log_evidence or 0.0), float(share))
+        for each, share in zip(answers, likely, strict=True)
+    )
+    bases = [each.basis for each in answers]
+    share = {name: float(likely[[b == name for b in bases]].sum()) for name in bases}
+    winner = max(share, key=lambda name: share[name])
+    if share[winner] >= CLEAR * (1.0 - share[winner]):
+        likely = np.where([b == winner for b in bases], likely, 0.0)
+    return replace(mixed(evidence, answers, likely / likely.sum()), choice=told)
+
+
+def probabilities(logarithms: Floats) -> Floats:
+    """e^l / Σ e^l without overflow."""
+    weights = np.exp(logarithms - logarithms.max())
+    return np.asarray(weights / weights.sum())
+
+
+def mixed(evidence: Evidence, answers: Sequence[Ssf], weights: Floats) -> Ssf:
+    """The mixture of answers to the same signals; all that belongs to a basis is the likeliest answer's.
+
+    Curves of peak 1 are mixed, s̄ = Σ w s, and their variance is Σ w (σ² + (s - s̄)²).
+    """
+    kept = [(each, weight) for each, weight in zip(answers, weights, strict=True) if weight > NEGLIGIBLE]
+    best = max(kept, key=lambda pair: pair[1])[0]
+    if len(kept) == 1:
+        return best
+    share = np.array([weight for _, weight in kept]) / sum(weight for _, weight in kept)
+    curves = np.stack([each.peak()[0] for each, _ in kept])  # (a, m, 3)
+    mean = np.einsum("a,amc->mc", share, curves)
+    std = None
+    own = [band for each, _ in kept if (band := each.peak()[1]) is not None]
+    if own:
+        std = np.sqrt(np.einsum("a,amc->mc", share, np.stack(own) ** 2 + (curves - mean) ** 2))
+    lamp = np.einsum("a,akm->km", share, np.stack([each.lamp for each, _ in kept]))
+    scale = (evidence.white_reflectance * evidence.lamp[0] * STEP) @ mean  # (3,)
+    values = mean / scale
+    return replace(
+        best,
+        values=values,
+        std=None if std is None else std / scale,
+        predicted=respond(values, evidence.reflectance, lamp, evidence.white_reflectance),
+        gap=np.max([each.gap for each, _ in kept], axis=0),
+        layers_gap=np.max([each.layers_gap for each, _ in kept], axis=0),
+        finish_steps=np.max([each.finish_steps for each, _ in kept], axis=0),
+        lamp=lamp,
+    )
+
+
+NEGLIGIBLE = 1e-6
+"""An answer of a smaller weight moves no curve."""

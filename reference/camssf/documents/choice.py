@@ -1,0 +1,100 @@
+"""A result document's `choice` in words: which basis answered, with what odds, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from camssf.curves.choice import CLEAR
+
+Json: TypeAlias = dict[str, Any]
+
+LARGEST = 1e6
+"""Odds beyond which nobody tells them apart."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the evidence chose.
+
+    Attributes:
+        basis: the likeliest.
+        odds: how many times as probable as all others together; infinite where nothing is left to them.
+        believed: the same beforehand, by the file's word for the maker; None where that cannot be told any more.
+        wide: how probable it is that the camera lies further out than those that its basis was learned from.
+        words: all of that in sentences.
+    """
+
+    basis: str
+    odds: float
+    believed: float | None
+    wide: float
+    words: tuple[str, ...]
+
+
+def choice_of(document: Json) -> Chosen | None:
+    """None where a basis was told, where nothing was solved, and in a result from before the choice."""
+    weighed = document.get("choice") or []
+    total = math.fsum(each["probability"] for each in weighed)
+    if not total > 0:
+        return None
+    shares: dict[str, float] = {}
+    for each in weighed:
+        shares[each["basis"]] = shares.get(each["basis"], 0.0) + each["probability"]
+    basis = max(shares, key=lambda name: shares[name])
+    rest = math.fsum(share for name, share in shares.items() if name != basis)
+    odds = shares[basis] / rest if rest > 0 else math.inf
+    others = " and ".join(name for name in shares if name != basis)
+    wide = math.fsum(each["probability"] for each in weighed if each["prior_scale"] > 1.0) / total
+    believed = _believed(weighed, basis)
+    return Chosen(basis, odds, believed, wide, tuple(_words(basis, others, odds, believed, wide)))
+
+
+def odds_in_words(odds: float) -> str:
+    """"240 : 1", for people."""
+    if odds > LARGEST:
+        return "more than a million : 1"
+    return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
+
+
+def _believed(weighed: list[Json], basis: str) -> float | None:
+    """Odds of the basis against the likeliest other one before the signals: posterior odds less what they said."""
+    own, other = (
+        max((each for each in weighed if (each["basis"] == basis) == same), key=_probability, default=None)
+        for same in (True, False)
+    )
+    if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
+        return None
+    # The widths' own odds cancel only between hypotheses of one width.
+    other = next((e for e in weighed if e["basis"] == other["basis"] and e["prior_scale"] == own["prior_scale"]), None)
+    if other is None or not other["probability"] > 0:
+        return None
+    said = own["log_evidence"] - other["log_evidence"]
+    exponent = math.log(own["probability"] / other["probability"]) - said
+    return math.exp(exponent) if abs(exponent) < math.log(LARGEST) else None
+
+
+def _probability(each: Json) -> float:
+    return float(each["probability"])
+
+
+def _words(basis: str, others: str, odds: float, believed: float | None, wide: float) -> list[str]:
+    words = []
+    if others:
+        told = f"The signals speak for {basis}, {odds_in_words(odds)} against {others}"
+        words.append(
+            f"{told}, so it answers alone."
+            if odds >= CLEAR
+            else f"{told}; below {CLEAR:g} : 1 neither answers alone: the curves of both are mixed by their "
+            "probabilities, and the band holds by how much they differ."
+        )
+        if believed is not None and abs(math.log(believed)) > 0.01:
+            likely, how = (basis, believed) if believed > 1 else (others, 1 / believed)
+            words.append(f"The file's word for the maker is in these odds: {odds_in_words(how)} for {likely}.")
+    if wide > 0:
+        words.append(
+            f"With a probability of {100 * wide:.1f} % the camera lies further out than those that its basis was "
+            "learned from; a wider prior, and with it a wider band, counts for so much."
+        )
+    return words
