@@ -327,7 +327,7 @@ def test_a_colour_that_no_surface_has_is_found_out(signal: tuple[float, ...], fa
         with pytest.raises(ColourOutOfReach, match="Colour 1") as caught:
             check_reach(found.reach)
         assert caught.value.value == found.reach[0]
-        assert caught.value.exit_status == 8
+        assert caught.value.exit_status == 9
 
 
 def test_every_real_surface_is_in_reach() -> None:
