@@ -262,7 +262,6 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
             "lamp_unfit",
             "chart_unfit",
             "not_converged",
-            "camera_unusual",
             "colour_out_of_reach",
             "invalid_argument",
         ]
