@@ -17,7 +17,8 @@ CalibrationError
 │   ├── Blurred            blurred
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
-└── NotConverged           not_converged       7   the solver's own proof failed
+├── NotConverged           not_converged       7   the solver's own proof failed
+└── PassportInvalid        passport_invalid    8   a signed result that is not to be trusted
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -160,3 +161,10 @@ class NotConverged(CalibrationError):
 
     code = "not_converged"
     exit_status = 7
+
+
+class PassportInvalid(CalibrationError):
+    """A passport that is not what its signer wrote, has ended, was called back, or is signed by nobody trusted."""
+
+    code = "passport_invalid"
+    exit_status = 8

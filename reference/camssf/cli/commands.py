@@ -13,6 +13,7 @@ import typer
 from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
 from camssf.cli.others import cameras, charts, direct, lamps, parity
+from camssf.cli.passport import passport
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
 from camssf.errors import CalibrationError, InvalidArgument
@@ -95,3 +96,4 @@ def _camssf(
 
 for _command, _example in COMMANDS:
     app.command(epilog=f"Example: {_example}")(_command)
+app.add_typer(passport)
