@@ -31,7 +31,7 @@ def norm(found: ArrayLike, expected: ArrayLike) -> float:
 
 
 def relative(found: ArrayLike, expected: ArrayLike) -> float:
-    """Largest |a - b| / |b| of numbers that are each of their own size (one a channel); |a| where b = 0."""
+    """Largest |a - b| / |b| of numbers that are each of their own size (one a problem); |a| where b = 0."""
     a, b = _pair(found, expected)
     if a.shape != b.shape or not np.isfinite(a).all():
         return np.inf
@@ -68,6 +68,20 @@ def rmse(found: ArrayLike, expected: ArrayLike) -> float:
     return float(np.sqrt(np.mean(difference**2, axis=0)).mean())
 
 
+def sums(found: ArrayLike, expected: ArrayLike) -> float:
+    """A symmetric matrix (3 r, 3 r) by its sums over each channel's r columns, (3 r, 3): as `norm`.
+
+    Each row counts by itself, and so each column: a twentieth of the numbers tell what all of them would. Sums are
+    taken as they are.
+    """
+    a = np.asarray(found, dtype=float)
+    if a.shape == (len(a), 3) == np.shape(expected):
+        return norm(a, expected)
+    if a.ndim != 2 or len(a) % 3 or a.shape[0] != a.shape[1] or not norm(a, a.T) <= 1e-9:
+        return np.inf
+    return norm(a.reshape(len(a), 3, -1).sum(axis=2), expected)
+
+
 METRICS: dict[str, Callable[[Any, Any], float]] = {
     "exact": exact,
     "norm": norm,
@@ -75,51 +89,63 @@ METRICS: dict[str, Callable[[Any, Any], float]] = {
     "at_most": at_most,
     "peak": peak,
     "rmse": rmse,
+    "sums": sums,
 }
 
 
 def optimality(
     A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool
 ) -> tuple[float, float]:
-    """Objective and relative duality gap of a code x, for one channel: the formula of `camssf.curves.proof`.
+    """Objective and relative duality gap of a code x, for one problem: the formulae of `camssf.curves.proof`.
 
-    By the Cholesky factor of Σ, not by its inverse, and without any solver, so that it may judge them all. The dual
-    point is the residual, scaled until it is feasible; γ = 0 has no such ball, there ½ ‖w‖² / λ₂ bounds the gap.
+    By the Cholesky factor of Σ, not by its inverse, and without any solver, so that it may judge them all. λ₂ > 0:
+    the residual itself is a dual point, the gap the penalty's own conjugate. λ₂ = 0: the residual, scaled until it is
+    feasible.
     """
     root = np.linalg.cholesky(covariance)
     A, b = np.linalg.solve(root, A), np.linalg.solve(root, b)
     r = b - A @ x
-    w = A.T @ r - l2 * x
-    quadratic, l1 = float(r @ r + l2 * x @ x), gamma * float(np.abs(x).sum())
-    objective = 0.5 * quadratic + l1
+    g = A.T @ r
+    l1 = gamma * float(np.abs(x).sum())
+    objective = 0.5 * float(r @ r + l2 * x @ x) + l1
     if nonnegative and (x < 0).any():
         return objective, np.inf
-    if gamma == 0:
-        slope = np.where(x == 0, np.maximum(w, 0.0), w) if nonnegative else w
-        gap = 0.5 * float(slope @ slope) / l2
+    if l2 > 0:
+        short = x - _soft(g, gamma, nonnegative) / l2
+        inside = np.clip(g, -np.inf if nonnegative else -gamma, gamma)
+        gap = float(np.sum(0.5 * l2 * short**2 + (gamma * np.abs(x) - x * inside)))
     else:
-        worst = float(np.max(w if nonnegative else np.abs(w), initial=0.0))
+        worst = float(np.max(g if nonnegative else np.abs(g), initial=0.0))
         alpha = min(1.0, gamma / worst) if worst > 0 else 1.0
-        gap = 0.5 * (1 - alpha) ** 2 * quadratic + l1 - alpha * float(x @ w)
+        gap = 0.5 * (1 - alpha) ** 2 * float(r @ r) + l1 - alpha * float(x @ g)
     return objective, max(gap, 0.0) / objective if objective > 0 else 0.0
 
 
 def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float) -> float:
-    """How far rounding alone moves the relative gap of x, to first order: of each case its own, by its conditioning.
+    """How far rounding alone moves the relative gap of x: of each case its own, by its conditioning.
 
-    Another machine's rows and whitening differ in the last bits, x is itself rounded, and so w = Fᵀ (y - F x) - λ₂ x
-    moves by δ ≤ ROUNDINGS 2⁻⁵³ (|F|ᵀ (|F| |x| + |y|) + λ₂ |x|). Then α falls by max δ / γ and xᵀ w moves by |x|ᵀ δ:
-    the gap grows by at most 2 ‖x‖₁ max δ; where γ = 0, by ½ ‖δ‖² / λ₂.
+    Another machine's rows and whitening differ in the last bits, x is itself rounded, and so g = Fᵀ (y - F x) moves
+    by δ ≤ ROUNDINGS 2⁻⁵³ |F|ᵀ (|F| |x| + |y|). λ₂ = 0: α falls by max δ / γ and xᵀ g moves by |x|ᵀ δ, so the gap
+    grows by at most 2 ‖x‖₁ max δ. λ₂ > 0: its slope in g is soft(g) / λ₂ - x, which an answer has almost at zero, and
+    its curvature at most 1 / λ₂.
     """
     root = np.linalg.cholesky(covariance)
     F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)
-    delta = np.abs(F).T @ (np.abs(F) @ np.abs(x) + np.abs(y)) + l2 * np.abs(x)
-    delta *= ROUNDINGS * 2.0**-53
+    delta = ROUNDINGS * 2.0**-53 * (np.abs(F).T @ (np.abs(F) @ np.abs(x) + np.abs(y)))
     r = y - F @ x
     l1 = float(np.abs(x).sum())
     objective = 0.5 * float(r @ r + l2 * x @ x) + gamma * l1
-    moved = 0.5 * float(delta @ delta) / l2 if gamma == 0 else 2.0 * l1 * float(delta.max())
+    if l2 > 0:
+        slope = np.where(x == 0, 0.0, np.abs(x - _soft(F.T @ r, gamma, False) / l2))
+        moved = float(np.sum(slope * delta + delta**2 / (2.0 * l2)))
+    else:
+        moved = 2.0 * l1 * float(delta.max())
     return moved / objective if objective > 0 else 0.0
+
+
+def _soft(g: Floats, gamma: float, nonnegative: bool) -> Floats:
+    """Soft thresholding, written once more so that what judges shares no code with what is judged."""
+    return np.asarray(np.maximum(g - gamma, 0.0) - (0.0 if nonnegative else np.maximum(-g - gamma, 0.0)))
 
 
 def _pair(found: ArrayLike, expected: ArrayLike) -> tuple[Floats, Floats]:

@@ -20,7 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from camssf.curves.code import DEPTH
 from camssf.curves.engine import load_model
+from camssf.curves.finish import PROVEN
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
@@ -35,6 +37,11 @@ ORACLE_GAP = 5e-10
 """Largest relative duality gap of the oracle's own answer, but for rounding (`Proof.bound`)."""
 MARGIN = 0.9
 """A truth bound must hold with this part of it at generation."""
+ARRIVED, ERRING = 1e-9, 1e-6
+"""Parts of the peak between a curve of layers and the optimum's that are rounding rather than an error; to which part
+of itself an error must be found again."""
+DIGITS = 12
+"""Significant digits of curves, bands and W: beyond their limits of 1e-10, and a quarter less to store."""
 COMMAND = "python -m golden.generate"
 
 
@@ -124,7 +131,7 @@ def finish(scene: Json) -> Json:
         "stage": stage,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": _requires(stage) + scene.get("requires", []),
+        "requires": _requires(stage, inputs) + scene.get("requires", []),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -142,14 +149,14 @@ def finish(scene: Json) -> Json:
                 return check(made)
             raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
         raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
+    if stage in ("solve", "ssf", "layers"):
+        made["oracle"] = _plain(_oracle(made))
     try:
         outputs = run(made)
     except CalibrationError as error:
         raise GoldenError(f"{made['case']}: {error.code}: {error}") from error
-    kept = {name: _absent(outputs[name]) for name in sorted(reading.OUTPUTS[stage])}
+    kept = {name: _stored(name, outputs[name], stage) for name in sorted(reading.OUTPUTS[stage])}
     made["outputs"] = _plain(kept)
-    if stage in ("solve", "ssf"):
-        made["oracle"] = _plain(_oracle(made))
     if scene["truth"] is not None:
         made["truth"] = {
             "ssf": scene["truth"],
@@ -180,9 +187,9 @@ def _oracle(made: Json) -> Json:
     from golden.oracle import consult
 
     given, sensing = made["inputs"], problem(made)
-    gamma = np.broadcast_to(np.array(given["gamma"], float), 3)
+    gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     basis = white = None
-    if made["stage"] == "ssf":
+    if made["stage"] in ("ssf", "layers"):
         basis = basis_of(given["basis"])
         white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
     oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
@@ -217,9 +224,11 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                     ("assumptions", "exact", 0.0)],
         "sensing": [("matrix", "norm", 1e-12), ("target", "norm", 1e-12), ("covariance", "norm", 1e-12)],
         "weights": [("rho", "norm", 1e-15), ("W", "norm", 1e-10), ("z", "norm", 1e-10)],
-        "solve": [("objective", "relative", 1e-10)],
-        "ssf": [("ssf", "norm", 1e-10), ("ssf_std", "norm", 1e-10), ("signals", "norm", 1e-15),
-                ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14)],
+        "solve": [("objective", "relative", 1e-10), ("evidence", "relative", 1e-10)],
+        "ssf": [("ssf", "norm", 1e-10), ("ssf_std", "norm", 1e-10), ("code_covariance", "sums", 1e-10),
+                ("signals", "norm", 1e-15), ("predicted", "norm", 1e-10), ("evidence", "relative", 1e-10),
+                ("channel_gain", "norm", 1e-14)],
+        "layers": [("ssf", "peak", 1e-10)],
         "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
                       ("ssf_std", "norm", 1e-10), ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14),
                       ("rmsre_percent", "norm", 1e-8), ("codes", "exact", 0.0)],
@@ -235,7 +244,11 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                         1e-15 if name in _ROUNDED else 0.0, "metadata")
                   for name in sorted(_METADATA) if outputs[name] is not None]  # fmt: skip
     if stage == "solve" and scene["generic"]:
-        found += [limit("code", "outputs", "norm", 1e-9), limit("pivots", "outputs", "exact", 0.0)]
+        found += [limit("code", "outputs", "norm", 1e-9), limit("finish_steps", "outputs", "exact", 0.0)]
+    if stage == "ssf" and not np.any(outputs["finish_steps"]):
+        found += [limit("finish_steps", "outputs", "at_most", 0.0), limit("layers_gap", "outputs", "at_most", PROVEN)]
+    if stage == "layers":
+        return found + _layers_limits(made, limit)
     if stage == "calibrate":
         found.append(limit("gap", "outputs", "at_most", GAP))
     if made["oracle"] is not None:
@@ -246,6 +259,21 @@ def _limits(made: Json, scene: Json) -> list[Json]:
     if made["truth"] is not None:
         found.append(limit("ssf", "truth", "rmse", scene["rmse"]))
     return found
+
+
+def _layers_limits(made: Json, limit: Any) -> list[Json]:
+    """The product's layers stand at the optimum by themselves; others stand where they stand."""
+    product = "model" in made["requires"]
+    if product or made["outputs"]["distance"] <= ARRIVED:
+        return [
+            limit("ssf", "oracle", "peak", 1e-7),
+            limit("objective", "oracle", "relative", PROVEN, *(["reference"] if product else [])),
+            limit("gap", "oracle", "at_most", PROVEN),
+        ] + ([limit("finish_steps", "outputs", "at_most", 0.0)] if product else [])
+    return [
+        limit("objective", "outputs", "relative", 1e-9),
+        *(limit(name, "outputs", "relative", ERRING) for name in ("distance", "gap")),
+    ]
 
 
 def _statistic(name: str, inputs: Json) -> tuple[str, float]:
@@ -262,11 +290,13 @@ _ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_sh
 """Fields that are quotients."""
 
 
-def _requires(stage: str) -> list[str]:
+def _requires(stage: str, inputs: Json) -> list[str]:
     if stage in ("mosaic", "pose", "patches", "signals", "verdict"):
         return [stage]
     if stage == "calibrate":
         return ["signals", "model"]
+    if stage == "layers":
+        return ["model"] if (inputs["iteration"], inputs["depth"]) == ("splitting", DEPTH) else ["reference"]
     return ["model"] if stage == "ssf" else ["reference"]
 
 
@@ -297,15 +327,22 @@ def _names(value: Any) -> set[str]:
     if isinstance(value, dict):
         found = {f"charts:{value['chart']}"} if isinstance(value.get("chart"), str) else set()
         found |= {f"lamps:{name}" for name in value.get("lamps", []) if name != "equal-energy"}
+        found |= {f"modes:{name}" for name in value.get("modes", []) if name}
         return found.union(*(_names(v) for v in value.values()), set())
     return set()
 
 
-def _absent(value: Any) -> Any:
-    """A band that does not exist is null."""
+def _stored(name: str, value: Any, stage: str) -> Any:
+    """As a file has it: a band that does not exist is null, and what is large is told with fewer numbers."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
-    return value
+    if value is None or name not in ("ssf", "ssf_std", "code_covariance", "W"):
+        return value
+    if name == "code_covariance":
+        return value.reshape(len(value), 3, -1).sum(axis=2)
+    if stage == "layers":
+        value = (value / value.max(axis=0))[::10]
+    return np.vectorize(lambda v: float(f"{v:.{DIGITS}g}"))(value)
 
 
 def _plain(value: Any) -> Any:
@@ -412,7 +449,7 @@ def drift(stored: Json, made: Json) -> list[str]:
 
 
 class Proof(NamedTuple):
-    """Objective and relative gap of one channel's code, and the largest gap it may have on this machine's rows."""
+    """Objective and relative gap of one problem's code, and the largest gap it may have on this machine's rows."""
 
     objective: float
     gap: float
@@ -420,9 +457,9 @@ class Proof(NamedTuple):
 
 
 def proofs(case: Json) -> list[Proof]:
-    """Of the stored oracle's code, recomputed from it channel by channel, without cvxpy."""
+    """Of the stored oracle's code, recomputed from it problem by problem, without cvxpy."""
     given, sensing = case["inputs"], problem(case)
-    gamma = np.broadcast_to(np.array(given["gamma"], float), 3)
+    gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     return [
         Proof(
             *optimality(A, b, S, np.array(x), given["l2"], float(g), given["nonnegative"]),

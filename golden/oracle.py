@@ -17,7 +17,8 @@ from golden.compare import optimality
 from golden.reading import Json
 
 ENOUGH = 1e-13
-"""Relative duality gap at which no further polish is tried."""
+"""Relative duality gap at which no further polish is tried; where λ₂ > 0 the gap is of second order, and this its
+square."""
 
 
 def consult(
@@ -28,11 +29,11 @@ def consult(
     basis: Basis | None = None,
     white: Floats | None = None,
 ) -> Json:
-    """Objective, code and gap of each channel by Clarabel; the curves on the 5-nm nodes where they are unique.
+    """Objective, code and gap of each problem by Clarabel; the curves on the 5-nm nodes where they are unique.
 
     Args:
-        sensing: the rows.
-        l2, gamma, nonnegative: of the problem, γ (3,).
+        sensing: the rows of p problems: on a learned basis one, the three channels together.
+        l2, gamma, nonnegative: of the problem, γ (p,).
         basis: with `white` = ρ_w L (681,) of the first lamp, for the curves.
         white: as said.
     """
@@ -40,7 +41,7 @@ def consult(
 
     codes, objectives, gaps, polished, unique = [], [], [], [], []
     for A, b, sigma, weight in zip(sensing.matrix, sensing.target, sensing.covariance, gamma, strict=True):
-        x, better = _channel(A, b, sigma, l2, float(weight), nonnegative)
+        x, better = _problem(A, b, sigma, l2, float(weight), nonnegative)
         objective, gap = optimality(A, b, sigma, x, l2, float(weight), nonnegative)
         codes.append(x)
         objectives.append(objective)
@@ -50,7 +51,7 @@ def consult(
     curves = None
     if basis is not None and white is not None and all(unique):
         own = anchor(basis, white)
-        s = (own.mean + np.einsum("cmr,cr->cm", own.dictionary, np.array(codes))).T
+        s = (own.mean + np.einsum("cmr,cr->cm", own.dictionary, np.reshape(codes, (3, -1)))).T
         s = s / (white @ s * STEP)
         curves = s[::10] / s.max(axis=0)
     return {
@@ -63,8 +64,8 @@ def consult(
     }
 
 
-def _channel(A: Floats, b: Floats, sigma: Floats, l2: float, gamma: float, nonnegative: bool) -> tuple[Floats, bool]:
-    """One channel; True where the polish bettered Clarabel's gap."""
+def _problem(A: Floats, b: Floats, sigma: Floats, l2: float, gamma: float, nonnegative: bool) -> tuple[Floats, bool]:
+    """One problem; True where the polish bettered Clarabel's gap."""
     root = np.linalg.cholesky(sigma)
     F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)
 
@@ -72,12 +73,12 @@ def _channel(A: Floats, b: Floats, sigma: Floats, l2: float, gamma: float, nonne
         return optimality(A, b, sigma, x, l2, gamma, nonnegative)[1]
 
     x = _clarabel(F, y, l2, gamma, nonnegative)
-    best, better = x, False
+    best, better, enough = x, False, ENOUGH**2 if l2 > 0 else ENOUGH
     size = float(np.abs(x).max(initial=0.0))
     w = F.T @ (y - F @ x) - l2 * x
     for share in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
         for support in (np.abs(x) > share * size, np.abs(w) >= gamma * (1 - share)):
-            if gap(best) <= ENOUGH:
+            if gap(best) <= enough:
                 return best, better
             tried = _polish(F, y, l2, gamma, nonnegative, support, np.sign(np.where(np.abs(x) > share * size, x, w)))
             if tried is not None and gap(tried) < gap(best):

@@ -33,6 +33,7 @@ _ROWS = {
     "basis", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
     "lamp_modes",
 }  # fmt: skip
+_CALL = _ROWS | {"chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"}
 _SHOTS = {"shots", "patches", "white"}
 INPUTS: dict[str, set[str]] = {
     "mosaic": {"dng"},
@@ -42,7 +43,8 @@ INPUTS: dict[str, set[str]] = {
     "sensing": _ROWS | {"signals", "standard_error"},
     "weights": _PROBLEM | {"depths"},
     "solve": _PROBLEM | {"depth", "finish"},
-    "ssf": _ROWS | {"chart", "white", "dark", "standard_error", "l2", "gamma", "nonnegative"},
+    "ssf": _CALL,
+    "layers": _CALL | {"iteration", "depth"},
     "calibrate": {"shots", "reflectance", "chart_tolerance", "white", "lamp", "lamp_tolerance", "lamp_modes",
                   "white_reflectance", "basis", "l2", "gamma", "nonnegative"},
     "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
@@ -79,8 +81,21 @@ OUTPUTS: dict[str, set[str]] = {
     "signals": {"signals", "standard_error", "used", "assumptions"},
     "sensing": {"matrix", "target", "covariance"},
     "weights": {"rho", "W", "z"},
-    "solve": {"code", "objective", "gap", "pivots"},
-    "ssf": {"ssf", "ssf_std", "code", "signals", "predicted", "gap", "channel_gain"},
+    "solve": {"code", "objective", "gap", "layers_gap", "finish_steps", "evidence"},
+    "ssf": {
+        "ssf",
+        "ssf_std",
+        "code",
+        "code_covariance",
+        "signals",
+        "predicted",
+        "gap",
+        "layers_gap",
+        "finish_steps",
+        "evidence",
+        "channel_gain",
+    },
+    "layers": {"ssf", "objective", "gap", "finish_steps", "distance"},
     "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes"},
     "verdict": {
         "status",
@@ -229,6 +244,15 @@ def lamp(name: str) -> Floats:
     return np.ones(WAVELENGTHS.size) if name == "equal-energy" else np.array(spectra("lamps")["values"][name], float)
 
 
+def modes(names: list[str | None]) -> Floats:
+    """(k, q, 681) of each shot's kind of lamp, zeros where it has none: known on the 5-nm nodes, straight between."""
+    known = [np.array(spectra("modes")["values"][name], float) if name else np.zeros((0, 69)) for name in names]
+    found = np.zeros((len(names), max(map(len, known)), WAVELENGTHS.size))
+    for shot, own in zip(found, known, strict=True):
+        shot[: len(own)] = interpolate(own.T).T
+    return found
+
+
 def camera(name: str) -> Floats:
     """(681, 3) curves: known on the 5-nm nodes, straight between them."""
     return interpolate(np.array(spectra("cameras")["values"][name], float))
@@ -263,6 +287,8 @@ def _form(form: Json) -> Any:
         return np.array([[_horner(mode, u) for mode in shot] for shot in form["polynomials"]], float).reshape(
             len(form["polynomials"]), -1, WAVELENGTHS.size
         )
+    if kind == {"modes"}:
+        return modes(form["modes"])
     if kind == {"camera"}:
         return camera(form["camera"])
     if kind == {"bells"}:

@@ -11,15 +11,15 @@ import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
 from camssf.curves.basis import Basis, gaussian_basis, read_basis
-from camssf.curves.code import solve
-from camssf.curves.engine import load_model
+from camssf.curves.code import DEPTH, solve
+from camssf.curves.engine import Model, load_model
 from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import Sensing, sense
+from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError
 from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
-from camssf.grid import Floats
+from camssf.grid import STEP, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.mosaic import Mosaic, read_dng
@@ -27,8 +27,8 @@ from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.pose import Pose, find_chart
 from camssf.photo.signals import Signals, normalise
 from camssf.spectra import ChartTable, Lamp, read_chart
-from golden.compare import METRICS, optimality
-from golden.reading import CAPABILITIES, Json, digest, dng, resolve
+from golden.compare import METRICS, optimality, peak
+from golden.reading import CAPABILITIES, GoldenError, Json, digest, dng, resolve
 
 ENGINES = ("reference", "onnx")
 VERDICT_NUMBERS = {
@@ -36,8 +36,6 @@ VERDICT_NUMBERS = {
     "dark", "centres", "ssf", "ssf_std", "code", "predicted",
 }  # fmt: skip
 """Of a verdict's inputs those that are arrays."""
-BY_MODEL = ("ssf", "calibrate")
-"""Stages that the ONNX model can run; the others are the reference's own steps."""
 LACKING = {"deflate", "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata"}
 """What Python's reader does not do; a phone's may."""
 ABILITIES = tuple(name for name in CAPABILITIES if name not in LACKING)
@@ -68,7 +66,7 @@ def arrays(case: Json) -> dict[str, Any]:
     numbers = plain_numbers.get(case["stage"])
     if numbers is not None:
         return {key: resolve(value) if key in numbers else value for key, value in case["inputs"].items()}
-    plain = ("basis", "shots")
+    plain = ("basis", "shots", "iteration", "depth")
     return {key: value if key in plain else resolve(value) for key, value in case["inputs"].items()}
 
 
@@ -93,7 +91,14 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
         return stages[case["stage"]](given)
     if case["stage"] == "calibrate":
         return _calibrate(given, engine)
+    if case["stage"] == "layers":
+        return layers(case, load_model(given["basis"]) if engine == "onnx" else None)
     return _ssf(given, engine, case["expect"] == "success")
+
+
+def by_model(case: Json) -> bool:
+    """Whether the shipped ONNX model can run it; the other cases are the reference's own steps."""
+    return "model" in case["requires"]
 
 
 def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...] = ABILITIES) -> list[Finding]:
@@ -127,9 +132,9 @@ def judge(case: Json, outputs: dict[str, Any], capabilities: tuple[str, ...] = A
 
 
 def problem(case: Json) -> Sensing:
-    """A, b and Σ of a case that has a convex problem in it: stages weights, solve, ssf."""
+    """A, b and Σ of a case that has convex problems in it: stages weights, solve, ssf, layers."""
     given = arrays(case)
-    if case["stage"] != "ssf":
+    if case["stage"] not in ("ssf", "layers"):
         return Sensing(given["matrix"], given["target"], given["covariance"])
     signals = (given["chart"] - given["dark"]) / (given["white"] - given["dark"])
     return _rows(given, signals)
@@ -169,13 +174,12 @@ def _sensing(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _weights(given: dict[str, Any]) -> dict[str, Any]:
-    """ρ = γ + 2 λ₂ and W = (H + λ₂ I + ρ I)⁻¹; z after each of the depths."""
+    """ρ = γ + 2 λ₂ and W = (H + ρ I)⁻¹; z after each of the depths."""
     sensing = Sensing(given["matrix"], given["target"], given["covariance"])
     l2, gamma, nonnegative = given["l2"], given["gamma"], given["nonnegative"]
     codes = [solve(sensing, l2, gamma, nonnegative=nonnegative, depth=int(d), finish=0) for d in given["depths"]]
     rho = gamma + 2.0 * l2
-    eye = np.eye(sensing.matrix.shape[2])
-    W = np.linalg.inv(codes[0].precision + (l2 + rho)[:, None, None] * eye)
+    W = np.linalg.inv(codes[0].precision + rho[:, None, None] * np.eye(sensing.matrix.shape[2]))
     return {"rho": rho, "W": W, "z": np.stack([code.values for code in codes])}
 
 
@@ -185,7 +189,8 @@ def _solve(given: dict[str, Any]) -> dict[str, Any]:
     code = solve(
         sensing, given["l2"], given["gamma"], nonnegative=given["nonnegative"], finish=given["finish"], **more
     )
-    return {"code": code.values, "objective": code.objective, "gap": code.gap, "pivots": code.pivots}
+    names = ("objective", "gap", "layers_gap", "finish_steps")
+    return {"code": code.values, "evidence": code.log_evidence} | {name: getattr(code, name) for name in names}
 
 
 def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
@@ -194,13 +199,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         signals = [(np.array(c, float) - d) / (np.array(w, float) - d) for c, w, d in zip(*frames, strict=True)]
     if engine == "onnx" and sound:
-        names = load_model(given["basis"]).session.get_inputs()
-        fed = {i.name: given[i.name] for i in names if i.name != "nonnegative"}
-        if not fed["lamp_modes"].shape[1]:
-            fed["lamp_modes"] = np.zeros((len(frames[0]), 1, fed["lamp"].shape[1]))
-        found: dict[str, Any] = dict(
-            load_model(given["basis"]).run(fed | {"nonnegative": np.array(float(given["nonnegative"]))})
-        )
+        found = _fed(load_model(given["basis"]), given)
     else:
         ssf = recover(
             _evidence(given, signals, tuple(frames) if sound else None),
@@ -210,21 +209,71 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
             nonnegative=given["nonnegative"],
             engine=engine,
         )
+        names = ("code", "code_covariance", "predicted", "gap", "layers_gap", "finish_steps", "channel_gain")
         found = {
             "ssf": ssf.values,
             "ssf_std": ssf.std,
-            "code": ssf.code,
             "signals": np.stack(signals),
-            "predicted": ssf.predicted,
-            "gap": ssf.gap,
-            "channel_gain": ssf.channel_gain,
-        }
-    rows = _rows(given, np.stack(signals))
-    proofs = [
-        optimality(A, b, S, x, given["l2"], given["gamma"], given["nonnegative"])
-        for A, b, S, x in zip(rows.matrix, rows.target, rows.covariance, found["code"].T, strict=True)
-    ]
-    return found | {"objective": np.array([objective for objective, _ in proofs])}
+            "evidence": ssf.log_evidence,
+        } | {name: getattr(ssf, name) for name in names}
+    return found | {"objective": _objective(given, _rows(given, np.stack(signals)), found["code"])}
+
+
+def _fed(model: Model, given: dict[str, Any]) -> dict[str, Any]:
+    """A model's outputs."""
+    fed = {i.name: given[i.name] for i in model.session.get_inputs() if i.name != "nonnegative"}
+    if not fed["lamp_modes"].shape[1]:
+        fed["lamp_modes"] = np.zeros((len(given["lamp"]), 1, given["lamp"].shape[1]))
+    return dict(model.run(fed | {"nonnegative": np.array(float(given["nonnegative"]))}))
+
+
+def _objective(given: dict[str, Any], rows: Sensing, code: Floats) -> Floats:
+    """(p,) of a code (r, 3), recomputed without its solver."""
+    return np.array([
+        optimality(A, b, S, x, given["l2"], given["gamma"], given["nonnegative"])[0]
+        for A, b, S, x in zip(
+            rows.matrix, rows.target, rows.covariance, code.T.reshape(len(rows.matrix), -1), strict=True
+        )
+    ])  # fmt: skip
+
+
+def layers(case: Json, model: Model | None = None) -> dict[str, Any]:
+    """What a number of layers gives by itself, and its distance from the oracle's curve.
+
+    The reference runs them alone. A model may have a finish: where that took no step, its answer is the layers' own,
+    and a case that lets a model run demands no step.
+
+    Raises:
+        GoldenError: the model has other layers.
+    """
+    given = arrays(case)
+    signals = (given["chart"] - given["dark"]) / (given["white"] - given["dark"])
+    rows, basis = _rows(given, signals), basis_of(given["basis"])
+    iteration, depth = given["iteration"], int(given["depth"])
+    if model is None:
+        told = (rows, given["l2"], np.full(len(rows.matrix), float(given["gamma"])))
+        kind: dict[str, Any] = {"nonnegative": given["nonnegative"], "depth": depth, "layers": iteration}
+        alone = solve(*told, finish=0, **kind)
+        white = given["white_reflectance"] * given["lamp"][0]
+        own, code, gap = anchor(basis, white), alone.values.reshape(3, -1).T, alone.gap
+        curves = (own.mean + np.einsum("cmr,rc->cm", own.dictionary, code)).T
+        curves = curves / (white @ curves * STEP)
+        steps = solve(*told, **kind).finish_steps
+    else:
+        has = model.metadata.get("iteration"), int(model.metadata["depth"])
+        if has != (iteration, depth):
+            raise GoldenError(
+                f"{case['case']}: {depth} layers of {iteration}, but the model has {has[1]} of {has[0]}"
+            )
+        found = _fed(model, given)
+        curves, code, gap, steps = (found[name] for name in ("ssf", "code", "layers_gap", "finish_steps"))
+    return {
+        "ssf": curves,
+        "gap": gap,
+        "finish_steps": steps if (iteration, depth) == ("splitting", DEPTH) else None,
+        "objective": _objective(given, rows, code),
+        "distance": peak(curves, resolve(case["oracle"]["ssf"])),
+    }
 
 
 def _read(name: str) -> Mosaic:
@@ -322,8 +371,9 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
 
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
-            curves, std, code, predicted, np.zeros(3), np.zeros(3), 1.0, np.ones(3), "golden", "golden", given["lamp"]
-        )
+            curves, std, code, None, predicted, np.zeros(3), np.zeros(1), np.zeros(1, np.int64), None, np.zeros(3),
+            1.0, np.ones(3), "golden", "golden", given["lamp"],
+        )  # fmt: skip
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
     alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from camssf.curves.code import DEPTH
 from camssf.grid import Floats
 from golden.reading import Json, resolve
 
@@ -47,6 +48,7 @@ def cases() -> Iterator[Case]:
     yield from _ssf_cameras()
     yield from _ssf_gaussian()
     yield from _ssf_errors()
+    yield from _layers_cases()
     yield from _calibrate_cases()
 
 
@@ -111,9 +113,13 @@ def scene(
     rmse: float | None = None,
     change: Json | None = None,
     expect: str = "success",
+    stage: str = "ssf",
     **more: Any,
 ) -> Case:
-    """A case of the stage ssf; `taken` names the table of the chart that was photographed, if not the known one."""
+    """A case of the stage ssf, or of another of the same inputs.
+
+    taken: the table of the chart that was photographed, if not the known one.
+    """
     known = (
         {"chart": table, "mixtures": patches} if isinstance(patches, int) else {"chart": table, "patches": patches}
     )
@@ -135,7 +141,7 @@ def scene(
         "nonnegative": (not learned) if nonnegative is None else nonnegative,
     } | (change or {})
     truth = camera if rmse is not None else None
-    return case(f"ssf/{name}", comment, inputs, expect=expect, truth=truth, rmse=rmse, **more)
+    return case(f"{stage}/{name}", comment, inputs, expect=expect, truth=truth, rmse=rmse, **more)
 
 
 # -- stage ssf ------------------------------------------------------------------------------------------------------
@@ -179,10 +185,13 @@ def _ssf_cameras() -> Iterator[Case]:
         )  # fmt: skip
     off: Json = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
     yield scene(
-        "cameras-diagonal", "All tolerances zero: Σ is the diagonal of the measured errors.", **off, rmse=0.03
+        "cameras-diagonal",
+        "All tolerances zero: Σ is the diagonal of the measured errors, and the drift of the light.",
+        **off,
+        rmse=0.03,
     )
     yield scene(
-        "cameras-floor", "Neither noise nor tolerances: Σ is the floor of 1e-4, the worst conditioned of all.",
+        "cameras-floor", "Neither noise nor tolerances: Σ is the floor of 1e-4 and the drift, the worst conditioned.",
         noise="none", patches=TWELVE, **off, rmse=0.03,
     )  # fmt: skip
     yield scene(
@@ -357,6 +366,61 @@ def _ssf_errors() -> Iterator[Case]:
     ragged = {name: [two[name][0].tolist(), two[name][1, :-1].tolist()] for name in ("chart", "white", "dark")}
     yield scene("error-unequal-shots", "24 patches in the first shot, 23 in the second.", lamps=["D55", "A"],
                 change=ragged, expect="invalid_argument")  # fmt: skip
+
+
+# -- stage layers ---------------------------------------------------------------------------------------------------
+
+KINDS = {"daylight": ("D55", 0.02), "white-led": ("LED-B3", 0.17), "fluorescent": ("FL2", 0.06)}
+"""Lamps told by their kind alone: which one it is in truth, and what the kind's modes leave."""
+
+
+def _layers_cases() -> Iterator[Case]:
+    """The net without its finish, on the product's defaults and further away."""
+
+    def unfinished(
+        name: str, comment: str, told: Sequence[str], patches: list[int], camera: str, iteration: str, depth: int
+    ) -> Case:
+        kinds = [lamp if lamp in KINDS else None for lamp in told]
+        change: Json = {
+            "lamp": {"lamps": list(told)},
+            "lamp_tolerance": [KINDS[lamp][1] if lamp in KINDS else 0.02 for lamp in told],
+            "iteration": iteration,
+            "depth": depth,
+        }
+        if any(kinds):
+            change["lamp_modes"] = {"modes": kinds}
+        true = [KINDS[lamp][0] if lamp in KINDS else lamp for lamp in told]
+        return scene(
+            name, comment, camera={"camera": camera}, lamps=true, patches=patches, noise="usual", change=change,
+            stage="layers",
+        )  # fmt: skip
+
+    cameras = [
+        "Nikon D5100", "Canon EOS 5D Mark II", "Sony ILCE-7M3", "ARRI D21", "Fujifilm X-T3", "Canon EOS R5",
+        "Arashi Vision Insta360 X5",
+    ]  # fmt: skip
+    captures: list[tuple[str, ...]] = [
+        ("D55",), ("A",), ("FL2",), ("LED-B3",), ("daylight",), ("white-led",), ("fluorescent",),
+        ("D55", "A"), ("D55", "white-led"), ("A", "fluorescent"), ("daylight", "white-led"),
+        ("D55", "A", "FL2"), ("D55", "A", "white-led"), ("daylight", "white-led", "fluorescent"),
+    ]  # fmt: skip
+    for i, told in enumerate(captures):
+        for patches in (TWELVE, ALL):
+            yield unfinished(
+                f"{len(patches)}-{'-'.join(told).lower()}",
+                f"The product's layers alone, {' + '.join(told)}, {len(patches)} patches, λ₂ = 1, γ = 0.05: they "
+                "stand at cvxpy's optimum, and the finish has nothing to do.",
+                told, patches, cameras[i % len(cameras)], "splitting", DEPTH,
+            )  # fmt: skip
+    for name, told, patches in (("one", ("D55",), ALL), ("two", ("D55", "white-led"), TWELVE)):
+        for iteration, depths in (("splitting", (4, 8, 16)), ("ista", (16, 100, 1000, 10_000))):
+            for depth in depths:
+                yield unfinished(
+                    f"{iteration}-{depth}-{name}",
+                    f"{depth} layers of {iteration}, {' + '.join(told)}, {len(patches)} patches: where "
+                    "they stand beside cvxpy's optimum.",
+                    told, patches, NIKON["camera"], iteration, depth,
+                )  # fmt: skip
 
 
 # -- stages signals and calibrate ---------------------------------------------------------------------------------
@@ -535,13 +599,19 @@ def _sensing_cases() -> Iterator[Case]:
         return case(f"sensing/{name}", comment, inputs | {"signals": np.round(y, 6)})
 
     few = [15, 14, 13, 19]
-    yield sensing("cameras-diagonal", "No tolerances: Σ is diagonal.", few, chart_tolerance=0.0, white_tolerance=0.0)
+    yield sensing(
+        "cameras-diagonal",
+        "No tolerances: Σ is the noise, and of each shot the drift of its light.",
+        few,
+        chart_tolerance=0.0,
+        white_tolerance=0.0,
+    )
     yield sensing("cameras-chart", "The chart's error: one a patch, the same under both lamps.", few, ["D55", "A"],
                   white_tolerance=0.0)  # fmt: skip
     yield sensing("cameras-white", "The white's error: common to all rows.", few, ["D55", "FL2"], chart_tolerance=0.0)
     yield sensing("cameras-lamp", "Each lamp's own error, smooth.", few, ["A", "LED-B3"],
                   chart_tolerance=0.0, white_tolerance=0.0, lamp_tolerance=0.02)  # fmt: skip
-    yield sensing("cameras-modes", "Modes: rows about what a first look finds, each channel told by the others.", few,
+    yield sensing("cameras-modes", "Modes: rows about what a first look finds, the same for all channels.", few,
                   ["D55", "LED-B3"], modes=FAMILY, lamp_tolerance=0.02,
                   change={"lamp": {"lamps": ["equal-energy"] * 2}})  # fmt: skip
     yield sensing("cameras-two-lamps", "Everything at once: 12 patches, two shots.", TWELVE, ["D55", "A"],
@@ -585,12 +655,12 @@ def _weights_cases() -> Iterator[Case]:
     yield weights("waves-nonnegative", "The same with x ≥ 0 and another γ for each channel.",
                   _problem(_waves(6, 4, 1), _waves(6, 1, 2)[..., 0], _identity(6), 0.0, [0.05, 0.2, 0.8], True),
                   [1, 8, 32])  # fmt: skip
-    yield weights("closed-form", "γ = 0: W = (H + 3 λ₂ I)⁻¹, nothing is thresholded.",
+    yield weights("closed-form", "γ = 0: W = (H + 2 λ₂ I)⁻¹, nothing is thresholded.",
                   _problem(_waves(6, 4, 1), _waves(6, 1, 2)[..., 0], _identity(6), 0.5, [0.0] * 3), [1, 32]
                 )  # fmt: skip
     yield weights("cameras", "The product's rows: two lamps, full covariance, λ₂ = 1, γ = 0.05.",
-                  _rows_of("cameras-two-lamps", 1.0, [0.05] * 3), [1, 4, 32])  # fmt: skip
-    yield weights("cameras-l1", "λ₂ = 0, γ = 1.4.", _rows_of("cameras-two-lamps", 0.0, [1.4] * 3), [1, 4, 32])
+                  _rows_of("cameras-two-lamps", 1.0, [0.05]), [1, 4, 32])  # fmt: skip
+    yield weights("cameras-l1", "λ₂ = 0, γ = 1.4.", _rows_of("cameras-two-lamps", 0.0, [1.4]), [1, 4, 32])
     yield weights("gaussian", "The paper's rows, x ≥ 0.", _rows_of("gaussian-twelve", 0.0, [1.0] * 3, True),
                   [1, 4, 32])  # fmt: skip
 
@@ -638,7 +708,7 @@ def _solve_cases() -> Iterator[Case]:
                 generic=False)  # fmt: skip
     for l2, gamma, name in ((1.0, 0.05, "cameras"), (0.0, 1.4, "cameras-l1"), (1.0, 0.0, "cameras-closed")):
         yield solve(name, f"The product's rows, λ₂ = {l2:g}, γ = {gamma:g}.",
-                    _rows_of("cameras-two-lamps", l2, [gamma] * 3), generic=False)  # fmt: skip
+                    _rows_of("cameras-two-lamps", l2, [gamma]), generic=False)  # fmt: skip
     for gamma, positive, name in (
         (1.0, True, "gaussian"),
         (1.0, False, "gaussian-signed"),

@@ -13,6 +13,8 @@ from golden.reading import ROOT, Json, digest, spectra
 CURVES = ROOT.parent / "data" / "ssf" / "rawtoaces.csv"
 CHARTS = {"babelcolor": "classic24", "ohta": "classic24:ohta"}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
+KINDS = ("daylight", "white-led", "fluorescent")
+"""Lamps told by their kind alone: a mean among the lamps, and modes."""
 CAMERAS = (
     "ARRI D21", "Arashi Vision Insta360 X5", "Canon EOS 5D Mark II", "Canon EOS R5", "Fujifilm X-T3",
     "Hasselblad L1D-20c", "Nikon D5100", "Nikon Z f", "Panasonic DC-GX9", "Sony ILCE-7M3", "Sony DSC-RX100M4",
@@ -35,7 +37,14 @@ def write_tables() -> dict[str, Json]:
             "origin": f"{science}: CIE illuminants, scaled to a mean of 1, by camssf.spectra.read_lamp",
             "licence": "BSD-3-Clause",
             "grid": grid,
-            "values": {name: _rounded(read_lamp(name).values) for name in LAMPS},
+            "values": {name: _rounded(read_lamp(name).values) for name in LAMPS + KINDS},
+        },
+        "modes": {
+            "origin": f"{science}: what lamps of a kind differ by, in parts of the kind's mean among the lamps, one "
+            "standard deviation each, by camssf.spectra.read_lamp",
+            "licence": "BSD-3-Clause",
+            "grid": "380 to 720 nm every 5 nm, straight between",
+            "values": {name: _rounded(_upright(read_lamp(name).modes[:, ::10])) for name in KINDS},
         },
         "cameras": _cameras(CURVES),
     }
@@ -62,6 +71,12 @@ def _settled(name: str, values: Floats) -> list[list[float]] | list[float]:
         tie = np.abs(values - stored) < 0.5 * 10.0**-DECIMALS + 1e-14
         rounded = np.where(tie, stored, rounded)
     return _rounded(rounded)
+
+
+def _upright(modes: Floats) -> Floats:
+    """Modes with their largest value positive: which sign a decomposition gives is chance, and means nothing."""
+    largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=1)[:, None], axis=1)
+    return np.asarray(modes * np.sign(largest))
 
 
 def _rounded(values: Floats) -> list[list[float]] | list[float]:

@@ -26,6 +26,7 @@ NUMERICAL = {
     "test_evidence",
     "test_families",
     "test_golden",
+    "test_layers",
     "test_onnx",
     "test_sensing",
     "test_ssf",

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.curves import Evidence, Prediction, Ssf, explain, predict, recover
-from camssf.curves.sensing import Sensing
+from camssf.curves.basis import read_basis
+from camssf.curves.sensing import Sensing, sense
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 
@@ -45,7 +47,7 @@ def measured_cameras() -> dict[str, Floats]:
 
 
 def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False) -> Sensing:
-    """Three random channels with smooth, correlated columns and, where asked, a full covariance."""
+    """Three random problems with smooth, correlated columns and, where asked, a full covariance."""
     rng = np.random.default_rng(seed)
     mixing = np.exp(-0.5 * ((np.arange(atoms)[:, None] - np.arange(atoms)) / 1.5) ** 2)
     matrix = rng.normal(size=(3, rows, atoms)) @ mixing
@@ -56,6 +58,51 @@ def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False
         factor = 0.5 * rng.normal(size=(3, rows, 3))
         sigma += factor @ factor.transpose(0, 2, 1)
     return Sensing(matrix, target, sigma)
+
+
+def joint_sensing(
+    patches: int = 24,
+    lamps: tuple[str, ...] = ("D55",),
+    kind: str | None = None,
+    lamp_tolerance: float = 0.0,
+    seed: int = 0,
+) -> Sensing:
+    """The product's one problem of 72 atoms: the toy camera's noisy signals, the usual tolerances.
+
+    kind: of the last lamp, which is then told by its kind alone.
+    """
+    reflectance = read_chart("classic24").values[slice(6, 18) if patches == 12 else slice(patches)]
+    true = np.stack([read_lamp(name).values for name in lamps])
+    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in true])
+    error = np.hypot(0.005 * y, 0.001)
+    told, modes = true.copy(), np.zeros((len(lamps), 0, WAVELENGTHS.size))
+    if kind is not None:
+        family = read_lamp(kind)
+        told[-1], modes = family.values, np.zeros((len(lamps), len(family.modes), WAVELENGTHS.size))
+        modes[-1] = family.modes
+    evidence = Evidence(
+        y + error * np.random.default_rng(seed).normal(size=y.shape),
+        reflectance,
+        told,
+        standard_error=error,
+        chart_tolerance=0.03,
+        white_tolerance=0.01,
+        lamp_tolerance=lamp_tolerance,
+        lamp_modes=modes,
+    )
+    return sense(evidence, read_basis("cameras"))
+
+
+def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, by Gauss's elimination in extended precision."""
+    S, X = sigma.astype(np.longdouble), np.column_stack([A, b]).astype(np.longdouble)
+    for i in range(len(S)):
+        root = np.sqrt(S[i, i])
+        column = S[i + 1 :, i] / root
+        X[i] = X[i] / root
+        X[i + 1 :] -= np.outer(column, X[i])
+        S[i + 1 :, i + 1 :] -= np.outer(column, column)
+    return X[:, :-1], X[:, -1]
 
 
 def gamma_max(sensing: Sensing) -> Floats:

@@ -6,11 +6,14 @@ import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 
 from camssf.calibration import attempt, calibrate, solve
+from camssf.curves.basis import read_basis
+from camssf.curves.sensing import anchor
 from camssf.documents.patches import patches_document, read_patches
 from camssf.documents.report import report
 from camssf.documents.result import Refusal
@@ -25,7 +28,7 @@ from camssf.errors import (
 from camssf.options import Options, with_former
 from camssf.photo.capture import Capture, measure
 from camssf.simulation.frames import Scene, Simulation, simulate
-from camssf.spectra import CameraCurves, read_chart
+from camssf.spectra import CameraCurves, read_chart, read_lamp
 from tests.problems import theory, toy_camera
 
 ROOT = Path(__file__).parents[1]
@@ -138,9 +141,40 @@ def test_engines_agree(capture: Capture) -> None:
         for colour in ("red", "green", "blue"):
             assert one["ssf"][colour] == pytest.approx(other["ssf"][colour], abs=1e-9)
         assert one["uncertainty"] == other["uncertainty"] or basis == "cameras"
+        assert one["finish_steps"] == other["finish_steps"] == ([0] if basis == "cameras" else [ANY] * 3)
+        assert max(one["layers_gap"] + other["layers_gap"]) <= (1e-10 if basis == "cameras" else 1.0)
+        assert one["evidence"] == (pytest.approx(other["evidence"], rel=1e-9) if basis == "cameras" else None)
+        if basis == "cameras":
+            assert one["code_covariance"] == pytest.approx(other["code_covariance"], abs=1e-9)
+        else:
+            assert one["code_covariance"] is other["code_covariance"] is None
         for name in ("engine", "hashes", "ssf", "ssf_std", "uncertainty", "gap", "scores", "shots", "verdict"):
             one.pop(name), other.pop(name)
+        for name in ("layers_gap", "finish_steps", "evidence", "code_covariance"):
+            one.pop(name), other.pop(name)
         assert one == other
+
+
+def test_the_document_holds_the_covariance_of_the_codes(capture: Capture) -> None:
+    """From its triangle and the basis: the bands of the curves; and the file stays small."""
+    found = solve(capture)
+    document = found.document()
+    lower = np.zeros((72, 72))
+    lower[np.tril_indices(72)] = document["code_covariance"]
+    whole = lower + np.tril(lower, -1).T
+    basis = anchor(read_basis("cameras"), read_lamp("D55").values)
+    curves = (basis.mean + np.einsum("cmr,rc->cm", basis.dictionary, found.ssf.code)).T
+    std = found.ssf.std
+    assert std is not None
+    for c in range(3):
+        # Away from the peak, whose own error scales the curve, the band is that of s.
+        own = basis.dictionary[c] @ whole[24 * c : 24 * c + 24, 24 * c : 24 * c + 24] @ basis.dictionary[c].T
+        flank = np.abs(found.ssf.values[:, c] / found.ssf.values[:, c].max()) < 0.2
+        scale = curves[:, c].max() / found.ssf.values[:, c].max()
+        assert np.median(std[flank, c] * scale / np.sqrt(np.diag(own)[flank])) == pytest.approx(1.0, abs=0.2)
+    assert np.linalg.eigvalsh(whole)[0] > 0
+    assert np.abs(whole[:24, 24:48]).max() > 1e-6  # red and green hang together by the chart
+    assert len(report(document).result_json) < 250_000
 
 
 def test_fit_on_twelve_patches_validates_on_the_rest(capture: Capture) -> None:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import warnings
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
+from scipy.stats import multivariate_normal
 
 from camssf.curves import finish as walking
 from camssf.curves.code import soft, solve
-from camssf.curves.finish import finish, finish_steps
-from camssf.curves.layers import RELAXATION, ista, splitting
+from camssf.curves.finish import PROVEN, finish, finish_steps
+from camssf.curves.layers import DEPTH, RELAXATION, ista, splitting
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.proof import prove
 from camssf.curves.sensing import Sensing
 from golden.reading import ROOT, read_case
 from golden.running import problem
-from tests.problems import gamma_max, random_sensing
+from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
 
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
 
@@ -96,22 +99,37 @@ def test_without_l1_it_is_the_closed_form(size: tuple[int, int, int], l2: float)
         assert code.gap[c] <= 1e-12
 
 
-@given(sizes, st.sampled_from([1e-5, 1e-3, 0.1]), st.booleans(), st.sampled_from([0.0, 1.0]))
-@settings(max_examples=60, deadline=None, derandomize=True)
-def test_optimality_conditions(size: tuple[int, int, int], share: float, nonnegative: bool, l2: float) -> None:
+@given(
+    sizes,
+    st.sampled_from([1e-5, 1e-3, 0.1]),
+    st.booleans(),
+    st.sampled_from([0.0, 1.0]),
+    st.sampled_from([0, DEPTH]),
+)
+@settings(max_examples=80, deadline=None, derandomize=True)
+def test_optimality_conditions(
+    size: tuple[int, int, int], share: float, nonnegative: bool, l2: float, depth: int
+) -> None:
+    """To the digit where the walk ended; where the layers' proof was enough, as near as that proof says."""
     sensing = random_sensing(*size, correlated=True)
     gamma = share * gamma_max(sensing)
-    code = solve(sensing, l2, gamma, nonnegative=nonnegative)
+    code = solve(sensing, l2, gamma, nonnegative=nonnegative, depth=depth)
     for c in range(3):
         A, b = whitened(sensing, c)
         x = code.values[c]
+        assert not (nonnegative and (x < 0).any())
+        if code.finish_steps[c] == 0:
+            assert code.gap[c] == code.layers_gap[c] <= PROVEN
+            if l2 > 0:  # x = soft(g, γ) / λ₂, each term of the gap being ½ λ₂ of the square of what lacks
+                off = x - soft(A.T @ (b - A @ x), gamma[c], nonnegative) / l2
+                assert l2 / 2 * off @ off <= PROVEN * code.objective[c]
+            continue
         w = A.T @ (b - A @ x) - l2 * x
         slack = 1e-6 * gamma[c]
         assert (w <= gamma[c] + slack).all()
         assert nonnegative or (w >= -gamma[c] - slack).all()
         assert np.abs(w[x > 0] - gamma[c]).max(initial=0) <= slack
         assert np.abs(w[x < 0] + gamma[c]).max(initial=0) <= slack
-        assert not (nonnegative and (x < 0).any())
 
 
 def test_scaling_laws() -> None:
@@ -154,7 +172,7 @@ def test_finish_does_what_the_layers_do_not() -> None:
     exact = solve(sensing, 0.0, gamma)
     assert (layers.gap > 1e-6).any()
     assert (exact.gap <= 1e-10).all()
-    assert exact.unrolled_gap == pytest.approx(layers.gap)
+    assert exact.layers_gap == pytest.approx(layers.gap)
     deeper = solve(sensing, 0.0, gamma, finish=0, depth=2000)
     assert (deeper.gap < layers.gap).all()
     useless_start = solve(sensing, 0.0, gamma, depth=0)
@@ -175,31 +193,36 @@ def test_a_walk_of_dependent_atoms_starts_anew_from_where_it_ended(monkeypatch: 
     assert ((once.values != 0) == (code.values != 0)).all()  # the first walk's support was right
 
 
-def test_the_layers_pull_keeps_its_digits() -> None:
-    """z against the same layers in 80 bits: an explicit inverse times the large pull alone is 1e-9 off."""
-    case = read_case(ROOT / "cases" / "weights" / "gaussian.json")
-    rows = problem(case)
-    found = solve(rows, 0.0, np.ones(3), nonnegative=True, depth=4, finish=0).values
-    for c in range(3):
+@pytest.mark.parametrize(("name", "l2", "gamma"), [("gaussian", 0.0, 1.0), ("cameras", 1.0, 0.05)])
+def test_the_layers_pull_keeps_its_digits(name: str, l2: float, gamma: float) -> None:
+    """x against the same layers in 80 bits: an explicit inverse times the large pull alone is 1e-9 off."""
+    rows = problem(read_case(ROOT / "cases" / "weights" / f"{name}.json"))
+    nonnegative = name == "gaussian"
+    found = solve(rows, l2, np.full(len(rows.matrix), gamma), nonnegative=nonnegative, depth=4, finish=0).values
+    for c in range(len(rows.matrix)):
         A, b = (np.asarray(part, dtype=np.longdouble) for part in whiten(
             rows.matrix[c], rows.target[c], rows.covariance[c]
-        ))  # fmt: skip
-        M, g = A.T @ A + np.eye(A.shape[1]), A.T @ b  # ρ = γ = 1
+        )[:2])  # fmt: skip
+        rho = gamma + 2 * l2
+        H, g = A.T @ A, A.T @ b
+        M = H + rho * np.eye(len(H))
         W = np.linalg.inv(M.astype(float)).astype(np.longdouble)
         for _ in range(3):  # Newton's steps to the inverse in 80 bits
             W = W @ (2 * np.eye(len(M)) - M @ W)
+        step, theta = RELAXATION * rho / (rho + l2), gamma / (rho + l2)
         v = np.zeros(len(M), dtype=np.longdouble)
         for _ in range(4):
-            z = np.maximum(v - 1, 0)
-            v = v + RELAXATION * (W @ g + W @ (2 * z - v) - z)
+            x = np.maximum(v - theta, 0) - (0 if nonnegative else np.maximum(-v - theta, 0))
+            v = step * (W @ g) + step * (2 * rho * (W @ x) - x) + v - RELAXATION * rho * (W @ v)
+        x = np.maximum(v - theta, 0) - (0 if nonnegative else np.maximum(-v - theta, 0))
         condition = float(np.linalg.cond(M.astype(float)))
-        assert np.abs(found[c] - np.maximum(v - 1, 0)).max() < 20 * 2.0**-53 * condition
+        assert np.abs(found[c] - x).max() < 20 * 2.0**-53 * condition * max(1.0, float(np.abs(x).max()))
 
 
 def problem_of(seed: int, l2: float, gamma: float, nonnegative: bool = False) -> Problem:
     sensing = random_sensing(seed, 20, 12)
-    rows = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
-    return Problem(*rows, l2, gamma, nonnegative)
+    A, b, _ = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
+    return Problem(A, b, l2, gamma, nonnegative)
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
@@ -218,17 +241,39 @@ def test_ista_is_proximal_gradient_descent(nonnegative: bool) -> None:
         assert layer.unroll(depth) == pytest.approx(x, rel=1e-12, abs=1e-14)
 
 
-def test_splitting_is_admm() -> None:
-    """Boyd et al. 2011, Sec. 3.4.3 and 6.4: x, z and the scaled multiplier u, over-relaxed."""
-    problem = problem_of(4, 0.5, 0.7)
-    layer, rho = splitting(problem), 0.7 + 2 * 0.5
+@pytest.mark.parametrize("nonnegative", [False, True])
+@pytest.mark.parametrize(("l2", "gamma"), [(0.5, 0.7), (0.0, 0.7), (1.0, 0.05), (1.0, 0.0)])
+def test_splitting_is_admm(l2: float, gamma: float, nonnegative: bool) -> None:
+    """Boyd et al. 2011, Sec. 3.4.3 and 6.4: x, z and the scaled multiplier u, over-relaxed.
+
+    ½ xᵀ H x - gᵀ x for x, ½ λ₂ ‖z‖² + γ ‖z‖₁ for z; the state is v = α x + (1 - α) z + u times ρ / (ρ + λ₂).
+    """
+    problem = problem_of(4, l2, gamma, nonnegative)
+    layer, rho = splitting(problem), gamma + 2 * l2
     z, u = np.zeros(12), np.zeros(12)
     for depth in range(1, 30):
-        x = np.linalg.solve(problem.M + rho * np.eye(12), problem.g + rho * (z - u))
+        x = np.linalg.solve(problem.H + rho * np.eye(12), problem.g + rho * (z - u))
         v = RELAXATION * x + (1 - RELAXATION) * z + u
-        z = np.sign(v) * np.maximum(abs(v) - 0.7 / rho, 0)
+        z = np.maximum(v - gamma / rho, 0) - (0.0 if nonnegative else np.maximum(-v - gamma / rho, 0))
+        z = z * rho / (rho + l2)
         u = v - z
         assert layer.unroll(depth) == pytest.approx(z, rel=1e-11, abs=1e-13)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_a_layer_of_the_posterior_mean_halves_the_error(scale: float) -> None:
+    """γ = 0, ρ = 2 λ₂: nothing is thresholded, and whatever H is, the layer's matrix has no eigenvalue above ½."""
+    plain = problem_of(4, 0.0, 1.0)
+    problem = Problem(scale * plain.A, plain.b, 0.5, 0.0, False)
+    layer = splitting(problem)
+    values = np.linalg.eigvalsh(layer.W2 + layer.W3)
+    assert values.min() > -1e-12
+    assert values.max() <= 0.5 + 1e-12
+    best = np.linalg.solve(problem.M, problem.g)
+    off = [np.linalg.norm(layer.unroll(depth) - best) for depth in range(20)]
+    digits = 20 * 2.0**-53 * float(np.linalg.cond(problem.M)) * off[0]
+    assert digits < 1e-3 * off[0]
+    assert all(after <= 0.5 * before + digits for before, after in pairwise(off))
 
 
 def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:
@@ -251,7 +296,17 @@ def test_the_finish_is_exact_whatever_layers_began(layers: str) -> None:
     assert code.values == pytest.approx(solve(sensing, 0.5, gamma, depth=0).values, abs=1e-10)
 
 
-def in_80_bits(problem: Problem, x: np.ndarray) -> tuple[np.longdouble, np.longdouble]:
+class Outside(NamedTuple):
+    """A problem whose rows are not float64."""
+
+    A: np.ndarray
+    b: np.ndarray
+    l2: float
+    gamma: float
+    nonnegative: bool
+
+
+def in_80_bits(problem: Problem | Outside, x: np.ndarray) -> tuple[np.longdouble, np.longdouble]:
     """Objective and duality gap in extended precision, by the conjugate's first form or by scaling the residual."""
     A, b, z = (np.asarray(part, dtype=np.longdouble) for part in (problem.A, problem.b, x))
     l2, gamma = np.longdouble(problem.l2), np.longdouble(problem.gamma)
@@ -292,3 +347,113 @@ def test_with_l2_the_gap_is_of_second_order(nonnegative: bool) -> None:
     assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.05)
     assert gaps[1] / gaps[2] == pytest.approx(100, rel=0.05)
     assert prove(problem, best)[1] < 1e-15
+
+
+# -- the one problem of three channels ----------------------------------------------------------------------------
+
+CAPTURES: list[dict[str, Any]] = [
+    {"patches": 12},
+    {"patches": 24},
+    {"patches": 12, "lamps": ("D55", "A")},
+    {"patches": 24, "lamps": ("FL2", "LED-B3", "A")},
+    {"patches": 24, "lamps": ("D55",), "kind": "white-led"},
+    {"patches": 12, "lamps": ("D55", "A"), "kind": "fluorescent"},
+]
+
+
+@pytest.mark.parametrize("capture", CAPTURES, ids=lambda capture: " ".join(map(str, capture.values())))
+def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None:
+    """With the product's penalties the layers' own proof is enough: no step of the finish, and the same answer."""
+    sensing = joint_sensing(**capture)
+    code = solve(sensing, 1.0, np.array([0.05]))
+    assert code.values.shape == (1, 72)
+    assert (code.finish_steps == 0).all()
+    assert (code.gap == code.layers_gap).all()
+    assert code.gap[0] <= PROVEN
+    walked = solve(sensing, 1.0, np.array([0.05]), depth=0)
+    assert walked.finish_steps[0] > 0
+    assert walked.layers_gap[0] > PROVEN
+    assert walked.gap[0] <= 1e-15
+    assert np.abs(code.values - walked.values).max() < 1e-7
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+@pytest.mark.parametrize("l2", [0.0, 1.0])
+@pytest.mark.parametrize("share", [1e-6, 1e-3, 0.3])
+def test_the_walk_arrives_from_nowhere(share: float, l2: float, nonnegative: bool) -> None:
+    """72 atoms, no layer at all: the finish reaches its proof, and layers that prove themselves take none."""
+    for sensing in (joint_sensing(patches=24), joint_sensing(patches=12, lamps=("D55", "A"))):
+        gamma = share * gamma_max(sensing)
+        walked = solve(sensing, l2, gamma, nonnegative=nonnegative, depth=0)
+        assert walked.finish_steps[0] > 0
+        assert walked.gap[0] <= 1e-9
+        code = solve(sensing, l2, gamma, nonnegative=nonnegative)
+        assert code.gap[0] <= 1e-9
+        assert (code.finish_steps[0] == 0) == (code.layers_gap[0] <= PROVEN)
+        assert code.objective[0] == pytest.approx(walked.objective[0], rel=2e-9)
+
+
+def test_channels_without_common_errors_are_three_problems() -> None:
+    """Σ without its blocks between channels: the codes of one problem a channel, objective and evidence summed."""
+    joint = joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02)
+    N, r = joint.matrix.shape[1] // 3, 24
+    blocks = [(slice(N * c, N * (c + 1)), slice(r * c, r * (c + 1))) for c in range(3)]
+    sigma = np.zeros_like(joint.covariance)
+    for part, own in blocks:
+        sigma[0, part, part] = joint.covariance[0, part, part]
+        outside = np.delete(joint.matrix[0, part], np.arange(72)[own], axis=1)
+        assert not outside.any()  # a channel's rows know nothing of another's curve
+    apart = Sensing(joint.matrix, joint.target, sigma)
+    three = Sensing(
+        np.stack([joint.matrix[0, part, own] for part, own in blocks]),
+        joint.target.reshape(3, N),
+        np.stack([joint.covariance[0, part, part] for part, _ in blocks]),
+    )
+    for l2, gamma, slack in ((1.0, 0.0, 1e-9), (1.0, 0.05, 1e-8), (0.0, 1.4, 1e-8)):
+        for depth in (DEPTH, 0):
+            one = solve(apart, l2, np.array([gamma]), depth=depth)
+            each = solve(three, l2, np.full(3, gamma), depth=depth)
+            assert one.values.reshape(3, r) == pytest.approx(each.values, abs=slack)
+            assert one.objective[0] == pytest.approx(each.objective.sum(), rel=1e-9)
+            assert one.log_evidence[0] == pytest.approx(each.log_evidence.sum(), rel=1e-12)
+    # And the common errors are no trifle: with them the codes are others.
+    together, by_itself = (solve(rows, 1.0, np.array([0.05])).values for rows in (joint, apart))
+    assert np.abs(together - by_itself).max() > 0.1
+
+
+@pytest.mark.parametrize("which", ["random", "joint", "modes"])
+def test_the_evidence_is_the_density_of_the_target(which: str) -> None:
+    """ln N(b; 0, Σ + A Aᵀ) without its 2π, by SciPy's eigenvalues."""
+    sensing = {
+        "random": lambda: random_sensing(7, 20, 12, correlated=True),
+        "joint": lambda: joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02),
+        "modes": lambda: joint_sensing(patches=24, kind="white-led"),
+    }[which]()
+    code = solve(sensing, 1.0, np.full(len(sensing.matrix), 0.05))
+    for A, b, sigma, found in zip(sensing.matrix, sensing.target, sensing.covariance, code.log_evidence, strict=True):
+        density = multivariate_normal(np.zeros(len(b)), sigma + A @ A.T).logpdf(b)
+        assert found == pytest.approx(density + 0.5 * len(b) * np.log(2 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+@pytest.mark.parametrize(("l2", "gamma"), [(1.0, 0.05), (1.0, 5.0), (0.0, 1.4)])
+def test_the_proof_of_the_one_problem_holds_in_80_bits(l2: float, gamma: float, nonnegative: bool) -> None:
+    """From A, b and Σ themselves, whitened anew: of the answer, and of answers that are off."""
+    sensing = joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02)
+    A, b, sigma = sensing.matrix[0], sensing.target[0], sensing.covariance[0]
+    code = solve(sensing, l2, np.array([gamma]), nonnegative=nonnegative)
+    wide = Outside(*whiten_in_80_bits(A, b, sigma), l2, gamma, nonnegative)
+    least, gap = in_80_bits(wide, code.values[0])
+    assert code.objective[0] == pytest.approx(float(least), rel=1e-12)
+    assert code.gap[0] <= 1e-9
+    assert gap / least <= 1e-9
+    near = Problem(*whiten(A, b, sigma)[:2], l2, gamma, nonnegative)
+    rng = np.random.default_rng(12)
+    for size in (1e-1, 1e-3, 1e-5):
+        x = code.values[0] + size * rng.normal(size=72)
+        x = np.maximum(x, 0.0) if nonnegative else x
+        objective, found = prove(near, x)
+        primal, distance = in_80_bits(wide, x)
+        assert objective == pytest.approx(float(primal), rel=1e-12)
+        assert found * objective == pytest.approx(float(distance), rel=1e-6, abs=1e-13 * objective)
+        assert primal - least <= distance * (1 + 1e-6)

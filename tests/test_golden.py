@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from camssf.curves.basis import interpolate, read_basis
+from camssf.curves.code import DEPTH
 from camssf.curves.engine import SHIPPED, load_model
 from camssf.curves.sensing import anchor
 from camssf.grid import WAVELENGTHS
+from camssf.spectra import read_lamp
 from golden import compare, generate, poses, reading, running
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
-from golden.running import ABILITIES, findings, judge, problem, run
+from golden.running import ABILITIES, by_model, findings, judge, problem, run
 
 Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -49,7 +51,7 @@ def test_the_files_were_made_by_these_sources() -> None:
 
 
 def test_spectra_say_where_they_come_from() -> None:
-    for name in ("charts", "lamps", "cameras"):
+    for name in ("charts", "lamps", "modes", "cameras"):
         table = reading.spectra(name)
         assert table["origin"]
         assert table["licence"] in ("BSD-3-Clause", "Apache-2.0")
@@ -135,6 +137,15 @@ def test_input_forms_by_hand() -> None:
         np.stack([1 + 2 * u + 3 * u**2, 0 * u])[:, None], abs=1e-14
     )
     assert resolve({"polynomials": [[], []]}).shape == (2, 0, 681)
+    told = resolve({"modes": [None, "white-led", "daylight"]})
+    assert told.shape == (3, 5, 681)
+    assert not told[0].any()
+    assert not told[2, 1:].any()
+    for shot, kind in ((1, "white-led"), (2, "daylight")):  # a mode's sign means nothing
+        own = read_lamp(kind).modes[:, ::10]
+        signs = np.sign(np.sum(own * told[shot, : len(own), ::10], axis=1))
+        assert told[shot, : len(own), ::10] == pytest.approx(signs[:, None] * own, abs=1e-6)
+        assert told[shot, 0, 5] == pytest.approx((told[shot, 0, 0] + told[shot, 0, 10]) / 2)
     table = reading.chart("babelcolor")
     mixed = resolve({"chart": "babelcolor", "mixtures": 96})
     assert mixed[1] == pytest.approx(0.63 * table[1] + 0.37 * table[12], abs=1e-15)
@@ -197,10 +208,7 @@ def test_the_oracle_proves_itself(name: str) -> None:
 def test_rounding_blurs_only_the_gaps_of_the_hard_cases() -> None:
     """What the bound of a proof adds to 5e-10 follows from the case; more than that again only where it is hard."""
     hard = {name for name in SOLVED if max(p.bound for p in generate.proofs(CASES[name])) > 2 * generate.ORACLE_GAP}
-    assert hard == {
-        "ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/gaussian-ridge", "ssf/cameras-floor",
-        "ssf/cameras-l1-tiny",
-    }  # fmt: skip
+    assert hard == {"ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/cameras-l1-tiny"}
     assert max(p.bound for name in SOLVED for p in generate.proofs(CASES[name])) < 1e-8
 
 
@@ -225,7 +233,46 @@ def test_the_blur_is_what_perturbed_rows_do() -> None:
 
 
 def test_every_problem_has_an_oracle() -> None:
-    assert {name for name in SOUND if name.split("/")[0] in ("solve", "ssf")} == set(SOLVED)
+    assert {name for name in SOUND if name.split("/")[0] in ("solve", "ssf", "layers")} == set(SOLVED)
+
+
+def test_the_layers_alone_are_held_to_cvxpy() -> None:
+    """What was asked for: the net without its finish on the defaults; every kind of lamp, one to three shots."""
+    product = {name: CASES[name] for name in SOLVED if CASES[name]["stage"] == "layers" and by_model(CASES[name])}
+    for case in product.values():
+        given = case["inputs"]
+        assert (given["l2"], given["gamma"], given["nonnegative"]) == (1.0, 0.05, False)
+        assert (given["iteration"], given["depth"]) == ("splitting", DEPTH)
+        held = {(limit["value"], limit["against"]): limit["bound"]["float64"] for limit in case["limits"]}
+        assert held["ssf", "oracle"] <= 1e-7
+        assert held["gap", "oracle"] <= 1e-10
+        assert held["objective", "oracle"] <= 1e-10
+        assert held["finish_steps", "outputs"] == 0
+    shapes = {np.shape(case["inputs"]["chart"])[:2] for case in product.values()}
+    assert shapes == {(k, n) for k in (1, 2, 3) for n in (12, 24)}
+    told = {lamp for case in product.values() for lamp in case["inputs"]["lamp"]["lamps"]}
+    assert told == {"D55", "A", "FL2", "LED-B3", "daylight", "white-led", "fluorescent"}
+    modes = {np.shape(resolve(case["inputs"]["lamp_modes"]))[1] for case in product.values()}
+    assert modes == {0, 1, 5, 8}
+
+
+@pytest.mark.parametrize("capture", ["one", "two"])
+def test_ista_has_the_error_that_it_has(capture: str) -> None:
+    """Stored, not hoped for: it falls with the depth, and of a thousand layers is still above the product's bar."""
+    error = {
+        (iteration, depth): CASES[f"layers/{iteration}-{depth}-{capture}"]["outputs"]["distance"]
+        for iteration, depths in (("ista", (16, 100, 1000, 10_000)), ("splitting", (4, 8, 16)))
+        for depth in depths
+    }
+    assert error["ista", 16] > 0.05 > error["ista", 100] > 5e-3 > error["ista", 1000] > 1e-7 > error["ista", 10_000]
+    assert error["splitting", 16] < error["ista", 1000]
+    assert 0.05 > error["splitting", 4] > 10 * error["splitting", 8] > 100 * error["splitting", 16]
+    for depth in (16, 100, 1000):
+        held = CASES[f"layers/ista-{depth}-{capture}"]["limits"]
+        assert {(limit["value"], limit["metric"]) for limit in held} >= {
+            ("distance", "relative"),
+            ("gap", "relative"),
+        }
 
 
 def test_soft_thresholding_by_hand() -> None:
@@ -236,12 +283,12 @@ def test_soft_thresholding_by_hand() -> None:
 
 
 def test_layers_by_hand() -> None:
-    """A = I, λ₂ = 0, ρ = γ = 1: W = I / 2; v₀ = 0, v₁ = 0.8 b, z₁ = soft(0.8 b, 1)."""
+    """A = I, λ₂ = 0, ρ = γ = 1: W = I / 2; v₀ = 0, v₁ = 0.75 b, z₁ = soft(0.75 b, 1)."""
     outputs = CASES["weights/identity"]["outputs"]
     assert np.array(outputs["W"]) == pytest.approx(np.broadcast_to(np.eye(3) / 2, (3, 3, 3)))
-    v = 0.8 * np.array([3.0, -0.5, 1.0])
+    v = 0.75 * np.array([3.0, -0.5, 1.0])
     z = np.sign(v) * np.maximum(np.abs(v) - 1, 0)
-    v2 = v + 1.6 * (0.5 * np.array([3.0, -0.5, 1.0]) + 0.5 * (2 * z - v) - z)
+    v2 = v + 1.5 * (0.5 * np.array([3.0, -0.5, 1.0]) + 0.5 * (2 * z - v) - z)
     z2 = np.sign(v2) * np.maximum(np.abs(v2) - 1, 0)
     for found, expected in zip(outputs["z"], (0 * z, z, z2), strict=True):
         assert np.array(found) == pytest.approx(np.stack([expected] * 3), abs=1e-15)
@@ -249,54 +296,54 @@ def test_layers_by_hand() -> None:
 
 @pytest.mark.parametrize("name", [name for name in SOUND if name.startswith("weights/")])
 def test_weights_are_the_inverse(name: str) -> None:
-    rows, given = problem(CASES[name]), CASES[name]["inputs"]
-    for c in range(3):
-        A, S = rows.matrix[c], rows.covariance[c]
-        M = A.T @ np.linalg.solve(S, A) + (given["l2"] + CASES[name]["outputs"]["rho"][c]) * np.eye(A.shape[1])
-        size = max(1.0, np.linalg.norm(CASES[name]["outputs"]["W"][c]) * np.linalg.norm(M))
-        assert CASES[name]["outputs"]["W"][c] @ M == pytest.approx(np.eye(A.shape[1]), abs=1e-13 * size)
+    rows, outputs = problem(CASES[name]), CASES[name]["outputs"]
+    assert outputs["rho"] == [g + 2 * CASES[name]["inputs"]["l2"] for g in CASES[name]["inputs"]["gamma"]]
+    for A, S, W, rho in zip(rows.matrix, rows.covariance, outputs["W"], outputs["rho"], strict=True):
+        M = A.T @ np.linalg.solve(S, A) + rho * np.eye(A.shape[1])
+        size = max(1.0, np.linalg.norm(W) * np.linalg.norm(M))
+        assert np.array(W) @ M == pytest.approx(np.eye(A.shape[1]), abs=1e-12 * size)
 
 
 @pytest.mark.parametrize("name", ["chart", "white", "lamp", "two-lamps", "diagonal"])
 def test_rows_and_covariance_by_their_integrals(name: str) -> None:
-    """Against loops over docs/maths.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²)."""
+    """Against loops over docs/maths.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²): all channels' rows."""
     case = CASES[f"sensing/cameras-{name}"]
     g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
     basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]
     straight = interpolate(np.eye(69))  # (681, 69)
     kernel = {scale: np.exp(-0.5 * ((nodes[:, None] - nodes) / scale) ** 2) for scale in (25.0, 60.0, 100.0)}
     k, n, _ = g["signals"].shape
-    for c in range(3):
-        mu = basis.mean[c]
-        W = [0.5 * np.sum(g["white_reflectance"] * L * mu) for L in g["lamp"]]
-        A, sigma, parts = np.zeros((k * n, basis.dictionary.shape[2])), np.zeros((k * n, k * n)), []
-        for j, L in enumerate(g["lamp"]):
-            for i, R in enumerate(g["reflectance"]):
-                y, row = g["signals"][j, i, c], j * n + i
-                fold = R * L * 0.5 / W[j]
-                fold_white = g["white_reflectance"] * L * 0.5 / W[j]
-                A[row] = (fold - y * fold_white) @ basis.dictionary[c]
-                expected = fold @ mu
-                parts.append(
-                    (
-                        i, j,
-                        g["chart_tolerance"][i] * 0.6 * (fold @ straight) * mu[::10],
-                        g["chart_tolerance"][i] / 3 * (L * 0.5 / W[j] @ straight) * mu[::10],
-                        g["chart_tolerance"][i] * 70 * (np.gradient(R, 0.5) * L * 0.5 / W[j] @ straight) * mu[::10],
-                        g["white_tolerance"] * expected * (fold_white @ straight) * mu[::10],
-                        g["lamp_tolerance"][j] * ((fold - expected * fold_white) @ straight) * mu[::10],
-                    )
-                )  # fmt: skip
-                noise = g["standard_error"][j, i, c] ** 2 + (g["chart_tolerance"][i] * y / 20) ** 2
-                sigma[row, row] = max(noise, 1e-8)
-        for p, (i, j, chart, floor, edge, white, lamp) in enumerate(parts):
-            for q, (i2, j2, chart2, floor2, edge2, white2, lamp2) in enumerate(parts):
-                sigma[p, q] += (i == i2) * chart @ kernel[100.0] @ chart2 + white @ kernel[100.0] @ white2
-                sigma[p, q] += (i == i2) * (floor @ kernel[25.0] @ floor2 + edge @ kernel[25.0] @ edge2)
-                sigma[p, q] += (j == j2) * lamp @ kernel[60.0] @ lamp2
-        assert compare.norm(case["outputs"]["matrix"][c], A) < 1e-11
-        # sensing.py smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid
-        assert compare.norm(case["outputs"]["covariance"][c], sigma) < 2e-3
+    N, r = 3 * k * n, basis.dictionary.shape[2]
+    A, sigma, target, parts = np.zeros((N, 3 * r)), np.zeros((N, N)), np.zeros(N), []
+    for row, (c, j, i) in enumerate(np.ndindex(3, k, n)):
+        mu, L, R, y = basis.mean[c], g["lamp"][j], g["reflectance"][i], g["signals"][j, i, c]
+        white_signal = 0.5 * np.sum(g["white_reflectance"] * L * mu)
+        fold = R * L * 0.5 / white_signal
+        fold_white = g["white_reflectance"] * L * 0.5 / white_signal
+        A[row, r * c : r * (c + 1)] = (fold - y * fold_white) @ basis.dictionary[c]
+        target[row] = -(fold - y * fold_white) @ mu
+        expected, tau = fold @ mu, g["chart_tolerance"][i]
+        parts.append(
+            (
+                c, i, j, expected,
+                tau * 0.6 * (fold @ straight) * mu[::10],
+                tau / 3 * (L * 0.5 / white_signal @ straight) * mu[::10],
+                tau * 70 * (np.gradient(R, 0.5) * L * 0.5 / white_signal @ straight) * mu[::10],
+                g["white_tolerance"] * expected * (fold_white @ straight) * mu[::10],
+                g["lamp_tolerance"][j] * ((fold - expected * fold_white) @ straight) * mu[::10],
+            )
+        )  # fmt: skip
+        sigma[row, row] = max(g["standard_error"][j, i, c] ** 2 + (tau * y / 20) ** 2, 1e-8)
+    for p, (c, i, j, expected, chart, floor, edge, white, lamp) in enumerate(parts):
+        for q, (c2, i2, j2, expected2, chart2, floor2, edge2, white2, lamp2) in enumerate(parts):
+            of_chart = chart @ kernel[100.0] @ chart2 + floor @ kernel[25.0] @ floor2 + edge @ kernel[25.0] @ edge2
+            sigma[p, q] += (i == i2) * (1.0 if c == c2 else 0.7) * of_chart
+            sigma[p, q] += white @ kernel[100.0] @ white2
+            sigma[p, q] += (j == j2) * (lamp @ kernel[60.0] @ lamp2 + 1e-4 * expected * expected2)
+    assert compare.norm(case["outputs"]["matrix"], A[None]) < 1e-11
+    assert compare.norm(case["outputs"]["target"], target[None]) < 1e-11
+    # sensing.py smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid
+    assert compare.norm(case["outputs"]["covariance"], sigma[None]) < 2e-3
 
 
 DRAWN = {f"turned-{turns}": poses.turned(24, turns) for turns in range(4)} | {
@@ -341,7 +388,7 @@ def test_a_quarter_is_a_quarter() -> None:
 def test_the_zero_code_is_the_basis_mean() -> None:
     case, mean = CASES["ssf/cameras-zero-code"], read_basis("cameras").mean
     assert not np.any(case["outputs"]["code"])
-    assert compare.peak(case["outputs"]["ssf"], (mean.T / mean.max(axis=1))[::10]) < 1e-14
+    assert compare.peak(case["outputs"]["ssf"], (mean.T / mean.max(axis=1))[::10]) < 1e-11  # twelve digits
 
 
 # -- able to fail -------------------------------------------------------------------------------------------------
@@ -361,7 +408,7 @@ def test_a_falsified_value_breaks_its_limit(name: str) -> None:
         if metric == "exact":
             false[value] = ["x"]
         elif metric == "at_most":
-            false[value] = np.full(3, 3 * bound)
+            false[value] = np.full(3, 3 * bound or 1.0)
         else:
             array = np.array(outputs[value], float)
             step = np.zeros_like(array)
@@ -446,6 +493,16 @@ def test_metrics_by_hand() -> None:
     assert compare.relative([1.1, 10.0], [1.0, 10.0]) == pytest.approx(0.1)
     assert compare.at_most([1e-9, 3e-9]) == 3e-9
     assert compare.at_most([np.nan]) == np.inf
+    matrix = np.arange(36.0).reshape(6, 6)
+    matrix = matrix + matrix.T
+    known = np.stack([matrix[:, :2].sum(1), matrix[:, 2:4].sum(1), matrix[:, 4:].sum(1)], axis=1)
+    assert compare.sums(matrix, known) == 0
+    matrix[0, 5] = matrix[5, 0] = matrix[0, 5] + 1.0
+    assert compare.sums(matrix, known) == pytest.approx(1.0 / known.max())
+    matrix[0, 5] += 1e-6 * matrix.max()
+    assert compare.sums(matrix, known) == np.inf  # not symmetric
+    assert compare.sums(matrix[:5], known) == np.inf
+    assert compare.sums(known, known) == 0
     curves = np.outer(np.linspace(1.0, 2.0, 681), [1.0, 2.0, 4.0])
     nodes = curves[::10] / curves.max(axis=0)
     assert compare.peak(4 * curves, nodes) < 1e-15

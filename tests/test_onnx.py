@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks._common import Problem
-from benchmarks.certify import model_rows, row_reader, rows_apart
 from camssf.curves.basis import read_basis
-from camssf.curves.engine import SHIPPED, Model, load_model
+from camssf.curves.engine import SHIPPED, Model, load_model, onnx_runtime
 from camssf.curves.evidence import Evidence
+from camssf.curves.sensing import Sensing
 from camssf.curves.ssf import Ssf
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
-from golden.running import BY_MODEL, arrays, findings, problem, run
-from tests.problems import chart_and_lamp, recovered, theory, toy_camera
+from golden.running import arrays, by_model, findings, judge, layers, problem, run
+from tests.problems import chart_and_lamp, recovered, theory, toy_camera, whiten_in_80_bits
 
-CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths() if path.parent.name in BY_MODEL}
+EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
+CASES = {name: case for name, case in EVERY.items() if by_model(case)}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
 
 
@@ -34,22 +35,20 @@ def test_golden_cases(name: str) -> None:
     assert not [finding for finding in found if not finding.holds or finding.skipped]
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case["oracle"]])
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case["oracle"] and case["stage"] == "ssf"])
 def test_the_code_is_optimal(name: str) -> None:
     """The model's own code, proved without the model: objective not above the oracle's, gap small.
 
     On the reference's rows, which are the model's but for rounding: what that makes of the gap is allowed, too.
     """
     case = CASES[name]
-    given, rows, code = case["inputs"], problem(case), run(case, "onnx")["code"]
-    for c, known in enumerate(case["oracle"]["objective"]):
-        objective, gap = optimality(
-            rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"],
-            given["nonnegative"],
-        )  # fmt: skip
-        assert gap <= 1e-9 + blur(
-            rows.matrix[c], rows.target[c], rows.covariance[c], code[:, c], given["l2"], given["gamma"]
-        )
+    given, rows = case["inputs"], problem(case)
+    codes = run(case, "onnx")["code"].T.reshape(len(rows.matrix), -1)
+    for A, b, sigma, x, known in zip(
+        rows.matrix, rows.target, rows.covariance, codes, case["oracle"]["objective"], strict=True
+    ):
+        objective, gap = optimality(A, b, sigma, x, given["l2"], given["gamma"], given["nonnegative"])
+        assert gap <= 1e-9 + blur(A, b, sigma, x, given["l2"], given["gamma"])
         assert objective <= known * (1 + 1e-9)
 
 
@@ -147,22 +146,93 @@ ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family"
         "ssf/gaussian-paper", "ssf/gaussian-three-patches"]  # fmt: skip
 
 
+def opened(model: Any) -> Model:
+    """A model that is no file, as `load_model` opens one."""
+    runtime = onnx_runtime()
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.graph_optimization_level = runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    options.log_severity_level = 3
+    session = runtime.InferenceSession(model.SerializeToString(), options, providers=["CPUExecutionProvider"])
+    return Model(session, "", {entry.key: entry.value for entry in model.metadata_props})
+
+
+@cache
+def row_reader(basis: str) -> Any:
+    """The shipped model with its whitened rows as two outputs more: built anew, which must give its bytes."""
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx import __main__ as command
+    from camssf_onnx import model as source
+
+    posed: list[Any] = []
+    pose = source.pose
+
+    def spy(rows: Any, *rest: Any) -> Any:
+        posed.append(rows)
+        return pose(rows, *rest)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(source, "pose", spy)
+        model = source.build(read_basis(basis))
+    assert model.SerializeToString(deterministic=True) == (command.DATA / f"camssf-{basis}.onnx").read_bytes()
+    ((A, b),) = posed
+    for name, value in (("rows", A), ("target", b)):
+        model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [name]))
+        model.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.DOUBLE, None))
+    return opened(model).session
+
+
+def rows_apart(own: tuple[Floats, Floats], sensing: Sensing) -> float:
+    """How far whitened rows are from those of A, b and Σ, in what no rotation of them changes.
+
+    |G_ij - G'_ij| in parts of √(G'_ii G'_jj), the worst, of the Gram matrices of (A, b): H, g and the length of b.
+    """
+    apart = []
+    for A, b, *given in zip(*own, sensing.matrix, sensing.target, sensing.covariance, strict=True):
+        ours, theirs = (
+            (columns := np.column_stack(rows).astype(np.longdouble)).T @ columns
+            for rows in ((A, b), whiten_in_80_bits(*given))
+        )
+        length = np.sqrt(np.diag(theirs))
+        apart.append(np.max(np.abs(ours - theirs) / (length * length[:, None])))
+    return float(max(apart))
+
+
 @pytest.mark.parametrize("name", ROWS)
 def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
-    given = arrays(CASES[name])
+    given, reference = arrays(CASES[name]), problem(CASES[name])
     basis = given["basis"]
     modes = given["lamp_modes"] if given["lamp_modes"].shape[1] else np.zeros((len(given["lamp"]), 1, 681))
     inputs = {i.name: np.asarray(given[i.name], float) for i in load_model(basis).session.get_inputs()
               if i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
     inputs |= {"lamp_modes": modes, "nonnegative": np.array(float(given["nonnegative"]))}
-    if row_reader(basis) is None:
-        pytest.skip("onnx is not installed (extra: export): the rows cannot be read out of the model")
-    reference = problem(CASES[name])
-    own = model_rows(Problem(inputs, basis, name), reference)
-    assert (rows_apart(own, reference) <= 1e-11).all()
-    wrong = replace(reference, covariance=reference.covariance * (1 + 1e-9))
-    assert not (rows_apart(own, wrong) <= 1e-11).all()
+    own = row_reader(basis).run(["rows", "target"], inputs)
+    assert rows_apart(own, reference) <= 1e-11
+    assert rows_apart(own, replace(reference, covariance=reference.covariance * (1 + 1e-9))) > 1e-10
+
+
+UNFINISHED = [name for name, case in EVERY.items() if case["stage"] == "layers"]
+
+
+@cache
+def unfinished(iteration: str, depth: int) -> Model:
+    """The model of the learned basis without its finish."""
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.model import build
+
+    return opened(build(read_basis("cameras"), iteration=iteration, depth=depth, finish=False))
+
+
+@pytest.mark.parametrize("name", UNFINISHED)
+def test_the_layers_alone_as_a_model(name: str) -> None:
+    """Built without the finish: every limit of the case, and where the shipped model serves, its very bits."""
+    case = EVERY[name]
+    given = case["inputs"]
+    found = layers(case, unfinished(given["iteration"], given["depth"]))
+    assert not [finding for finding in judge(case, found) if not finding.holds or finding.skipped]
+    if by_model(case):
+        assert found["ssf"].tobytes() == run(case, "onnx")["ssf"].tobytes()
 
 
 @pytest.mark.parametrize("seed", range(0, 12, 3))
@@ -188,7 +258,8 @@ def test_seeded_problems_against_cvxpy(seed: int) -> None:
         ),
         basis,
     )
-    oracle = consult(rows, a["l2"], np.full(3, a["gamma"]), a["nonnegative"], basis, a["lamp"][0])
+    gamma = np.full(len(rows.matrix), a["gamma"])
+    oracle = consult(rows, a["l2"], gamma, a["nonnegative"], basis, a["lamp"][0])
     assert oracle["gap"].max() <= 1e-9
     assert oracle["ssf"] is not None
     assert peak(recovered(**a, engine="onnx").values, oracle["ssf"]) <= 1e-6

@@ -173,7 +173,11 @@ def _document(lamps: tuple[str, ...]) -> Document:
         "ssf": curves(found),
         "ssf_std": curves(std),
         "channel_gain": [0.8310, 1.0, 0.6408],
-        "gap": [3.1e-11, 0.0, 8.4e-12],
+        "code_covariance": covariance()[np.tril_indices(72)].tolist(),
+        "gap": [3.1e-18, 3.1e-18, 3.1e-18],
+        "layers_gap": [4.2e-18],
+        "finish_steps": [0],
+        "evidence": 212.375,
         "gamma": [0.05, 0.05, 0.05],
         "l2": 1.0,
         "shots": shots,
@@ -204,13 +208,22 @@ def _document(lamps: tuple[str, ...]) -> Document:
     }
 
 
+def covariance() -> np.ndarray:
+    """Of 3 x 24 coefficients, as a solution has it: digits of all sizes."""
+    root = np.sin(np.add.outer(np.arange(72.0), 1.7 * np.arange(9.0)) ** 2)
+    return np.asarray(0.03 * root @ root.T + 0.2 * np.eye(72))
+
+
 def document(*lamps: str) -> Document:
     return copy.deepcopy(_document(lamps or ("D55",)))
 
 
 def refused(*, shots: bool = False) -> Document:
     made = document()
-    for key in ("ssf", "ssf_std", "channel_gain", "gap", "gamma", "l2", "scores", "truth"):
+    for key in (
+        *("ssf", "ssf_std", "code_covariance", "channel_gain", "gap", "layers_gap", "finish_steps", "evidence"),
+        *("gamma", "l2", "scores", "truth"),
+    ):
         del made[key]
     for patch in made["shots"][0]["patches"]:
         patch |= {"measured_srgb": None, "synthetic_srgb": None, "predicted": None, "unseen": None}
@@ -299,7 +312,7 @@ def test_json_is_what_the_schema_says_and_loses_nothing(make: Any) -> None:
 
 def test_json_keeps_arrays_of_numbers_on_one_line() -> None:
     lines = report(document()).result_json.decode().splitlines()
-    assert sum(line.count(",") >= 680 for line in lines) == 12  # ssf, ssf_std, truth: grid and three curves each
+    assert sum(line.count(",") >= 680 for line in lines) == 13  # ssf, ssf_std, truth: 4 lines each; covariance
     assert len(lines) < 700
 
 
@@ -392,6 +405,14 @@ def broken(path: str, value: Any) -> Document:
         ("shots.0.photo.orientation", 9, r"orientation must be at most 8"),
         ("ssf.wavelength_nm.5", 400.0, r"ssf\.wavelength_nm must be 380 to 720 nm"),
         ("truth.ssf.wavelength_nm.5", 400.0, r"truth\.ssf\.wavelength_nm must be 380 to 720 nm"),
+        ("layers_gap", [0.0, 0.0], r"layers_gap must hold one number a problem, 1 or 3 of them, holds 2"),
+        ("finish_steps", [0, 0, 0], r"finish_steps must hold one number a problem, 1 or 3 of them, holds 3"),
+        ("finish_steps.0", 1.5, r"finish_steps\[0\] must be of type integer"),
+        ("finish_steps.0", -1, r"finish_steps\[0\] must be at least 0"),
+        ("evidence", math.inf, r"evidence must be a finite number"),
+        ("code_covariance", [1.0] * 7, r"code_covariance must be the triangle of a matrix of 3 r rows, holds 7"),
+        ("code_covariance", [1.0] * 10, r"code_covariance must be the triangle of a matrix of 3 r rows, holds 10"),
+        ("code_covariance.5", -1e-9, r"code_covariance\[5\] must not be negative, it is a variance"),
         ("ssf.green", [0.5] * 681, r"ssf\.green must have peak 1, has 0\.5"),
         ("shots.0.pose.patches", [[[0, 0], [1, 0], [1, 1], [0, 1]]], r"pose\.patches must hold 24 entries"),
     ],
@@ -405,6 +426,38 @@ def test_a_broken_document_is_named_by_its_place(path: str, value: Any, words: s
 def test_an_integer_too_long_to_print_is_refused() -> None:
     with pytest.raises(InvalidArgument, match=r"l2 must be at most 1000000000000\.0, is a huge integer"):
         report(broken("l2", 10**5000))
+
+
+def test_the_covariance_comes_back_from_its_triangle() -> None:
+    """Entry (i, j), j <= i, is number i (i + 1) / 2 + j, as the schema says; every digit is kept."""
+    found = json.loads(report(document()).result_json)["code_covariance"]
+    i, j = np.tril_indices(72)
+    assert np.array_equal(np.array(found)[i * (i + 1) // 2 + j], covariance()[i, j])
+    assert len(found) == 72 * 73 // 2
+
+
+def test_a_document_of_before_the_proof_is_still_shown() -> None:
+    made = document()
+    for key in ("code_covariance", "layers_gap", "finish_steps", "evidence"):
+        del made[key]
+    assert "The proof:" not in report(made).html
+    VALIDATOR.validate(made)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "steps", "near", "walked"),
+    [
+        ([4.2e-18], [0], "4.2 × 10<sup>\u221218</sup>", "had nothing to do."),
+        ([3e-9], [1], "3.0 × 10<sup>\u22129</sup>", "took 1 step to it."),
+        ([3e-9], [17], "3.0 × 10<sup>\u22129</sup>", "took 17 steps to it."),
+        ([-1e-17], [0], "0", "had nothing to do."),
+        ([0.2, 0.013, 0.4], [5, 0, 11], "0.40", "took 5, 0, 11 steps to it (red, green, blue)."),
+    ],
+)
+def test_the_page_says_what_the_proof_is(gaps: list[float], steps: list[int], near: str, walked: str) -> None:
+    page = report(document() | {"layers_gap": gaps, "finish_steps": steps}).html
+    line = next(line for line in page.splitlines() if "The proof:" in line)
+    assert f"came within {near} of the optimum (relative duality gap); the exact finish {walked}" in line
 
 
 def test_a_document_without_curves_must_be_refused() -> None:

@@ -8,13 +8,22 @@ import numpy as np
 import pytest
 
 from camssf.curves.basis import gaussian_basis, read_basis
+from camssf.curves.code import solve
 from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import sense
+from camssf.curves.sensing import anchor, sense
+from camssf.curves.ssf import Ssf
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from tests.problems import chart_and_lamp, explained, measured_cameras, predicted, recovered, theory, toy_camera
+from tests import problems
+from tests.problems import chart_and_lamp, explained, measured_cameras, predicted, theory, toy_camera
 
+ENGINE = "onnx"
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+
+
+def recovered(*positional: Any, **named: Any) -> Ssf:
+    """`recover` by the engine at hand."""
+    return problems.recovered(*positional, **{"engine": ENGINE} | named)
 
 
 def rmse(values: Floats, truth: Floats) -> float:
@@ -132,6 +141,8 @@ def test_predictions_are_signals() -> None:
         ({"white_reflectance": np.zeros(681)}, InvalidArgument),
         ({"gamma": -1.0}, InvalidArgument),
         ({"gamma": 0.0, "l2": 0.0}, InvalidArgument),
+        ({"gamma": [0.05, 0.05, 0.06]}, InvalidArgument),
+        ({"gamma": [0.05, 0.05]}, InvalidArgument),
         ({"l2": np.nan}, InvalidArgument),
         ({"basis": "nonsense"}, InvalidArgument),
         ({"engine": "nonsense"}, InvalidArgument),
@@ -150,21 +161,23 @@ def test_bad_arguments_are_named(change: dict[str, object], error: type[Exceptio
     assert refusal.value.advice  # type: ignore[attr-defined]
 
 
-def test_the_budget_s_parts_are_the_posterior() -> None:
-    """The sources' variances add up to the band that `recover` returns: made with each source's share by hand."""
+def test_a_gamma_of_each_channel_is_the_paper_s_alone() -> None:
+    """On `gaussian` the channels are three problems, each as if asked alone; on a learned basis they are one."""
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    certain = {"standard_error": np.full(y.shape, 1e-9), "chart_tolerance": 0.0, "white_tolerance": 0.0}
-    noisy = certain | {"standard_error": np.full(y.shape, 0.01)}
-    quiet, loud = explained(y, reflectance, lamp, **certain), explained(y, reflectance, lamp, **noisy)
-    assert sum(loud.values()) == pytest.approx(np.ones(3))
-    assert (loud["noise"] > quiet["noise"]).all()
-    for source in ("chart", "white", "lamp", "lamp modes"):
-        assert (loud[source] == 0).all()
-    veiled = explained(y, reflectance, lamp, **(certain | {"chart_tolerance": 0.03}))
-    assert (veiled["chart"] > 0.1).all()
-    with pytest.raises(InvalidArgument, match="no prior"):
-        explained(y, reflectance, lamp, basis="gaussian")
+    told: dict[str, Any] = {"basis": "gaussian", "standard_error": 0.005 * y, "chart_tolerance": 0.0}
+    gammas = [0.3, 1.0, 3.0]
+    mixed = recovered(y, reflectance, lamp, gamma=gammas, **told)
+    assert mixed.gamma == pytest.approx(gammas)
+    assert mixed.layers_gap.shape == mixed.finish_steps.shape == (3,)
+    for c, gamma in enumerate(gammas):
+        alone = recovered(y, reflectance, lamp, gamma=gamma, **told)
+        assert mixed.code[:, c] == pytest.approx(alone.code[:, c], abs=1e-12)
+    with pytest.raises(InvalidArgument, match="one problem"):
+        recovered(y, reflectance, lamp, gamma=gammas)
+    same = recovered(y, reflectance, lamp, gamma=[0.3] * 3)
+    assert same.gamma == pytest.approx([0.3] * 3)
+    assert same.values == pytest.approx(recovered(y, reflectance, lamp, gamma=0.3).values, rel=1e-12)
 
 
 def declared(shots: int) -> dict[str, Any]:
@@ -181,6 +194,108 @@ def declared(shots: int) -> dict[str, Any]:
         "white_tolerance": 0.01,
         "lamp_tolerance": 0.02,
     }
+
+
+def peak_one(code: Floats, lamp: Floats, at: Any = None) -> Floats:
+    """(681, 3) μ + Ψ x over its own value at the nodes `at`, by default at its peak."""
+    book = anchor(read_basis("cameras"), lamp)
+    curves = (book.mean + np.einsum("cmr,cr->cm", book.dictionary, code.reshape(3, -1))).T
+    top = curves.argmax(axis=0) if at is None else at
+    return np.asarray(curves / curves[top, [0, 1, 2]])
+
+
+def slopes_of_peak_one(code: Floats, lamp: Floats, h: float = 1e-4) -> Floats:
+    """(3, 681, 72) by finite differences, the peak's wavelength held."""
+    top = peak_one(code, lamp).argmax(axis=0)
+    return np.stack(
+        [(peak_one(code + e, lamp, top) - peak_one(code - e, lamp, top)).T / (2 * h) for e in h * np.eye(code.size)],
+        axis=-1,
+    )
+
+
+@pytest.mark.parametrize("shots", [1, 2])
+def test_bands_are_the_posterior_s(shots: int) -> None:
+    """The covariance of x as I - Aᵀ (Σ + A Aᵀ)⁻¹ A, and the curves' by finite differences of the curve of peak 1."""
+    told = declared(shots)
+    answer = recovered(**told)
+    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    A, sigma = rows.matrix[0], rows.covariance[0]
+    spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
+    assert answer.code_covariance is not None
+    assert answer.code_covariance.shape == (72, 72)
+    assert answer.code_covariance == pytest.approx(spread, abs=1e-10)
+    deviation = np.sqrt(np.diag(spread))
+    between = (spread / np.outer(deviation, deviation))[:24, 24:48]
+    assert np.abs(between).max() > 0.1  # one chart, one white, one lamp: what is wrong with red is with green
+    slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
+    std = answer.peak()[1]
+    assert std is not None
+    assert pytest.approx(np.sqrt(np.einsum("cmx,xz,cmz->cm", slopes, spread, slopes)), abs=1e-7) == std.T
+
+
+def test_the_evidence_is_that_of_the_rows_and_prefers_the_true_lamp() -> None:
+    told = declared(2)
+    answer = recovered(**told)
+    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    assert answer.log_evidence == pytest.approx(solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9)
+    wrong = recovered(**told | {"lamp": np.stack([told["lamp"][0], chart_and_lamp("FL2")[1]])})
+    assert answer.log_evidence is not None
+    assert wrong.log_evidence is not None
+    assert answer.log_evidence > wrong.log_evidence + 10
+    paper = recovered(**declared(1) | {"basis": "gaussian", "chart_tolerance": 0.0, "gamma": 1.0})
+    assert paper.log_evidence is None
+    assert paper.code_covariance is None
+
+
+def test_the_product_s_answer_is_the_layers() -> None:
+    """One problem: one gap of the layers, no step of the finish, and the same proof for the three channels."""
+    answer = recovered(**declared(2))
+    assert answer.layers_gap.shape == answer.finish_steps.shape == (1,)
+    assert answer.layers_gap[0] <= 1e-10
+    assert answer.finish_steps[0] == 0
+    assert answer.gap.shape == answer.gamma.shape == (3,)
+    assert (answer.gap == answer.layers_gap[0]).all()
+
+
+@pytest.mark.parametrize("shots", [1, 2])
+def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
+    """Each source's variance by hand, G Σ_t Gᵀ seen through finite differences; with what no patch has seen they add
+    up to the band that `recover` returns, channel by channel."""
+    told = declared(shots)
+    shares = explained(**told)
+    answer = recovered(**told, gamma=0.0)
+    assert answer.code_covariance is not None
+    std = answer.peak()[1]
+    assert std is not None
+    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
+    slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
+    band = np.sum(std**2, axis=0)
+    assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "unseen"}
+    for source, term in rows.terms.items():
+        own = np.einsum("cmx,xz,cmz->c", slopes, gain @ term[0] @ gain.T, slopes)
+        assert shares[source] * band == pytest.approx(own, rel=1e-5, abs=1e-9 * band.max())
+    left = np.eye(72) - gain @ rows.matrix[0]
+    unseen = np.einsum("cmx,xz,cmz->c", slopes, left @ left.T, slopes)
+    assert shares["unseen"] * band == pytest.approx(unseen, rel=1e-5)
+    assert sum(shares.values()) == pytest.approx(np.ones(3))
+
+
+def test_the_budget_names_what_is_uncertain() -> None:
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())
+    certain = {"standard_error": np.full(y.shape, 1e-9), "chart_tolerance": 0.0, "white_tolerance": 0.0}
+    noisy = certain | {"standard_error": np.full(y.shape, 0.01)}
+    quiet, loud = explained(y, reflectance, lamp, **certain), explained(y, reflectance, lamp, **noisy)
+    assert sum(loud.values()) == pytest.approx(np.ones(3))
+    assert (loud["noise"] > quiet["noise"]).all()
+    for source in ("chart", "white", "lamp modes"):
+        assert (loud[source] == 0).all()
+    assert (loud["lamp"] < 0.02).all()  # that it drifts is never told
+    veiled = explained(y, reflectance, lamp, **(certain | {"chart_tolerance": 0.03}))
+    assert (veiled["chart"] > 0.1).all()
+    with pytest.raises(InvalidArgument, match="no prior"):
+        explained(y, reflectance, lamp, basis="gaussian")
 
 
 @pytest.mark.parametrize("shots", [1, 2])
@@ -207,21 +322,22 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
         ),
         book,
     )
-    fitted = np.tile(np.arange(n) < 12, k)
+    fitted = np.tile(np.arange(n) < 12, 3 * k)
     rng = np.random.default_rng(4)
+    A, sigma, noise = rows.matrix[0], rows.covariance[0], np.diag(rows.terms["noise"][0])
+    errors = sum(term[0] for source, term in rows.terms.items() if source != "noise")
+    root = np.linalg.cholesky(errors + 1e-14 * np.eye(len(A)))
+    truth = A @ rng.normal(size=(72, 20000)) + root @ rng.normal(size=(len(A), 20000))
+    seen = (truth + np.sqrt(noise)[:, None] * rng.normal(size=truth.shape))[fitted]
+    B, S = A[fitted], sigma[np.ix_(fitted, fitted)]
+    x = np.linalg.solve(B.T @ np.linalg.solve(S, B) + np.eye(72), B.T @ np.linalg.solve(S, seen))
+    drawn = (truth - A @ x).std(axis=1).reshape(3, k, n)
     for c in range(3):
-        A, sigma, noise = rows.matrix[c], rows.covariance[c], np.diag(rows.terms["noise"][c])
-        root = np.linalg.cholesky(sum(t[c] for s, t in rows.terms.items() if s != "noise") + 1e-14 * np.eye(k * n))
-        truth = A @ rng.normal(size=(24, 20000)) + root @ rng.normal(size=(k * n, 20000))
-        seen = (truth + np.sqrt(noise)[:, None] * rng.normal(size=truth.shape))[fitted]
-        B, S = A[fitted], sigma[np.ix_(fitted, fitted)]
-        x = np.linalg.solve(B.T @ np.linalg.solve(S, B) + np.eye(24), B.T @ np.linalg.solve(S, seen))
-        curve = book.mean[c]
-        drawn = (truth - A @ x).std(axis=1).reshape(k, n)
         # The rows' unit is the white signal of μ, the signals' that of the curve found.
+        curve = book.mean[c]
         s = answer.values[:, c] * (curve @ told["lamp"][0]) * STEP
         unit = (told["lamp"] @ curve) / (told["lamp"] @ s)
-        assert found.std[:, :, c] == pytest.approx(drawn * unit[:, None], rel=0.03, abs=1e-5)
+        assert found.std[:, :, c] == pytest.approx(drawn[c] * unit[:, None], rel=0.03, abs=1e-5)
 
 
 def test_a_surface_of_known_reflectance_is_better_known_than_a_patch() -> None:

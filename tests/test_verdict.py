@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from camssf.curves.basis import NODES, Basis, interpolate
-from camssf.curves.covariance import smooth_errors
+from camssf.curves.basis import NODES, Basis, interpolate, read_basis
+from camssf.curves.covariance import CHANNEL_SHARE, smooth_errors
 from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import sense
+from camssf.curves.sensing import anchor, sense
 from camssf.curves.ssf import Ssf, recover
 from camssf.errors import CalibrationError, NotSensorRaw
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     RIVAL,
+    SUSPECT,
     Fatal,
     Neutral,
     Reason,
@@ -174,7 +175,7 @@ def test_directions_are_those_of_the_sensing_matrix() -> None:
 
 
 def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
-    """And of the light's drift between frames, which that matrix does not know."""
+    """All rows of two shots at once: red's, green's, blue's."""
     scene = Scene(clean(), clean("A"), lamps=("D55", "A"))
     used = scene.signals.used[0]
     answer = Basis("answer", scene.ssf.values.T, np.zeros((3, WAVELENGTHS.size, 1)), True, "")
@@ -192,28 +193,28 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
         ),
         answer,
     )
-    same_shot = np.kron(np.eye(2), np.ones((used.sum(), used.sum())))
-    for c in range(3):
-        mine = _covariance(scene.signals, TABLE, scene.lamps, scene.ssf, scene.rho, 0.01, c)
-        level = 0.01 * scene.ssf.predicted[:, used, c].ravel()
-        theirs = known.covariance[c] + same_shot * np.outer(level, level)
-        # The sensing matrix knows errors times curves on 5-nm nodes and straight between.
-        assert np.abs(mine - theirs).max() < 0.01 * np.abs(theirs).max()
+    mine, theirs = _covariance(scene.signals, TABLE, scene.lamps, scene.ssf, scene.rho, 0.01), known.covariance[0]
+    n = 3 * 2 * used.sum()
+    assert mine.shape == theirs.shape == (n, n)
+    # The sensing matrix knows errors times curves on 5-nm nodes and straight between.
+    assert np.abs(mine - theirs).max() < 0.01 * np.abs(theirs).max()
+    # Of one patch the channels share an error, of two patches they share the white's and the light's alone.
+    red, green = np.arange(n // 3), n // 3 + np.arange(n // 3)
+    assert (mine[red, green] > 2 * np.abs(mine[red, np.roll(green, 1)])).mean() > 0.8
 
 
 def test_modes_are_in_the_covariance() -> None:
-    """One standard deviation along a mode moves y by Σ (R - ŷ ρ) L η s dλ / W."""
+    """One standard deviation along a mode moves y of every channel by Σ (R - ŷ ρ) L η s dλ / W."""
     scene = Scene(clean())
     mode = 0.05 * (WAVELENGTHS - 550.0) / 170.0
     bent = [replace(scene.lamps[0], modes=mode[None])]
-    for c in range(3):
-        plain, more = (_covariance(scene.signals, TABLE, lamps, scene.ssf, scene.rho, 0.01, c)
-                       for lamps in (scene.lamps, bent))  # fmt: skip
-        step = 1e-4
-        light = scene.lamps[0].values
-        high, low = (theory(TABLE.values, light * (1 + sign * step * mode), scene.ssf.values) for sign in (1, -1))
-        slope = (high - low)[:, c] / (2 * step)
-        np.testing.assert_allclose(more - plain, np.outer(slope, slope), rtol=0, atol=1e-6 * np.max(slope**2))
+    plain, more = (_covariance(scene.signals, TABLE, lamps, scene.ssf, scene.rho, 0.01)
+                   for lamps in (scene.lamps, bent))  # fmt: skip
+    step = 1e-4
+    light = scene.lamps[0].values
+    high, low = (theory(TABLE.values, light * (1 + sign * step * mode), scene.ssf.values) for sign in (1, -1))
+    slope = ((high - low) / (2 * step)).T.ravel()
+    np.testing.assert_allclose(more - plain, np.outer(slope, slope), rtol=0, atol=1e-6 * np.max(slope**2))
 
 
 # rule 2: surprise
@@ -221,10 +222,6 @@ def test_modes_are_in_the_covariance() -> None:
 
 def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     """bᵀ (Σ + A Aᵀ)⁻¹ b by the sensing matrix, for curves near the mean camera, where both Σ are one."""
-    from camssf.curves.basis import read_basis
-    from camssf.curves.sensing import anchor
-
-    del anchor
     book = read_basis("cameras")
     light = read_lamp("D55").values
     scene = Scene(theory(TABLE.values, light, book.mean.T) * np.exp(0.02 * np.sin(np.arange(24.0)))[:, None])
@@ -253,20 +250,47 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
 
 @pytest.mark.slow
 def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
-    """Charts drawn from the very tolerance that the model is told: mean and spread of T."""
+    """Camera, chart, white, lamp, drift and noise drawn from what the model is told: T, and the suspects' gains."""
     rng = np.random.default_rng(4)
-    long, short = (interpolate(smooth_errors(length)) for length in (100.0, 25.0))
+    z, strongest = [], []
+    for _ in range(80):
+        scene = drawn(rng)
+        found = Weighed(scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01).surprise_of(
+            0, scene.ssf
+        )
+        z.append(found.z)
+        strongest.append(max(suspect.gain for suspect in found.suspects))
+    # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.21, each three standard errors.
+    assert abs(np.mean(z)) < 0.34
+    assert abs(np.std(z) - 1.0) < 0.21
+    # 28 suspects, nearly all of three degrees of freedom; their own curves' part makes them explain a little less.
+    tenth, thousandth = (chi2.isf(share / 26, 3) for share in (0.1, 0.001))
+    assert 0.01 < np.mean(np.array(strongest) > tenth) < 0.2
+    assert thousandth < SUSPECT < chi2.isf(0.0005 / 26, 3)
+    assert max(strongest) < SUSPECT
+
+
+def drawn(rng: np.random.Generator) -> Scene:
+    """A capture in which everything is off just as it is told, under D55 with a white frame."""
+    long, short, bent = (interpolate(smooth_errors(length)) for length in (100.0, 25.0, 60.0))
+    lamp = read_lamp("D55")
+    basis = anchor(read_basis("cameras"), lamp.values)
     edge = 70.0 * np.gradient(TABLE.values, 0.5, axis=1)
-    light = read_lamp("D55").values
-    found = []
-    for _ in range(60):
+
+    def chart() -> Floats:
         u, v, w = (rng.normal(size=(24, c.shape[1])) @ c.T for c in (long, short, short))
-        chart = TABLE.values + 0.03 * (0.6 * TABLE.values * u + v / 3 + edge * w)
-        found.append(Scene(theory(np.maximum(chart, 0.003), light, camera())).surprise())
-    z = [each.z for each in found]
-    # The camera is nearer to the mean than its prior allows, so T falls short of N, by less than the prior's share.
-    assert -2.5 < np.mean(z) < 0.5
-    assert 0.6 < np.std(z) < 1.5
+        return np.asarray(0.03 * (0.6 * TABLE.values * u + v / 3 + edge * w))
+
+    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, rng.normal(size=basis.dictionary.shape[::2]))
+    shared, light = chart(), lamp.values * (1 + lamp.tolerance * bent @ rng.normal(size=bent.shape[1]))
+    white = (1 + 0.01 * rng.normal()) * (1 + 0.01 * long @ rng.normal(size=long.shape[1]))
+    y = np.empty((24, 3))
+    for c in range(3):
+        off = np.sqrt(CHANNEL_SHARE) * shared + np.sqrt(1 - CHANNEL_SHARE) * chart()
+        y[:, c] = ((TABLE.values + off) * light) @ curves[c] / ((white * light) @ curves[c])
+    y *= 1 + 0.05 * 0.03 * rng.normal(size=y.shape)
+    error = Scene(np.maximum(y, 1e-3)).signals.standard_error[0]
+    return Scene(np.maximum(y + error * rng.normal(size=y.shape), 1e-3))
 
 
 @pytest.mark.parametrize("total", [40.0, 72.0, 130.0])

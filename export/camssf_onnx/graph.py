@@ -30,9 +30,20 @@ class Graph:
         return f"{word}_{self.counter[0]}"
 
     def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
-        """A constant; equal ones are stored once."""
+        """A constant; equal ones are stored once, and a large identity is made in place, not stored."""
         array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
         key = (array.dtype.str, array.shape, array.tobytes())
+        if (
+            key not in self.constants
+            and array.ndim == 2
+            and len(array) > 8
+            and np.array_equal(array, np.eye(len(array)))
+        ):
+            outermost = self
+            while outermost.parent is not None:
+                outermost = outermost.parent
+            size = outermost.op("ConstantOfShape", outermost.ints(*array.shape))
+            self.constants[key] = outermost.op("EyeLike", size, dtype=TensorProto.DOUBLE).name
         if key not in self.constants:
             self.constants[key] = name or self.fresh("c")
             self.initializers.append(numpy_helper.from_array(array, self.constants[key]))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.curves.layers import RELAXATION
+from camssf.curves.layers import RELAXATION, settling
 from camssf_onnx.algebra import BIG, D, stride_of
 from camssf_onnx.graph import Body, Graph, Value
 from camssf_onnx.problem import Problem
@@ -17,12 +18,13 @@ SQUARINGS = 12
 
 @dataclass(frozen=True)
 class Layer:
-    """v ← W₁ b + W₂ soft(v, θ) + W₃ v: W1b (p, r, 1), W2 and W3 (p, r, r), θ a number."""
+    """v ← W₁ b + W₂ soft(v, θ) + W₃ v: W1b (p, r, 1), W2 and W3 (p, r, r), θ a number; `exact` as there."""
 
     W1b: Value
     W2: Value
     W3: Value
     theta: Value
+    exact: Callable[[Value, Value], Value] | None = None
 
 
 def splitting_weight(problem: Problem) -> Value:
@@ -36,10 +38,15 @@ def splitting(problem: Problem, W: Value) -> Layer:
     one = np.eye(problem.r)
     u = W @ problem.g
     Wg = u + W @ (problem.pull(u.squeeze(2)) - rho * u)
-    step = RELAXATION * rho / (rho + problem.l2)
+    share = rho / (rho + problem.l2)
+    step = RELAXATION * share
+
+    def exact(v: Value, x: Value) -> Value:
+        return v + step * (W @ (problem.pull(x.squeeze(2)) + rho * (x - v / share)))
+
     rho_W = rho * W
     theta = problem.gamma / (rho + problem.l2)
-    return Layer(step * Wg, step * (2.0 * rho_W - one), one - RELAXATION * rho_W, theta)
+    return Layer(step * Wg, step * (2.0 * rho_W - one), one - RELAXATION * rho_W, theta, exact)
 
 
 def ista(problem: Problem) -> Layer:
@@ -71,7 +78,16 @@ def unroll(problem: Problem, layer: Layer, depth: int) -> Value:
             v = body.op("Add", layer.W1b, body.op("MatMul", both, pair))
         return Body([v])
 
-    stride = stride_of(depth)
-    start = g.constant(np.zeros((problem.count, r, 1)))
-    (v,) = g.loop(turn, [start], [D], g.constant(depth // stride, np.int64), "layers")
+    def settle(body: Graph, step: Value, state: list[Value]) -> Body:
+        (v,) = state
+        assert layer.exact is not None
+        return Body([layer.exact(v, v - clip(body, v))])
+
+    last = 0 if layer.exact is None else settling(depth)
+    stride = stride_of(depth - last)
+    v = g.constant(np.zeros((problem.count, r, 1)))
+    if depth > last:
+        (v,) = g.loop(turn, [v], [D], g.constant((depth - last) // stride, np.int64), "layers")
+    if last:
+        (v,) = g.loop(settle, [v], [D], g.constant(last, np.int64), "settle")
     return (v - clip(g, v)).squeeze(2)

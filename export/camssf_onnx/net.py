@@ -1,11 +1,15 @@
-"""The unrolled layers as a torch module, for those who want gradients through them.
+"""The unrolled layers in torch, for those who want gradients through them: `camssf.curves.layers`, name by name.
 
-The shipped models do not come from here. torch's exporter (2.15) turns this loop into a clean graph, four nodes and a
-body, but it has no converter for a float64 inverse and none for the rows with k and n dynamic; so `model.py` writes
-the whole graph by hand, and a test holds both to the reference.
+`UnrolledNet` goes from whitened rows and penalties to x, with a batch of problems in front; each step is
+differentiable by A, b, λ₂ and γ. The shipped models do not come from here: torch's exporter (2.15) has no converter
+for a float64 inverse or an eigenvalue, and none for rows with k and n dynamic, so `model.py` writes the whole graph
+by hand. What it can export is `Layers`, the loop from given weights: a clean graph of a few nodes and a body.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import torch
 from torch import while_loop
@@ -13,33 +17,108 @@ from torch import while_loop
 from camssf.curves.layers import DEPTH, RELAXATION
 
 
-class UnrolledNet(torch.nn.Module):
-    """v ← W₁ b + W_v v + W_q clip(v), `depth` times; z = v - clip(v) (z = soft(v, γ / ρ))."""
+class Weights(NamedTuple):
+    """v ← W1b + W2 soft(v, θ) + W3 v, of p problems.
 
-    def __init__(self, depth: int = DEPTH) -> None:
+    Attributes:
+        W1b: (p, r) W₁ b.
+        W2, W3: (p, r, r).
+        theta: (p, 1) θ.
+    """
+
+    W1b: torch.Tensor
+    W2: torch.Tensor
+    W3: torch.Tensor
+    theta: torch.Tensor
+
+
+def splitting(A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor) -> Weights:
+    """The product's layer, from rows of unit covariance A (p, N, r), b (p, N), λ₂ () and γ () or (p,)."""
+    penalty = gamma.expand(len(A)).reshape(-1, 1, 1)  # (p, 1, 1)
+    rho = penalty + 2.0 * l2
+    eye = torch.eye(A.shape[2], dtype=A.dtype)
+    W = torch.linalg.inv(A.mT @ A + rho * eye)
+    target = b.unsqueeze(2)
+    u = W @ (A.mT @ target)
+    # As in the reference: one step on the residual, since W keeps only the digits that its condition leaves.
+    Wg = u + W @ (A.mT @ (target - A @ u) - rho * u)
+    step = RELAXATION * rho / (rho + l2)
+    return Weights(
+        (step * Wg).squeeze(2),
+        step * (2.0 * rho * W - eye),
+        eye - RELAXATION * rho * W,
+        (penalty / (rho + l2)).squeeze(2),
+    )
+
+
+def ista(A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor) -> Weights:
+    """Iterative soft thresholding with the step 1 / ‖M‖; arguments as in `splitting`."""
+    eye = torch.eye(A.shape[2], dtype=A.dtype)
+    M = A.mT @ A + l2 * eye
+    norm = torch.linalg.eigvalsh(M)[:, -1].reshape(-1, 1, 1)
+    pull = (A.mT @ b.unsqueeze(2)) / norm
+    penalty = gamma.expand(len(A)).reshape(-1, 1)
+    return Weights(pull.squeeze(2), eye - M / norm, torch.zeros_like(M), penalty / norm.squeeze(2))
+
+
+Constructor = Callable[[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor], Weights]
+CONSTRUCTORS: dict[str, Constructor] = {"splitting": splitting, "ista": ista}
+"""By name, as `camssf.curves.layers.LAYERS`."""
+
+
+def soft(v: torch.Tensor, theta: torch.Tensor, nonnegative: bool) -> torch.Tensor:
+    """Soft thresholding, with x ≥ 0 where asked."""
+    shrunk = torch.relu(v - theta)
+    return shrunk if nonnegative else shrunk - torch.relu(-v - theta)
+
+
+def layer(weights: Weights, v: torch.Tensor, nonnegative: bool) -> torch.Tensor:
+    """The next state, (p, r)."""
+    x = soft(v, weights.theta, nonnegative).unsqueeze(2)
+    return weights.W1b + (weights.W2 @ x + weights.W3 @ v.unsqueeze(2)).squeeze(2)
+
+
+class UnrolledNet(torch.nn.Module):
+    """Whitened rows → x after `depth` layers of one kind."""
+
+    def __init__(self, iteration: str = "splitting", depth: int = DEPTH, *, nonnegative: bool = False) -> None:
+        super().__init__()
+        self.weights_of = CONSTRUCTORS[iteration]
+        self.depth = depth
+        self.nonnegative = nonnegative
+
+    def forward(self, A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor) -> torch.Tensor:
+        """x (p, r) from A (p, N, r) and b (p, N) of unit covariance, λ₂ () and γ () or (p,)."""
+        return self.path(A, b, l2, gamma)[-1]
+
+    def path(self, A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor) -> torch.Tensor:
+        """x after 0, 1, ... `depth` layers, (depth + 1, p, r)."""
+        weights = self.weights_of(A, b, l2, gamma)
+        v = torch.zeros_like(weights.W1b)
+        found = [soft(v, weights.theta, self.nonnegative)]
+        for _ in range(self.depth):
+            v = layer(weights, v, self.nonnegative)
+            found.append(soft(v, weights.theta, self.nonnegative))
+        return torch.stack(found)
+
+
+class Layers(torch.nn.Module):
+    """Weights → x, as a loop that torch's exporter writes as one."""
+
+    def __init__(self, depth: int = DEPTH, *, nonnegative: bool = False) -> None:
         super().__init__()
         self.depth = depth
+        self.nonnegative = nonnegative
 
-    @staticmethod
-    def weights(quadratic: torch.Tensor, pull: torch.Tensor, rho: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The analytic weights of M (c, r, r) and g (c, r): (W_v | W_q) (c, r, 2 r) and W₁ b (c, r, 1)."""
-        eye = torch.eye(pull.shape[1], dtype=pull.dtype)
-        W = torch.linalg.inv(quadratic + rho * eye)
-        W2 = RELAXATION * rho * W
-        both = torch.cat([W2 + (1.0 - RELAXATION) * eye, RELAXATION * eye - 2.0 * W2], dim=2)
-        return both, RELAXATION * (W @ pull.unsqueeze(2))
-
-    def forward(self, both: torch.Tensor, push: torch.Tensor, low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
-        """z (c, r, 1) from the weights and the clip's bounds: low = -γ / ρ, or far below it for x ≥ 0."""
-
-        def clip(v: torch.Tensor) -> torch.Tensor:
-            return torch.minimum(torch.maximum(v, low), high)
+    def forward(self, W1b: torch.Tensor, W2: torch.Tensor, W3: torch.Tensor, theta: torch.Tensor) -> torch.Tensor:
+        """x (p, r) from `Weights`."""
+        weights = Weights(W1b, W2, W3, theta)
 
         def again(step: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
             return step < self.depth
 
-        def layer(step: torch.Tensor, v: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-            return step + 1, push + both @ torch.cat([v, clip(v)], dim=1)
+        def further(step: torch.Tensor, v: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            return step + 1, layer(weights, v, self.nonnegative)
 
-        _, v = while_loop(again, layer, (torch.tensor(0), torch.zeros_like(push)))
-        return v - clip(v)
+        _, v = while_loop(again, further, (torch.tensor(0), torch.zeros_like(W1b)))
+        return soft(v, theta, self.nonnegative)

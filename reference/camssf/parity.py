@@ -53,8 +53,8 @@ _CAUSES = {
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
     "If the result was made with --fit, --signed or --white-reflectance, say so here too.",
-    "band": "The curve agrees, its standard deviation does not.",
-    "gap": "One of the two has not converged.",
+    "band": "The curve agrees, its standard deviation, the codes' covariance or the evidence does not.",
+    "gap": "One of the two has not converged, or its layers have not.",
     "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
     "verdict": "All numbers agree, the conclusion does not: compare the versions of camssf on both sides.",
 }
@@ -370,17 +370,42 @@ def _triple(document: Json, made: Json, key: str) -> tuple[float, str]:
     return float(apart.max()), f"{key}: {theirs.tolist()} there, {ours.tolist()} here"
 
 
+def _list(document: Json, made: Json, key: str, scale: float | None) -> tuple[float, str]:
+    """Largest difference of a number or list that an older result does not have, in units of `scale` or of 1."""
+    if key not in document:
+        return 0.0, f"no {key} there"
+    if document[key] is None or made[key] is None:
+        return (0.0, f"no {key} on either side") if document[key] is made[key] else (np.inf, f"no {key} on one side")
+    theirs, ours = np.atleast_1d(document[key]).astype(float), np.atleast_1d(made[key]).astype(float)
+    if theirs.shape != ours.shape:
+        return np.inf, f"{key}: {theirs.size} numbers there, {ours.size} here"
+    apart = np.abs(theirs - ours) / max(abs(scale or 0.0), 1.0)
+    i = int(apart.argmax())
+    place = f"{key}[{i}]" if apart.size > 1 else key
+    return float(apart[i]), f"{place}: {theirs[i]:.9g} there, {ours[i]:.9g} here"
+
+
+def _walked(document: Json, made: Json) -> tuple[float, str]:
+    """Whether the finish had to walk. How far may differ: of two ways of equal length rounding chooses."""
+    ours: list[int] = made["finish_steps"]
+    theirs: list[int] = document.get("finish_steps", ours)
+    alike = [count > 0 for count in theirs] == [count > 0 for count in ours]
+    return 0.0 if alike else np.inf, f"finish_steps: {theirs} there, {ours} here"
+
+
 def _answers(document: Json, made: Json) -> Iterator[Finding]:
-    """Curves, bands, gaps, scores."""
+    """Curves, bands and evidence, gaps, scores."""
     parts = [
         _curves(document, made, "ssf"),
         _triple(document, made, "channel_gain"),
         _worst(document, "predicted", made, 1.0),
     ]
     yield _compare("curve", CURVES, parts)
-    yield _compare("band", CURVES, [_curves(document, made, "ssf_std")])
+    spread = [_list(document, made, "code_covariance", 1.0), _list(document, made, "evidence", made.get("evidence"))]
+    yield _compare("band", CURVES, [_curves(document, made, "ssf_std"), *spread])
     gaps = [("there", max(document["gap"])), ("here", max(made["gap"]))]
-    yield _compare("gap", GAP, [(gap, f"largest {where} {gap:.2g}") for where, gap in gaps])
+    parts = [(gap, f"largest {where} {gap:.2g}") for where, gap in gaps]
+    yield _compare("gap", GAP, [*parts, _list(document, made, "layers_gap", 1.0), _walked(document, made)])
     yield _compare("scores", CURVES, [_triple(document["scores"], made["scores"], "rmsre_percent")])
 
 

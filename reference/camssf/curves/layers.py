@@ -11,17 +11,19 @@ form from A, Σ and λ₂; nothing is trained.
 
   that is W₁ b = α β W g, W₂ = α β (2 ρ W - I), W₃ = I - α ρ W, θ = γ / (ρ + λ₂), β = ρ / (ρ + λ₂). The state v keeps
   what soft() cut away (ADMM's multiplier): LISTA's layer (Gregor and LeCun 2010) with one linear skip more. With
-  ρ = 2 λ₂ and α = 3/2 a layer's matrix on the support, 1 - α + α β + α ρ W (2 β - 1), has its eigenvalues
-  between 0 and 1/2, whatever H is: there the error halves, or better, in each layer.
+  ρ = 2 λ₂ and α = 3/2 a layer's matrix on the support, 1 - α β + α (2 β - 1) ρ W, is ½ ρ W with eigenvalues
+  between 0 and 1/2, whatever H is: there the error halves, or better, in each layer. γ moves that bound a little
+  (docs/solver.md, "How fast").
 - `ista`: the iterative soft thresholding itself: W₁ b = g / ‖M‖, W₂ = I - M / ‖M‖, W₃ = 0, θ = γ / ‖M‖. LISTA's form
-  without a skip, its weights not learned. On the paper's basis it is 12 % of the peak off after 20,000 layers.
+  without a skip, its weights not learned.
 
-ALISTA (Liu et al. 2019) takes its weights from A alone by a criterion of coherence, which is useless at a coherence
-of 0.9999999.
+ALISTA (Liu et al. 2019) takes its weights from A alone by a criterion of coherence, and looks for the sparsest code
+of exact rows, not for this problem's optimum. Each of these relations is a test in tests/test_layers.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +33,8 @@ from camssf.grid import Floats
 
 DEPTH = 32
 RELAXATION = 1.5
+SETTLING = 8
+"""So many layers at the end of a net of at least twice as many take the residual from the rows themselves."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Layer:
         W2, W3: (r, r).
         theta: θ.
         nonnegative: soft() gives no negative values.
+        exact: the same step with the residual taken from the rows, where the constructor has one: W₂ and W₃ keep only
+            the digits that their condition leaves, so the last layers of a net are taken by it (`settling`).
     """
 
     W1b: Floats
@@ -49,6 +55,7 @@ class Layer:
     W3: Floats
     theta: float
     nonnegative: bool
+    exact: Callable[[Floats], Floats] | None = None
 
     def __call__(self, v: Floats) -> Floats:
         """The next state."""
@@ -61,8 +68,12 @@ class Layer:
     def unroll(self, depth: int) -> Floats:
         """x after so many layers, from v = 0."""
         v = np.zeros(self.W1b.size)
-        for _ in range(depth):
+        last = 0 if self.exact is None else settling(depth)
+        for _ in range(depth - last):
             v = self(v)
+        for _ in range(last):
+            assert self.exact is not None
+            v = self.exact(v)
         return self.answer(v)
 
 
@@ -75,14 +86,27 @@ def splitting(problem: Problem) -> Layer:
     u = W @ problem.g
     # g is large where A is, and W keeps only the digits that its condition leaves: one step on the residual.
     Wg = u + W @ (problem.A.T @ (problem.b - problem.A @ u) - rho * u)
-    step = RELAXATION * rho / (rho + problem.l2)
+    share = rho / (rho + problem.l2)
+    step, theta = RELAXATION * share, problem.gamma / (rho + problem.l2)
+
+    def exact(v: Floats) -> Floats:
+        """v + α β W (Aᵀ (b - A x) + ρ (x - v / β)), which is v + α β (W (g + ρ (2 x - v / β)) - x)."""
+        x = soft(v, theta, problem.nonnegative)
+        return np.asarray(v + step * W @ (problem.A.T @ (problem.b - problem.A @ x) + rho * (x - v / share)))
+
     return Layer(
         step * Wg,
         step * (2.0 * rho * W - one),
         one - RELAXATION * rho * W,
-        problem.gamma / (rho + problem.l2),
+        theta,
         problem.nonnegative,
+        exact,
     )
+
+
+def settling(depth: int) -> int:
+    """How many layers of a net take the residual from the rows: its last ones, none of a shallow net."""
+    return SETTLING if depth >= 2 * SETTLING else 0
 
 
 def ista(problem: Problem) -> Layer:

@@ -186,12 +186,30 @@ def _check_sense(document: Json) -> None:
         peak = max(document["ssf"][colour])
         if abs(peak - 1) > 1e-6:
             raise _BrokenError(f"ssf.{colour}", f"must have peak 1, has {peak:.6g}")
+    _check_proof(document)
     for i, shot in enumerate(document["shots"]):
         outlines = [] if shot["pose"] is None else shot["pose"]["patches"]
         if shot["patches"] and len(outlines) != len(shot["patches"]):
             raise _BrokenError(f"shots[{i}].pose.patches", f"must hold {len(shot['patches'])} entries")
         if "ssf" in document and not shot["patches"]:
             raise _BrokenError(f"shots[{i}].patches", "must not be empty beside curves")
+
+
+def _check_proof(document: Json) -> None:
+    """One number a problem, and as many of a covariance as a triangle has."""
+    problems = [(key, len(document[key])) for key in ("layers_gap", "finish_steps") if key in document]
+    for key, count in problems:
+        if count not in (1, 3) or count != problems[0][1]:
+            raise _BrokenError(key, f"must hold one number a problem, 1 or 3 of them, holds {count}")
+    triangle = document.get("code_covariance")
+    if not triangle:
+        return
+    size = (math.isqrt(8 * len(triangle) + 1) - 1) // 2
+    if size * (size + 1) // 2 != len(triangle) or size % 3:
+        raise _BrokenError("code_covariance", f"must be the triangle of a matrix of 3 r rows, holds {len(triangle)}")
+    for i in range(size):
+        if triangle[i * (i + 3) // 2] < 0:
+            raise _BrokenError(f"code_covariance[{i * (i + 3) // 2}]", "must not be negative, it is a variance")
 
 
 _TYPES: dict[str, tuple[type, ...]] = {

@@ -68,7 +68,11 @@ class Calibration:
             "ssf": _curves(curves),
             "ssf_std": None if std is None else _curves(std),
             "channel_gain": self.ssf.channel_gain.tolist(),
+            "code_covariance": None if self.ssf.code_covariance is None else _triangle(self.ssf.code_covariance),
             "gap": self.ssf.gap.tolist(),
+            "layers_gap": self.ssf.layers_gap.tolist(),
+            "finish_steps": self.ssf.finish_steps.tolist(),
+            "evidence": self.ssf.log_evidence,
             "gamma": self.ssf.gamma.tolist(),
             "l2": self.ssf.l2,
             "uncertainty": self.uncertainty,
@@ -228,6 +232,12 @@ def _shot_document(shot: Shot, table: ChartTable) -> Json:
             for i, name in enumerate(table.patches)
         ],
     }
+
+
+def _triangle(covariance: Floats) -> list[float]:
+    """The lower triangle of a symmetric matrix, row after row: half of 100 kB, and every digit kept."""
+    lower: list[float] = covariance[np.tril_indices(len(covariance))].tolist()
+    return lower
 
 
 def _curves(values: Floats) -> Json:
