@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 passport = typer.Typer(
     name="passport",
     help="Sign a result, with the unit, the time and how long it is valid; verify it anywhere, offline.",
+    short_help="Sign a result; verify it offline.",
     epilog="Example: camssf passport sign result.json --key passport-key.pem -o camera.jws",
     no_args_is_help=True,
     rich_markup_mode=None,
