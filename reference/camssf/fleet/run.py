@@ -401,5 +401,10 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
     writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
     for o in outcomes:
         words = (o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no")
-        writer.writerow([_FORMULA.sub("'", word).replace("\r", " ") for word in words])  # csv leaves \r bare
+        writer.writerow([cell(word) for word in words])
     return text.getvalue()
+
+
+def cell(text: str) -> str:
+    """Text that no spreadsheet runs, and without carriage returns, which csv leaves bare."""
+    return _FORMULA.sub("'", text).replace("\r", " ")
