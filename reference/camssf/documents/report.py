@@ -91,11 +91,16 @@ def report(document: Json, previews: Sequence[bytes | None] = ()) -> Report:
     curves = "ssf" in document
     shown = [*previews, *[None] * (len(document["shots"]) - len(previews))]
     return Report(
-        result_json=readable(_json(document) + "\n").encode(),
+        result_json=result_json(document),
         ssf_csv=_csv(document) if curves else None,
         ssf_png=picture(document) if curves else None,
         html=page(document, shown),
     )
+
+
+def result_json(document: Json) -> bytes:
+    """result.json of a document whose form is checked: the same document gives the same bytes."""
+    return readable(_json(document) + "\n").encode()
 
 
 def read_document(path: Path | str) -> Json:
