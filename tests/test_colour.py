@@ -436,7 +436,7 @@ def test_a_camera_of_an_ssf_has_its_bands() -> None:
     lamps = np.stack([power("D55"), power("A")])
     y = ((lamps[:, None] * CHART) @ toy_camera()) / (lamps @ toy_camera())[:, None]
     evidence = Evidence(y, CHART, lamps, standard_error=0.003 * y)
-    answer = recover(evidence, engine="reference")
+    answer = recover(evidence, basis="cameras", engine="reference")
     camera = camera_of_ssf(answer, read_basis("cameras"), lamps[0])
     curves, std = answer.peak()
     assert np.array_equal(camera.values, curves)

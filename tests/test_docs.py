@@ -65,16 +65,26 @@ def written() -> list[str]:
 def test_a_written_command_is_one(line: str) -> None:
     """Parsed by the command line itself, which knows every option and its type; nothing is run."""
     for arguments in calls(line):
-        command = CLI.commands[arguments[0]]  # type: ignore[attr-defined]
-        command.make_context(arguments[0], arguments[1:])
+        parse(arguments)
+
+
+def parse(arguments: list[str]) -> None:
+    """A command of a command, as `passport sign`, likewise."""
+    group, rest = CLI, arguments
+    while isinstance(group, typer.core.TyperGroup) and rest:
+        name, *rest = rest
+        group = group.commands[name]
+    group.make_context(" ".join(arguments), list(rest))
 
 
 def test_the_parser_of_this_test_sees_the_commands() -> None:
     assert calls("a && .venv/bin/camssf demo -o out/") == [["demo", "-o", "out/"]]
     assert calls('camssf patches "a b" | camssf solve - > x # camssf') == [["patches", "a b"], ["solve", "-"]]
     assert len(written()) > 20
-    with pytest.raises(Exception, match="No such option"):
-        CLI.commands["demo"].make_context("demo", ["--out", "x", "--nosuch"])  # type: ignore[attr-defined]
+    for words in (["demo", "--out", "x"], ["passport", "show", "x"]):
+        parse(words)
+        with pytest.raises(Exception, match="No such option"):
+            parse([*words, "--nosuch"])
 
 
 def test_every_command_has_one_example_of_itself() -> None:

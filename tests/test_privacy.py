@@ -136,6 +136,16 @@ def ways() -> list[str]:
 WAYS = ways()
 
 CALIBRATE = ("-m", "camssf", "calibrate", "out/shots/chart.dng", "--lamp", "D55", "-o", "again")
+SIGNED_AND_KEPT = (
+    ("-m", "camssf", "passport", "key", "-o", "keys"),
+    ("-m", "camssf", "passport", "sign", "again/result.json", "--key", "keys/passport-key.pem", "--photo",
+     "out/shots/chart.dng", "-o", "keys/a.jws"),
+    ("-m", "camssf", "passport", "verify", "keys/a.jws", "--key", "keys/passport-key.pub.pem"),
+    ("-m", "camssf", "registry", "add", "phones", "out/result.json", "again/result.json"),
+    ("-m", "camssf", "registry", "list", "phones"),
+    ("-m", "camssf", "registry", "compare", "phones", "--result", "out/result.json", "--doubtful"),
+    ("-m", "camssf", "registry", "export", "phones", "-o", "phones/all.csv"),
+)  # fmt: skip
 LIBRARY = """
 from camssf import calibrate
 from camssf.documents.report import report
@@ -152,6 +162,7 @@ def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> 
         CALIBRATE,
         ("-c", LIBRARY),
         ("-m", "camssf", "batch", "two.csv", "-o", "many", "--jobs", "2"),
+        *SIGNED_AND_KEPT,
     ):
         (places.work / "two.csv").write_text(
             "name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n"
@@ -160,7 +171,12 @@ def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> 
         assert done.returncode == 0, done.stderr
         assert seen == [], f"{words}, watched by {WAYS[0]}"
         assert places.left() == [], words
-    assert sorted(path.name for path in places.work.iterdir()) == ["again", "many", "out", "two.csv"]
+    assert sorted(path.name for path in places.work.iterdir()) == [
+        "again", "keys", "many", "out", "phones", "two.csv",
+    ]  # fmt: skip
+    assert sorted(path.name for path in (places.work / "keys").iterdir()) == [
+        "a.jws", "passport-key.pem", "passport-key.pub.pem",
+    ]  # fmt: skip
     four = ["report.html", "result.json", "ssf.csv", "ssf.png"]
     assert sorted(path.name for path in (places.work / "again").iterdir()) == four
     assert sorted(path.name for path in (places.work / "out").iterdir()) == [*four[:2], "shots", *four[2:]]

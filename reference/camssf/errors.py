@@ -19,7 +19,8 @@ CalibrationError
 ├── LampUnfit              lamp_unfit          6   the light
 ├── NotConverged           not_converged       7   the solver's own proof failed
 ├── CameraUnusual          camera_unusual      8   no basis knows such a camera
-└── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
+├── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
+└── PassportInvalid        passport_invalid   10   a signed result that is not to be trusted
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -176,3 +177,10 @@ class ColourOutOfReach(CalibrationError):
 
     code = "colour_out_of_reach"
     exit_status = 9
+
+
+class PassportInvalid(CalibrationError):
+    """A passport that is not what its signer wrote, has ended, was called back, or is signed by nobody trusted."""
+
+    code = "passport_invalid"
+    exit_status = 10

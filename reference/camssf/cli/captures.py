@@ -158,8 +158,20 @@ def batch(
     engine: Engine = "onnx",
     lens_shading: LensShading = "as-stored",
     jobs: Annotated[
-        int | None, typer.Option(min=1, show_default=False, help="Processes; all cores unless given.")
+        int | None,
+        typer.Option("--jobs", "--workers", min=1, show_default=False, help="Processes; all cores unless given."),
     ] = None,
+    registry: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            show_default=False,
+            help="Registry that the results go to; with it the manifest may be of any size, or Parquet.",
+        ),
+    ] = None,
+    pages: Annotated[
+        bool, typer.Option("--pages", help="With a registry: report.html, ssf.png, ssf.csv, too.")
+    ] = False,
 ) -> None:
     """Calibrate many cameras from a manifest.
 
@@ -169,6 +181,13 @@ def batch(
 
     from camssf.fleet.run import run_batch
 
+    if registry is not None:
+        _stream(
+            manifest, out, registry, {"basis": basis, "engine": engine, "lens_shading": lens_shading}, jobs, pages
+        )
+        return
+    if pages:
+        raise InvalidArgument("Without a registry every job has its pages.", "Leave --pages out.")
     with progress_bar() as progress:
         outcomes = run_batch(
             manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
@@ -182,6 +201,32 @@ def batch(
     failed = sum(not outcome.ok for outcome in outcomes)
     say("", f"{len(outcomes) - failed} of {len(outcomes)} calibrated; summary in {out / 'summary.csv'}")
     if failed:
+        raise typer.Exit(BATCH_FAILED)
+
+
+def _stream(
+    manifest: Path, out: Path, registry: Path, options: dict[str, str], workers: int | None, pages: bool
+) -> None:
+    """Into a registry; its summary as JSON on stdout."""
+    from camssf.fleet.manifest import Manifest
+    from camssf.fleet.registry import Registry
+    from camssf.fleet.stream import run_stream, summary_json
+
+    with progress_bar() as progress:
+        found = run_stream(
+            Manifest(manifest, options),
+            out,
+            Registry(registry, new=True),
+            workers=workers,
+            pages=pages,
+            progress=progress,
+        )
+    emit(summary_json(found))
+    for code, count in found.by_code.most_common():
+        say("", f"{count:>8} {code or 'without a reason'}")
+    rest = f"{found.resumed} from before, {found.duplicates} duplicates"
+    say("", f"{found.total - found.failed} of {found.total} calibrated ({rest}); rows in {registry}")
+    if found.failed:
         raise typer.Exit(BATCH_FAILED)
 
 

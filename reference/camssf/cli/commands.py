@@ -14,6 +14,8 @@ from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
 from camssf.cli.exports import colour, export
 from camssf.cli.others import cameras, charts, direct, lamps, parity
+from camssf.cli.passport import passport
+from camssf.cli.registry import registry
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
 from camssf.errors import CalibrationError, InvalidArgument
@@ -101,3 +103,5 @@ def _camssf(
 
 for _command, _example in COMMANDS:
     app.command(epilog=f"Example: {_example}")(_command)
+app.add_typer(passport)
+app.add_typer(registry)

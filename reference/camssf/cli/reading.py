@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from datetime import datetime
 from typing import Any
 
 from camssf.errors import InvalidArgument
@@ -99,28 +100,34 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
-    """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
-    from camssf.documents.report import LARGEST_DOCUMENT, parse_json
-
+def read_bytes(source: str, most: int) -> bytes:
+    """What lies in a file or comes on stdin, at most so many bytes."""
     name = name_of(source)
     try:
         if source == "-":
             if sys.stdin is None:
                 raise InvalidArgument("Standard input is closed.", "Name a file, or put a camssf command before.")
-            data = sys.stdin.buffer.read(LARGEST_DOCUMENT + 1)
+            data = sys.stdin.buffer.read(most + 1)
         else:
             with open(source, "rb") as file:
-                data = file.read(LARGEST_DOCUMENT + 1)
+                data = file.read(most + 1)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise InvalidArgument(
             f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."
         ) from None
-    if len(data) > LARGEST_DOCUMENT:
-        raise InvalidArgument(f"{name} is larger than {LARGEST_DOCUMENT} bytes.", "Give what camssf wrote.")
+    if len(data) > most:
+        raise InvalidArgument(f"{name} is larger than {most} bytes.", "Give what camssf wrote.")
     if not data.strip():
         raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
-    document = parse_json(data, name, "Give what another camssf command wrote.")
+    return data
+
+
+def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
+    """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
+    from camssf.documents.report import LARGEST_DOCUMENT, parse_json
+
+    name = name_of(source)
+    document = parse_json(read_bytes(source, LARGEST_DOCUMENT), name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted and not (refusal and found == RESULT and _refused(document)):
         raise InvalidArgument(
@@ -145,6 +152,16 @@ def read_result(source: str) -> dict[str, Any]:
 def name_of(source: str) -> str:
     """What messages call a file, or standard input."""
     return "standard input" if source == "-" else source
+
+
+def parse_time(text: str | None) -> datetime | None:
+    """ISO 8601; without an offset the time of this computer's clock."""
+    if text is None:
+        return None
+    try:
+        return datetime.fromisoformat(text).astimezone()
+    except (ValueError, OverflowError):
+        raise InvalidArgument(f"{text!r} is not a time.", "Write ISO 8601, as 2026-11-22T10:30:00+01:00.") from None
 
 
 def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:

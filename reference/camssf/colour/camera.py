@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.curves.basis import Basis, read_basis
+from camssf.curves.basis import Basis, read_basis, widened
 from camssf.curves.covariance import smooth_errors
 from camssf.curves.sensing import anchor
 from camssf.curves.ssf import Ssf, moves_of_peak_one
@@ -80,7 +80,7 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
     """
     if ssf.code_covariance is None:
         raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Take --basis cameras.")
-    values = ssf.peak()[0]
+    values, basis = ssf.peak()[0], widened(basis, ssf.prior_scale)
     return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
 
 
@@ -117,7 +117,7 @@ def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, w
     """Modes from the document's covariance; None where it has none, or its basis is not the one at hand."""
     triangle = document.get("code_covariance")
     try:
-        basis = read_basis(document["basis"])
+        basis = widened(read_basis(document["basis"]), document.get("prior_scale", 1.0))
     except InvalidArgument:
         return None
     size = 3 * basis.dictionary.shape[2]

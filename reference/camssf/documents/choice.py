@@ -52,7 +52,7 @@ def choice_of(document: Json) -> Chosen | None:
 
 
 def odds_in_words(odds: float) -> str:
-    """ "240 : 1", for people."""
+    """Odds for people, as 240 : 1."""
     if odds > LARGEST:
         return "more than a million : 1"
     return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"

@@ -124,7 +124,7 @@ def run_batch(
     found = read_manifest(manifest, basis=basis, engine=engine)
     todo = tuple(replace(job, lens_shading=lens_shading) for job in found)
     folder = Path(out)
-    count = max(1, jobs if jobs is not None else _cores())
+    count = max(1, jobs if jobs is not None else cores())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         outcomes = _run(todo, folder, min(count, len(todo)), work or calibrate_job, progress or (lambda *_: None))
@@ -147,7 +147,9 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
     except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
     if len(data) > LARGEST_MANIFEST:
-        raise InvalidArgument(f"{path} is larger than {LARGEST_MANIFEST} bytes.", "Write one row a photo.")
+        raise InvalidArgument(
+            f"{path} is larger than {LARGEST_MANIFEST} bytes.", "Name a --registry: then it may have any size."
+        )
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     header = text.partition("\n")[0]
     reader = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in header and "," not in header else ",")
@@ -169,7 +171,7 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
     if not shots:
         raise InvalidArgument(f"{path} has no rows.", "Write one row a photo.")
     folders = _folders(list(shots))
-    return tuple(_job(path.parent, name, folders[name], rows, basis, engine) for name, rows in shots.items())
+    return tuple(job_of(path.parent, name, folders[name], rows, basis, engine) for name, rows in shots.items())
 
 
 def calibrate_job(job: Job, folder: Path) -> Outcome:
@@ -195,7 +197,9 @@ def calibrate_job(job: Job, folder: Path) -> Outcome:
 # the manifest
 
 
-def _job(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], basis: str, engine: str) -> Job:
+def job_of(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], basis: str, engine: str) -> Job:
+    """The job of one name's rows; paths are relative to `home`."""
+
     def frame(text: str) -> str | None:
         return str(home / text) if text and text.casefold() != "none" else None
 
@@ -224,10 +228,10 @@ def _job(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], bas
 
 def _spec(home: Path, spec: str) -> str:
     """A lamp or chart; where it names a file, `layout:file` too, the path is relative to the manifest."""
-    if spec and _is_file(home / spec):
+    if spec and is_file(home / spec):
         return str(home / spec)
     head, colon, tail = spec.partition(":")
-    return f"{head}:{home / tail}" if colon and tail and _is_file(home / tail) else spec
+    return f"{head}:{home / tail}" if colon and tail and is_file(home / tail) else spec
 
 
 def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
@@ -237,12 +241,12 @@ def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
     for row in rows:
         for column in COLUMNS[1:]:
             path = row[column].partition(":")[2] if column == "chart" and ":" in row[column] else row[column]
-            if "\\" in path and not _is_file(home / path):
+            if "\\" in path and not is_file(home / path):
                 return [f"{path} is written with backslashes, which are no folders here: write / instead."]
     return []
 
 
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
     """A name that no file can have is none."""
     try:
         return path.is_file()
@@ -275,7 +279,7 @@ def _run(
 ) -> tuple[Outcome, ...]:
     outcomes: dict[str, Outcome] = {}
     one = partial(_one, out=out, work=work)
-    with _single_threads():
+    with single_threads():
         waiting = _parallel(todo, count, one, outcomes, progress)
         for job in waiting:  # a process died: one at a time, so that only the culprit pays
             if _parallel([job], 1, one, outcomes, progress):
@@ -297,7 +301,7 @@ def _parallel(
     progress: Callable[[str, float], None],
 ) -> list[Job]:
     """Fill `outcomes`; returns the jobs that are left because a process died."""
-    with ProcessPoolExecutor(count, get_context("spawn"), _begin) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
         futures = {pool.submit(one, job): job for job in todo}
         try:
             for future in as_completed(futures):
@@ -326,7 +330,7 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
         (folder / MARK).unlink(missing_ok=True)  # whatever happens now, it speaks of the folder no more
         outcome = work(job, folder)
         if outcome.ok:
-            files = {name: _hash(folder / name) for name in NAMES}
+            files = {name: file_hash(folder / name) for name in NAMES}
             mark = {"format": "camssf-batch/1", "made_from": made_from, "files": files, "outcome": asdict(outcome)}
             write_file(folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
     except Exception as error:
@@ -337,13 +341,14 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
 
 def _fingerprint(job: Job) -> str:
     """SHA-256 of the rows, the options, the version and the contents of every file they name."""
-    chart = job.chart.partition(":")[2] if not _is_file(Path(job.chart)) else job.chart
+    chart = job.chart.partition(":")[2] if not is_file(Path(job.chart)) else job.chart
     paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
-    hashes = [_hash(Path(path)) if path and _is_file(Path(path)) else None for path in paths]
+    hashes = [file_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
     return hashlib.sha256(json.dumps([asdict(job), hashes, __version__]).encode()).hexdigest()
 
 
-def _hash(path: Path) -> str:
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -352,7 +357,7 @@ def _earlier(folder: Path, made_from: str) -> Outcome | None:
     """The outcome that the folder still holds: same inputs, all files untouched, the result's own status."""
     try:
         mark = json.loads((folder / MARK).read_text("utf-8"))
-        if mark["made_from"] == made_from and mark["files"] == {name: _hash(folder / name) for name in NAMES}:
+        if mark["made_from"] == made_from and mark["files"] == {name: file_hash(folder / name) for name in NAMES}:
             outcome = Outcome(**mark["outcome"])
             verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
             return outcome if outcome.ok and outcome.status == verdict["status"] else None
@@ -361,11 +366,12 @@ def _earlier(folder: Path, made_from: str) -> Outcome | None:
     return None
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _begin() -> None:
+def begin() -> None:
     """In a new process: Ctrl-C is the parent's to answer, and without a parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -380,7 +386,7 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _single_threads() -> Iterator[None]:
+def single_threads() -> Iterator[None]:
     """One BLAS thread a process: the processes are the parallelism. Children read this at their start."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update({name: value or "1" for name, value in before.items()})
@@ -401,5 +407,10 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
     writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
     for o in outcomes:
         words = (o.name, o.folder, o.status, o.code, o.reason, "yes" if o.resumed else "no")
-        writer.writerow([_FORMULA.sub("'", word).replace("\r", " ") for word in words])  # csv leaves \r bare
+        writer.writerow([cell(word) for word in words])
     return text.getvalue()
+
+
+def cell(text: str) -> str:
+    """Text that no spreadsheet runs, and without carriage returns, which csv leaves bare."""
+    return _FORMULA.sub("'", text).replace("\r", " ")

@@ -1,0 +1,203 @@
+"""Many results: camssf registry add, list, compare, export."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+import typer
+
+from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_result
+from camssf.cli.terminal import PARTED, emit, put, say
+from camssf.errors import InvalidArgument
+
+registry = typer.Typer(
+    name="registry",
+    help="Keep many results, one row each: list them, compare units and models, see a drift.",
+    short_help="Keep and compare many results.",
+    epilog='Example: camssf registry compare phones/ --model "Pixel 9"',
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+Folder: TypeAlias = Annotated[Path, typer.Argument(metavar="REGISTRY", help="The registry's folder.")]
+Make: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera.")]
+Model: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera.")]
+Serial: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the unit.")]
+Doubtful: TypeAlias = Annotated[bool, typer.Option("--doubtful", help="Count doubtful results, too.")]
+
+
+@registry.command(epilog="Example: camssf registry add phones/ out/result.json --serial A1B2 --captured 2026-11-22")
+def add(
+    folder: Folder,
+    results: Annotated[
+        list[str], typer.Argument(metavar="JSON|JWS...", help="Results, or passports, which know their unit.")
+    ],
+    serial: Serial = "",
+    camera_id: Annotated[
+        str, typer.Option(metavar="TEXT", show_default=False, help="Of a phone with several cameras: which.")
+    ] = "",
+    lens: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")] = "",
+    captured: Annotated[
+        str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
+    ] = "",
+    key: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PEM", show_default=False, help="A public key that is trusted, for passports."),
+    ] = None,
+    revoked: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Passports and keys that were called back."),
+    ] = None,
+) -> None:
+    """Add results to a registry, which is made where it is missing."""
+    from camssf.documents.report import LARGEST_DOCUMENT, check_document, parse_json
+    from camssf.fleet.registry import MANY_FILES, Registry
+    from camssf.fleet.rows import Origin, row
+    from camssf.photo.unit import Unit
+
+    parse_time(captured or None)
+    found, rows = Registry(folder, new=True), []
+    for path in given_paths("RESULT", results):
+        data = read_bytes(path, 3 * LARGEST_DOCUMENT)
+        if data.lstrip()[:1] == b"{":
+            if len(data) > LARGEST_DOCUMENT:
+                raise InvalidArgument(f"{name_of(path)} is larger than {LARGEST_DOCUMENT} bytes.", "Give a result.")
+            document = check_document(parse_json(data, name_of(path), "Give a result."), name_of(path))
+            unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
+            rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+        else:
+            if any((serial, camera_id, lens, captured)):
+                raise InvalidArgument(f"{name_of(path)} is a passport, which says its unit.", "Leave the unit out.")
+            rows.append(_from_passport(data, folder, path, key or [], revoked))
+    found.add(rows)
+    if found.files() > MANY_FILES:
+        found.gather()
+    say("", f"{len(rows)} added to {folder}")
+
+
+def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revoked: Path | None) -> Any:
+    from camssf.documents.keys import read_public, read_revoked
+    from camssf.documents.passport import verify
+    from camssf.documents.report import check_document
+    from camssf.fleet.rows import Origin, row
+
+    if not keys:
+        raise InvalidArgument(f"{name_of(path)} is a passport.", "Give the signer's public key by --key.")
+    called = frozenset() if revoked is None else read_revoked(revoked)
+    found = verify(data, read_public(keys), revoked=called)
+    origin = Origin(found.unit, found.captured, passport=found.id, place=_place(folder, path))
+    return row(found.result_sha256, check_document(found.result, name_of(path)), origin)
+
+
+def _place(folder: Path, path: str) -> str:
+    """Where the result lies, from the registry."""
+    try:
+        return "" if path == "-" else Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive
+        return Path(path).absolute().as_posix()
+
+
+@registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')
+def list_results(
+    folder: Folder,
+    make: Make = "",
+    model: Model = "",
+    serial: Serial = "",
+    status: Annotated[
+        list[str] | None, typer.Option(metavar="WORD", show_default=False, help="accepted, doubtful, refused.")
+    ] = None,
+    limit: Annotated[int | None, typer.Option(min=1, show_default=False, help="At most so many.")] = None,
+) -> None:
+    """List results as CSV, the newest first."""
+    from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
+    from camssf.fleet.run import cell
+
+    found = Registry(folder)
+    wanted = Wanted(make, model, serial, statuses=tuple(status or ()))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(SHORT)
+    for each in found.listing(wanted, limit=limit):
+        values = as_json(each)
+        values["lamps"] = " ".join(values["lamps"] or ())
+        writer.writerow(["" if value is None else cell(str(value)) for value in values.values()])
+    put(text.getvalue().rstrip("\n"))
+    say("", ", ".join(f"{n} {word}" for word, n in found.count().items()) or "no results")
+
+
+@registry.command(epilog="Example: camssf registry compare phones/ --serial A1B2")
+def compare(
+    folder: Folder,
+    make: Make = "",
+    model: Model = "",
+    serial: Serial = "",
+    result: Annotated[
+        str | None, typer.Option(metavar="JSON", show_default=False, help="A result: which models are nearest?")
+    ] = None,
+    doubtful: Doubtful = False,
+) -> None:
+    """Compare: the units of a --model, a unit over time by its --serial, or a --result with all models.
+
+    JSON on stdout; exits with 1 where a unit drifts.
+    """
+    from camssf.fleet import compare as comparing
+    from camssf.fleet.registry import Registry
+
+    found = Registry(folder)
+    statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
+    if (result is not None) + bool(serial) + bool(model and not serial) != 1:
+        raise InvalidArgument("What shall be compared?", "Name a --model, a unit by --serial, or a --result.")
+    if result is not None:
+        document = read_result(result)
+        if "ssf" not in document:
+            raise InvalidArgument("The result was refused: it has no curves.", "Give one with curves.")
+        near = comparing.nearest(found, comparing.curves_of(document), statuses=statuses)
+        emit({"format": "camssf-nearest/1", "models": [vars(one) for one in near]})
+        for one in near:
+            say("", f"{one.distance:.4f}  {one.make} {one.model} ({one.results})")
+    elif serial:
+        drifts = comparing.drift(found, serial, model=model, statuses=statuses)
+        alarms = [each for each in drifts if each.alarm]
+        emit(
+            {"format": "camssf-drift/1", "serial": serial, "alarm": bool(alarms)}
+            | {"features": [{name: _finite(value) for name, value in vars(each).items()} for each in drifts]}
+        )
+        for each in alarms:
+            moved = each.change if each.alarm == "trend" else each.step
+            say("[bold red]drift[/]: ", f"{each.feature} {moved:+.2f} nm ({each.alarm})")
+        if alarms:
+            raise typer.Exit(PARTED)
+        say("", f"no drift in {drifts[0].results} results over {drifts[0].days:.0f} days")
+    else:
+        spread = comparing.spread(found, model, make=make, statuses=statuses)
+        emit(
+            {"format": "camssf-spread/1"}
+            | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}
+        )
+        size = spread.seen if spread.between is None else spread.between
+        for colour, s, low, high in zip(("red", "green", "blue"), size, spread.low, spread.high, strict=True):
+            say("", f"{colour:<6} {s:.4f} of the peak ({low:.4f} to {high:.4f})")
+        say("", f"{spread.units} units, {spread.results} results; {spread.without_serial} name no unit")
+
+
+@registry.command(epilog="Example: camssf registry export phones/ -o phones.parquet")
+def export(
+    folder: Folder,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help=".parquet with everything, .csv without the curves.")
+    ],
+) -> None:
+    """Write all results into one file."""
+    from camssf.fleet.registry import Registry
+
+    Registry(folder).export(out)
+    say("", f"results: {out}")
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,284 @@
+"""Results of many units beside each other: how units of a model differ, whether one drifts, which model is near.
+
+Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 400 to 700 nm, where there is light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from camssf.errors import InvalidArgument
+from camssf.fleet.registry import Registry, Wanted
+from camssf.fleet.rows import CHANNELS, STRIDE
+from camssf.grid import WAVELENGTHS, Floats
+
+NM = WAVELENGTHS[::STRIDE]
+INSIDE = (NM >= 400) & (NM <= 700)
+ACCEPTED = ("accepted",)
+
+CONFIDENCE = 0.95
+FALSE_ALARMS = 0.01
+"""Of a unit that does not drift, over all features together."""
+SMALLEST_DRIFT = 1.0
+"""nm: what is smaller is no alarm, however certain; a lamp's or a chart's table moves a curve as much."""
+FEWEST = 4
+"""Results of a unit that a drift can be told from."""
+FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
+UNIT = ("make", "model", "camera_id", "serial", "lens")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the units of a model differ, in parts of the peak; each (3,) red, green, blue.
+
+    Attributes:
+        model: whose.
+        units, results: how many; without_serial: results that name no unit, left out.
+        seen: standard deviation from unit to unit, root mean square over 400 to 700 nm.
+        repeat: of one unit's results among themselves; None where no unit has two.
+        between: `seen` without what repeats explain; None likewise, for then nothing tells them apart.
+        low, high: CONFIDENCE interval of `between`, or of `seen` where that is None.
+    """
+
+    model: str
+    units: int
+    results: int
+    without_serial: int
+    seen: Floats
+    repeat: Floats | None
+    between: Floats | None
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True)
+class Drift:
+    """One feature of one unit over time.
+
+    Attributes:
+        feature: of FEATURES, nm.
+        results, days: how many, and from the first to the last.
+        slope: nm a year, with its standard error.
+        slope_error: likewise.
+        change: nm that the slope makes from the first to the last.
+        step: nm between the last and the mean of those before it.
+        p_trend, p_step: how likely as much would be without a drift.
+        alarm: "trend", "step", or "" for none.
+    """
+
+    feature: str
+    results: int
+    days: float
+    slope: float
+    slope_error: float
+    change: float
+    step: float
+    p_trend: float
+    p_step: float
+    alarm: str
+
+
+@dataclass(frozen=True)
+class Near:
+    """A model, and how far its mean curves are from those asked about.
+
+    Attributes:
+        make, model: whose.
+        results: of it.
+        distance: root mean square over the three channels, in parts of the peak.
+    """
+
+    make: str
+    model: str
+    results: int
+    distance: float
+
+
+# Units of a model
+
+
+def spread(registry: Registry, model: str, *, make: str = "", statuses: Sequence[str] = ACCEPTED) -> Spread:
+    """How units of a model differ.
+
+    Raises:
+        InvalidArgument: fewer than two units of it are there.
+    """
+    found = _curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
+    named = found["serial"] != ""
+    places: dict[tuple[str, ...], list[int]] = {}
+    for i in np.flatnonzero(named).tolist():
+        places.setdefault(tuple(found[name][i] for name in UNIT), []).append(i)
+    units = [found["curves"][each] for each in places.values()]
+    if len(units) < 2:
+        raise InvalidArgument(
+            f"There is 1 unit of {model}." if units else f"There is no unit of {model} with a serial number.",
+            "Add results of at least two, with their serial numbers.",
+        )
+    seen, repeat, between, low, high = between_units(units)
+    return Spread(model, len(units), int(named.sum()), int((~named).sum()), seen, repeat, between, low, high)
+
+
+def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Floats | None, Floats, Floats]:
+    """`seen`, `repeat`, `between`, `low` and `high` of a Spread.
+
+    Variances at the wavelengths are averaged. Their sum has as many degrees of freedom as Satterthwaite counts from
+    the covariance of the units' means, (n - 1) tr(C)² / tr(C²), since neighbouring wavelengths go together; few units
+    show fewer, which makes the interval wider, not narrower.
+
+    Args:
+        units: (results, 3, wavelengths) of each, at least two.
+    """
+    from scipy.special import chdtri
+
+    means = np.stack([unit.mean(axis=0) for unit in units])
+    centred = means - means.mean(axis=0)
+    n = len(units)
+    variance = np.mean(np.sum(centred**2, axis=0) / (n - 1), axis=-1)
+    spare = sum(len(unit) - 1 for unit in units)
+    within = None
+    if spare:
+        within = sum(np.sum((unit - unit.mean(axis=0)) ** 2, axis=0) for unit in units) / spare
+        within = np.mean(within, axis=-1)
+    share = 0.0 if within is None else within * np.mean([1 / len(unit) for unit in units])
+    powers = np.stack([np.linalg.svd(centred[:, c], compute_uv=False) ** 2 for c in range(3)])
+    alike = np.sum(powers**2, axis=1)
+    freedom = (n - 1) * np.divide(powers.sum(axis=1) ** 2, alike, out=np.ones(3), where=alike > 0)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = (variance * freedom / chdtri(freedom, p) for p in (tail, 1 - tail))
+    low, high, alone = (np.sqrt(np.maximum(v - share, 0.0)) for v in (low, high, variance))
+    return (
+        np.sqrt(variance),
+        None if within is None else np.sqrt(within),
+        None if within is None else alone,
+        low,
+        high,
+    )
+
+
+# One unit over time
+
+
+def drift(
+    registry: Registry, serial: str, *, model: str = "", statuses: Sequence[str] = ACCEPTED
+) -> tuple[Drift, ...]:
+    """The features of a unit over time.
+
+    Raises:
+        InvalidArgument: fewer than FEWEST results with a time, or of several units.
+    """
+    found = _curves(registry, Wanted(model=model, serial=serial, statuses=tuple(statuses)), (*UNIT, "captured"))
+    if len(set(zip(*(found[name] for name in UNIT), strict=True))) > 1:
+        raise InvalidArgument(f"Several units have the serial number {serial}.", "Name the model, too.")
+    times = np.ma.filled(found["captured"].astype("datetime64[s]").astype(float), np.nan) / 86400
+    timed = ~np.ma.getmaskarray(found["captured"])
+    if timed.sum() < FEWEST:
+        raise InvalidArgument(
+            f"{int(timed.sum())} results of the unit {serial} have a time; a drift needs {FEWEST}.",
+            "Add more, each with the time of its photo.",
+        )
+    order = np.argsort(times[timed], kind="stable")
+    return drifts(times[timed][order], features(found["curves"][timed][order]))
+
+
+def features(curves: Floats) -> Floats:
+    """(n, 3, wavelengths) → (n, 6) FEATURES, nm: each channel's centre of mass, and its width about it."""
+    nm, s = NM[INSIDE], np.maximum(curves, 0.0)
+    weight = s.sum(axis=-1)
+    centre = (s @ nm) / weight
+    width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)
+    return np.stack([centre, width], axis=-1).reshape(len(curves), -1)
+
+
+def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
+    """A straight line through each feature, and the last against those before it.
+
+    Both are t tests, each at FALSE_ALARMS divided by their number. What scatters is taken from the results
+    themselves: it holds the light, the chart's place and the noise, as they are.
+
+    Args:
+        days: (n,) rising, n at least FEWEST.
+        values: (n, 6) FEATURES.
+    """
+    n, (first, last) = len(days), (days[0], days[-1])
+    level = FALSE_ALARMS / (2 * len(FEATURES))
+    found = []
+    for name, y in zip(FEATURES, values.T, strict=True):
+        x = days - days.mean()
+        slope, error, p_trend = 0.0, float("inf"), 1.0
+        if np.sum(x**2) > 0:
+            slope = float(x @ y / np.sum(x**2))
+            rest = y - y.mean() - slope * x
+            error = float(np.sqrt(np.sum(rest**2) / (n - 2) / np.sum(x**2)))
+            p_trend = _two_sided(slope, error, n - 2)
+        before = y[:-1]
+        step = float(y[-1] - before.mean())
+        p_step = _two_sided(step, float(before.std(ddof=1) * np.sqrt(1 + 1 / (n - 1))), n - 2)
+        change = slope * float(last - first)
+        trend = p_trend < level and abs(change) >= SMALLEST_DRIFT
+        jump = p_step < level and abs(step) >= SMALLEST_DRIFT
+        alarm = "trend" if trend and (not jump or p_trend <= p_step) else "step" if jump else ""
+        found.append(
+            Drift(name, n, float(last - first), slope * 365.25, error * 365.25, change, step, p_trend, p_step, alarm)
+        )
+    return tuple(found)
+
+
+def _two_sided(value: float, error: float, freedom: int) -> float:
+    from scipy.special import stdtr
+
+    if value == 0:
+        return 1.0
+    return float(2 * stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
+
+
+# Models
+
+
+def nearest(
+    registry: Registry, curves: Floats, *, statuses: Sequence[str] = ACCEPTED, most: int = 5
+) -> tuple[Near, ...]:
+    """The models whose mean curves are nearest.
+
+    Args:
+        registry: where the models are.
+        curves: (3, wavelengths) on the registry's grid.
+        statuses: of the results that count.
+        most: how many.
+    """
+    means = ", ".join(f"avg({colour}[i]) AS {colour}" for colour in CHANNELS)
+    found = registry.arrays(
+        f"SELECT make, model, i, count(*) AS n, {means} FROM rows, range(1, {len(NM) + 1}) t(i) "
+        "WHERE list_contains(?, status) AND len(red) > 0 GROUP BY make, model, i ORDER BY make, model, i",
+        [list(statuses)],
+    )
+    if not len(found["i"]):
+        return ()
+    models = np.stack([np.asarray(found[c]).reshape(-1, len(NM)) for c in CHANNELS], axis=1)
+    distances = np.sqrt(np.mean((models - curves)[..., INSIDE] ** 2, axis=(1, 2)))
+    rows = [
+        Near(
+            str(found["make"][i * len(NM)]), str(found["model"][i * len(NM)]), int(found["n"][i * len(NM)]), float(d)
+        )
+        for i, d in enumerate(distances)
+    ]
+    return tuple(sorted(rows, key=lambda near: (near.distance, near.make, near.model))[:most])
+
+
+def curves_of(document: dict[str, Any]) -> Floats:
+    """(3, wavelengths) of a result document, on the registry's grid."""
+    return np.array([document["ssf"][colour][::STRIDE] for colour in CHANNELS], dtype=float)
+
+
+def _curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str, Any]:
+    """Columns of the results with curves, and `curves` (n, 3, wavelengths inside)."""
+    where, values = wanted.where()
+    arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
+    found = registry.arrays(
+        f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key", values
+    )
+    columns = [np.array(list(found.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
+    return found | {"curves": np.stack(columns, axis=1)[..., INSIDE]}

@@ -1,0 +1,206 @@
+"""Manifest of any size → its jobs, one after the other: nothing of it is held but the names that were met."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass, replace
+from datetime import datetime
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from camssf import __version__
+from camssf.errors import InvalidArgument
+from camssf.fleet.run import COLUMNS, Job, is_file, job_of
+
+UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
+"""Further columns that the registry has itself; all others are kept as `extra`."""
+BATCH = 4096
+LONGEST_ROW = 1_000_000
+"""Characters."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One job of the manifest.
+
+    Attributes:
+        job: what to do; its folder is not used here.
+        extra: columns that camssf does not know, of the first row of the name.
+        unit: serial, camera_id, lens, captured: the manifest's, "" where it is silent.
+        task: SHA-256 of name, rows, options and version, and of its files' sizes and times: known without reading
+            them.
+    """
+
+    job: Job
+    extra: tuple[tuple[str, str], ...]
+    unit: tuple[str, str, str, str]
+    task: str
+
+
+class Manifest:
+    """A manifest that is read as it is iterated.
+
+    Args:
+        path: CSV, as `run.read_manifest` takes it, of any size and with further columns; or Parquet.
+        options: basis, engine and lens_shading of every job.
+
+    Raises:
+        InvalidArgument: it cannot be read, lacks a column or has no rows.
+    """
+
+    def __init__(self, path: Path | str, options: Mapping[str, str]) -> None:
+        self.path, self.options = Path(path), dict(options)
+        self.done = 0.0
+        """The part of it that was read, 0 to 1."""
+
+    def __iter__(self) -> Iterator[Item]:
+        met: set[int] = set()
+        empty = True
+        for name, group in groupby(self._rows(), key=lambda row: row["name"]):
+            empty = False
+            item = self._item(name, list(group))
+            mark = int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:8], "big")
+            if mark in met and not item.job.fault:
+                fault = "the rows of this name do not stand together."
+                item = replace(item, job=replace(item.job, fault=fault))
+            met.add(mark)
+            yield item
+        if empty:
+            raise InvalidArgument(f"{self.path} has no rows.", "Write one row a photo.")
+
+    def _item(self, name: str, rows: Sequence[dict[str, str]]) -> Item:
+        job = replace(
+            job_of(self.path.parent, name, "", rows, self.options["basis"], self.options["engine"]),
+            lens_shading=self.options["lens_shading"],
+        )
+        first = rows[0]
+        unit = tuple(first.get(column, "") for column in UNIT_COLUMNS)
+        try:
+            if unit[3]:
+                datetime.fromisoformat(unit[3])
+        except ValueError:
+            job = replace(job, fault=job.fault or f"{unit[3]!r} is no time in ISO 8601.")
+        known = {*COLUMNS, *UNIT_COLUMNS, "fault"}
+        extra = tuple((column, text) for column, text in first.items() if column not in known and text)
+        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit))
+
+    def _rows(self) -> Iterator[dict[str, str]]:
+        """Rows as text, their columns in small letters."""
+        rows = _parquet(self.path) if self.path.suffix == ".parquet" else self._csv()
+        for part, row in rows:
+            self.done = part
+            yield row
+
+    def _csv(self) -> Iterator[tuple[float, dict[str, str]]]:
+        with _readable(self.path), self.path.open("rb") as raw:
+            size = max(1, raw.seek(0, 2))
+            raw.seek(0)
+            lines = _Lines(raw)
+            header = next(lines, "")
+            delimiter = ";" if ";" in header and "," not in header else ","
+            fields = [field.strip().casefold() for field in next(csv.reader([header], delimiter=delimiter), [])]
+            _check_columns(self.path, fields)
+            reader = csv.reader(lines, delimiter=delimiter)
+            for values in reader:
+                if not values:
+                    continue
+                row = dict.fromkeys(COLUMNS, "") | dict(zip(fields, (v.strip() for v in values), strict=False))
+                long = len(values) > len(fields)
+                row["fault"] = f"line {reader.line_num + 1} has more fields than the header." if long else ""
+                yield min(1.0, lines.read / size), row
+
+
+class _Lines:
+    """Lines of UTF-8 with any ending, and how many bytes were read; none longer than LONGEST_ROW."""
+
+    def __init__(self, raw: Any) -> None:
+        self._raw, self.read, self._first = raw, 0, True
+
+    def __iter__(self) -> _Lines:
+        return self
+
+    def __next__(self) -> str:
+        data = self._raw.readline(LONGEST_ROW)
+        if not data:
+            raise StopIteration
+        if len(data) == LONGEST_ROW and not data.endswith(b"\n"):
+            raise csv.Error("a line is too long")
+        self.read += len(data)
+        text = data.decode("utf-8-sig" if self._first else "utf-8")
+        self._first = False
+        return str(text).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
+    import duckdb
+
+    from camssf.fleet.registry import connection
+
+    with _readable(path), connection() as con:
+        try:
+            (total,) = con.execute("SELECT count(*) FROM read_parquet(?)", [str(path)]).fetchone()
+            found = con.execute("SELECT * FROM read_parquet(?)", [str(path)])
+            fields = [str(each[0]).strip().casefold() for each in found.description]
+            _check_columns(path, fields)
+            count = 0
+            while rows := found.fetchmany(BATCH):
+                for values in rows:
+                    count += 1
+                    texts = ("" if value is None else str(value).strip() for value in values)
+                    yield (
+                        count / total,
+                        dict.fromkeys(COLUMNS, "") | dict(zip(fields, texts, strict=True)) | {"fault": ""},
+                    )
+        except duckdb.Error as error:
+            words = str(error).partition("\n")[0]
+            raise InvalidArgument(f"{path}: cannot be read ({words}).", "Give a Parquet file.") from error
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except csv.Error as error:
+        raise InvalidArgument(f"{path}: is not sound CSV ({error}).", "Save it again as CSV.") from error
+    except (OSError, ValueError) as error:
+        raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
+
+
+def _check_columns(path: Path, fields: Sequence[str]) -> None:
+    missing = [column for column in COLUMNS[:3] if column not in fields]
+    if missing or len(set(fields)) < len(fields):
+        fault = f"lacks the column {missing[0]}" if missing else f"has a doubled column in {', '.join(fields)}"
+        raise InvalidArgument(f"{path} {fault}.", f"Its first line is {','.join(COLUMNS)}, and more if you like.")
+
+
+def words_of(job: Job) -> list[str | None]:
+    """All that a job names: photos, lamps, white, dark, chart; None where there is none."""
+    return [*job.photos, *job.lamps, *job.white, *job.dark, job.chart]
+
+
+def file_in(words: str | None) -> tuple[str, Path | None]:
+    """The file that such words name, and the layout before it, as in `nano24:mine.csv`."""
+    if not words:
+        return "", None
+    if is_file(Path(words)):
+        return "", Path(words)
+    layout, _, tail = words.partition(":")
+    return (layout, Path(tail)) if tail and is_file(Path(tail)) else ("", None)
+
+
+def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str]) -> str:
+    stats: list[tuple[int, int] | None] = []
+    for words in words_of(job):
+        _, path = file_in(words)
+        try:
+            found = None if path is None else path.stat()
+        except OSError:
+            found = None
+        stats.append(None if found is None else (found.st_size, found.st_mtime_ns))
+    told = json.dumps([astuple(job), list(extra), list(unit), stats, __version__])
+    return hashlib.sha256(told.encode()).hexdigest()

@@ -1,0 +1,359 @@
+"""Results in a folder of Parquet files, one row each: written by many at once, read while they write.
+
+A task writes one file, under another name first, and puts it in its place when it lies on the disk: it is there
+whole or not at all, and no writer waits for another. DuckDB reads them all as one table, in its own memory: a data
+base file of its own would lock every reader out while somebody writes. A row that was written twice, by a writer that
+did not live to hear that the first was safe, counts once. `gather` makes few files of many; what it removes is in the
+file that it has written before, so a reader or a second `gather` beside it can lose nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from camssf.errors import InvalidArgument
+from camssf.files import readable, write_file
+from camssf.fleet.rows import Row, Task, columns
+
+Table: TypeAlias = type[Row] | type[Task]
+Answer = TypeVar("Answer")
+
+FORMAT = "camssf-registry/1"
+MARK = "registry.json"
+FOLDERS: dict[Table, str] = {Row: "results", Task: "tasks"}
+IDENTITY: dict[Table, tuple[str, str]] = {Row: ("key", "added"), Task: ("task", "ended")}
+"""What makes a row the same row, and which of two is the newer."""
+MANY_FILES = 256
+LARGE_FILE = 4 * 2**20
+"""Bytes: `gather` leaves such a file as it is."""
+ATTEMPTS = 5
+"""At reading, while somebody gathers."""
+SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
+"""Columns of a list."""
+
+_CONFIG = {
+    "autoinstall_known_extensions": "false",  # it would ask the network
+    "autoload_known_extensions": "false",  # and look into the home
+    "temp_directory": "",  # and leave its memory in the working folder
+}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which results; all unless told.
+
+    Attributes:
+        make, model, serial, status, name: exactly these.
+        statuses: any of these.
+    """
+
+    make: str = ""
+    model: str = ""
+    serial: str = ""
+    name: str = ""
+    statuses: tuple[str, ...] = ()
+
+    def where(self) -> tuple[str, list[Any]]:
+        """As SQL with its values."""
+        given = {name: getattr(self, name) for name in ("make", "model", "serial", "name") if getattr(self, name)}
+        terms = [f"{name} = ?" for name in given]
+        values: list[Any] = list(given.values())
+        if self.statuses:
+            terms.append("list_contains(?, status)")
+            values.append(list(self.statuses))
+        return " AND ".join(terms) or "true", values
+
+
+class Registry:
+    """A registry in a folder; with `new` one that need not be there yet, and is made at the first writing."""
+
+    def __init__(self, folder: Path | str, *, new: bool = False) -> None:
+        library()
+        self.folder = Path(folder)
+        try:
+            mark = json.loads((self.folder / MARK).read_text("utf-8"))
+            found = mark.get("format") if isinstance(mark, dict) else None
+        except FileNotFoundError:
+            found = FORMAT if new and _empty(self.folder) else None
+        except (OSError, ValueError):
+            found = None
+        if found != FORMAT:
+            raise InvalidArgument(f"{self.folder} is no registry that camssf knows.", "Name another folder.")
+
+    # Writing
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Write rows; once this returns they are on the disk.
+
+        Raises:
+            InvalidArgument: they cannot be written; then none of them is there.
+        """
+        self._write(Row, rows)
+
+    def note(self, tasks: Sequence[Task]) -> None:
+        """Write what became of jobs, likewise; after their rows, so that a task that is known has its result."""
+        self._write(Task, tasks)
+
+    def _write(self, table: Table, rows: Sequence[Row] | Sequence[Task]) -> None:
+        if not rows:
+            return
+        with _failures(self.folder):
+            place = self._place(table)
+            with connection() as con:
+                kinds = columns(table)
+                each = ", ".join(f"unnest(?::{kind}[]) AS {name}" for name, kind in kinds.items())
+                con.execute(f"CREATE TABLE fresh AS SELECT {each}", [_column(rows, name) for name in kinds])
+                _put(con, "SELECT * FROM fresh", place)
+
+    def _place(self, table: Table) -> Path:
+        place = self.folder / FOLDERS[table]
+        if not (self.folder / MARK).exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_file(self.folder / MARK, json.dumps({"format": FORMAT}) + "\n")
+        place.mkdir(exist_ok=True)
+        return place
+
+    def gather(self) -> None:
+        """Make one file of the many small ones.
+
+        Raises:
+            InvalidArgument: it cannot be written; nothing is lost then.
+        """
+        for table in FOLDERS:
+            self._gather(table)
+
+    def _gather(self, table: Table) -> None:
+        import duckdb
+
+        with _failures(self.folder):
+            try:
+                small = [path for path in self._files(table) if path.stat().st_size < LARGE_FILE]
+                if len(small) < 2:
+                    return
+                with connection() as con:
+                    self._view(con, table, small)
+                    _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
+            except (FileNotFoundError, duckdb.IOException):
+                if all(path.exists() for path in small):
+                    raise
+                return  # somebody else gathers
+            for path in small:
+                path.unlink(missing_ok=True)
+
+    # Reading
+
+    def files(self) -> int:
+        """How many files hold the results."""
+        return len(self._files(Row))
+
+    def listing(self, wanted: Wanted | None = None, *, limit: int | None = None) -> list[dict[str, Any]]:
+        """The results, newest first, in the columns SHORT."""
+        where, values = (wanted or Wanted()).where()
+        most = "" if limit is None else f" LIMIT {int(limit)}"
+        return self.query(f"SELECT {', '.join(SHORT)} FROM rows WHERE {where} ORDER BY added DESC, key{most}", values)
+
+    def count(self) -> dict[str, int]:
+        """How many results, by status."""
+        found = self.query("SELECT status, count(*) AS n FROM rows GROUP BY status ORDER BY status")
+        return {each["status"]: each["n"] for each in found}
+
+    def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
+        """Rows of a query on the table `rows`, which holds every row once."""
+
+        def ask(con: Any) -> list[dict[str, Any]]:
+            found = con.execute(sql, list(values))
+            names = [each[0] for each in found.description]
+            return [dict(zip(names, each, strict=True)) for each in found.fetchall()]
+
+        return self._ask(ask, table)
+
+    def arrays(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> dict[str, Any]:
+        """The same as NumPy columns."""
+        return self._ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
+
+    def _ask(self, ask: Callable[[Any], Answer], table: Table = Row) -> Answer:
+        """The answer of `ask`, told a connection with the view `rows`; once more if files were gathered meanwhile."""
+        import duckdb
+
+        with _failures(self.folder):
+            for attempt in range(ATTEMPTS):
+                files = self._files(table)
+                try:
+                    with connection() as con:
+                        self._view(con, table, files)
+                        identity, _ = IDENTITY[table]
+                        count = f"SELECT count(*) > count(DISTINCT {identity}) FROM every"
+                        doubled = con.execute(count).fetchone()[0]
+                        con.execute(f"CREATE TEMP VIEW rows AS SELECT * FROM every {_once(table) if doubled else ''}")
+                        return ask(con)
+                except (FileNotFoundError, duckdb.IOException):
+                    if attempt + 1 == ATTEMPTS or all(path.exists() for path in files):
+                        raise
+            raise AssertionError  # the last attempt returns or raises
+
+    def export(self, path: Path | str) -> None:
+        """All results as one file, by its suffix: .parquet with everything, .csv without curves.
+
+        Raises:
+            InvalidArgument: another suffix, or it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix not in (".parquet", ".csv"):
+            raise InvalidArgument(f"{path} is neither .parquet nor .csv.", "Name one of these.")
+        what = "*"
+        if path.suffix == ".csv":
+            plain = {name: kind for name, kind in columns(Row).items() if kind != "FLOAT[]"}
+            what = ", ".join(_cell(name, kind) for name, kind in plain.items())
+        self._ask(lambda con: _put(con, f"SELECT {what} FROM rows ORDER BY added, key", path.parent, path.name))
+
+    def _files(self, table: Table) -> list[Path]:
+        return sorted((self.folder / FOLDERS[table]).glob("[!.]*.parquet"))
+
+    def _view(self, con: Any, table: Table, files: Sequence[Path]) -> None:
+        """A view `every` of all rows in these files; a column that an older file lacks is empty."""
+        con.execute(f"CREATE TEMP TABLE nothing ({_declared(table)})")
+        if not files:
+            con.execute("CREATE TEMP VIEW every AS SELECT * FROM nothing")
+            return
+        import duckdb
+
+        names = ", ".join(columns(table))
+        listed = ", ".join(_quoted(str(path)) for path in files)
+        try:
+            con.execute(
+                f"CREATE TEMP VIEW every AS SELECT {names} FROM (SELECT * FROM nothing UNION ALL BY NAME "
+                f"SELECT * FROM read_parquet([{listed}], union_by_name = true))"
+            )
+        except duckdb.Error as error:
+            for path in files:
+                if not _whole(path):  # FileNotFoundError: somebody gathered
+                    raise InvalidArgument(
+                        f"{path} is damaged.", "Move it away, and add its results again from their archive."
+                    ) from error
+            raise
+
+
+def _empty(folder: Path) -> bool:
+    """Nothing is there, but perhaps what another writer is about to put there."""
+    try:
+        return all(path.name.startswith(".") for path in folder.iterdir())
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+
+
+def library() -> None:
+    """See that DuckDB is there.
+
+    Raises:
+        InvalidArgument: it is not.
+    """
+    try:
+        import duckdb  # noqa: F401
+    except ImportError as error:
+        raise InvalidArgument(
+            "The registry needs the library duckdb, which is not there.", "Run pip install 'camssf[fleet]'."
+        ) from error
+
+
+@contextmanager
+def connection() -> Iterator[Any]:
+    """DuckDB in memory, without extensions, network, home or files of its own."""
+    import duckdb
+
+    con = duckdb.connect(":memory:", config=_CONFIG)
+    try:
+        yield con
+    finally:
+        con.close()
+
+
+@contextmanager
+def _failures(folder: Path) -> Iterator[None]:
+    import duckdb
+
+    try:
+        yield
+    except (OSError, duckdb.IOException) as error:
+        words = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+        raise InvalidArgument(f"{folder}: the registry cannot be used ({words}).", "Check the folder.") from error
+
+
+def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
+    """The answer of a query as a file: beside its place, on the disk, then in its place."""
+    suffix = "csv" if name is not None and name.endswith(".csv") else "parquet"
+    token = f"{os.getpid()}-{threading.get_ident()}-{secrets.token_hex(8)}"
+    aside = folder / f".camssf-{token}"
+    form = "FORMAT csv, HEADER true" if suffix == "csv" else "FORMAT parquet, COMPRESSION zstd"
+    try:
+        con.execute(f"COPY ({sql}) TO {_quoted(str(aside))} ({form})")
+        handle = os.open(aside, os.O_RDWR)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        os.replace(aside, folder / (name or f"{token}.{suffix}"))
+        _settle(folder)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+
+
+def _settle(folder: Path) -> None:
+    """The folder's own entry on the disk; where a system cannot, it does so by itself."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _once(table: Table) -> str:
+    identity, newer = IDENTITY[table]
+    return f"QUALIFY row_number() OVER (PARTITION BY {identity} ORDER BY {newer} DESC) = 1"
+
+
+def _declared(table: Table) -> str:
+    return ", ".join(f"{name} {kind}" for name, kind in columns(table).items())
+
+
+def _column(rows: Sequence[Row] | Sequence[Task], name: str) -> list[Any]:
+    """Values as DuckDB takes them; a whole column is one parameter, three times as fast as row after row."""
+    values = (getattr(each, name) for each in rows)
+    return [list(v) if isinstance(v, tuple) else readable(v) if isinstance(v, str) else v for v in values]
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _cell(name: str, kind: str) -> str:
+    """A column of a CSV; what a spreadsheet would take for a formula begins with '."""
+    if kind.endswith("[]"):
+        return f"array_to_string({name}, ' ') AS {name}"
+    if kind != "VARCHAR":
+        return name
+    return f"regexp_replace({name}, '(^|[;\\t])([=+\\-@\\t\\r\uff1d\uff0b\uff0d\uff20])', '\\1''\\2', 'g') AS {name}"
+
+
+def _whole(path: Path) -> bool:
+    """Parquet begins and ends with four letters."""
+    with open(path, "rb") as stream:
+        head = stream.read(4)
+        stream.seek(-min(4, path.stat().st_size), os.SEEK_END)
+        return head == stream.read(4) == b"PAR1"
+
+
+def as_json(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row for JSON: times as ISO 8601 in UTC."""
+    return {name: f"{v.isoformat()}Z" if hasattr(v, "isoformat") else v for name, v in row.items()}

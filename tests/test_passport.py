@@ -1,0 +1,700 @@
+"""Passports: what was signed is accepted, and nothing else; judged by another library, by OpenSSL and by a JVM."""
+
+import base64
+import copy
+import hashlib
+import hmac
+import json
+import os
+import random
+import shutil
+import stat
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_report import document, refused
+
+from camssf import cli
+from camssf.documents.report import report
+from camssf.errors import InvalidArgument, PassportInvalid, UnreadableRaw
+from camssf.photo.unit import Taken, Unit, read_unit
+
+pytest.importorskip("cryptography", reason="cryptography is not here")
+
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ec, rsa
+
+from camssf.documents import passport as passports
+from camssf.documents.keys import PRIVATE, PUBLIC, key_name, make_key, read_private, read_public, read_revoked
+from camssf.documents.passport import FORMAT, ORDER, Passport, Said, draw_up, read, sign, verify
+
+NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
+LATER = NOW + timedelta(days=30)
+JUDGE = Path(__file__).with_name("PassportJudge.java")
+
+
+@cache
+def key(number: int = 0) -> ec.EllipticCurvePrivateKey:
+    """The same at every run."""
+    return ec.derive_private_key(int.from_bytes(hashlib.sha256(bytes([number])).digest(), "big"), ec.SECP256R1())
+
+
+def trusted(number: int = 0) -> dict[str, Any]:
+    return {key_name(key(number).public_key()): key(number).public_key()}
+
+
+def pem(number: int = 0) -> bytes:
+    return (
+        key(number)
+        .public_key()
+        .public_bytes(serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo)
+    )
+
+
+@cache
+def small() -> Passport:
+    """A passport whose result is as short as it can be, so that every bit of it can be turned."""
+    return Passport(
+        id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
+        unit=Unit("Maker", "Model"), captured="", chart_serial="", lamp_serials=("",), software="0.1.0",
+        result_sha256="0" * 64, result={"format": "camssf-result/1", "ssf": {}},
+    )  # fmt: skip
+
+
+@cache
+def signed() -> bytes:
+    return sign(small(), key())
+
+
+@cache
+def result_json() -> bytes:
+    return report(document()).result_json
+
+
+def refuses(data: bytes, words: str = "", number: int = 0, **more: Any) -> None:
+    with pytest.raises(PassportInvalid) as caught:
+        verify(data, trusted(number), now=LATER, **more)
+    assert words in caught.value.message
+
+
+def b64(data: bytes) -> bytes:
+    return base64.urlsafe_b64encode(data).rstrip(b"=")
+
+
+def unb64(text: bytes) -> bytes:
+    return base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
+
+
+# What is signed is what is read
+
+
+def test_a_result_goes_in_and_comes_out() -> None:
+    said = Said(Unit(serial="A1", lens="35 mm"), "2026-11-20T10:00:00+01:00", "chart 7", ("lamp 3",), days=90)
+    drawn = draw_up(result_json(), said, now=NOW)
+    found = verify(sign(drawn, key()), trusted(), now=LATER, result=result_json())
+    assert found == drawn
+    assert found.result == json.loads(result_json())
+    assert found.unit == Unit(document()["camera"]["make"], document()["camera"]["model"], serial="A1", lens="35 mm")
+    assert (found.chart_serial, found.lamp_serials) == ("chart 7", ("lamp 3",))
+    assert found.ends - found.begins == timedelta(days=90)
+    assert found.result_sha256 == hashlib.sha256(result_json()).hexdigest()
+
+
+def test_no_two_are_alike() -> None:
+    assert draw_up(result_json(), Said(), now=NOW).id != draw_up(result_json(), Said(), now=NOW).id
+
+
+@pytest.mark.parametrize(
+    ("data", "said", "words"),
+    [
+        (b"{", Said(), "not sound JSON"),
+        (b"{}", Said(), "lacks"),
+        (None, Said(), "was refused"),
+        (result_json, Said(lamp_serials=("a", "b")), "2 serials of lamps for 1 shots"),
+        (result_json, Said(days=0), "days"),
+        (result_json, Said(days=float("nan")), "days"),
+        (result_json, Said(days=1e9), "days"),
+        (result_json, Said(captured="yesterday"), "not a time"),
+        (result_json, Said(unit=Unit(make="Another")), "Another camera"),
+        (result_json, Said(days=10000, begins=datetime(9990, 1, 1, tzinfo=UTC)), "calendar"),
+    ],
+)
+def test_what_cannot_be_signed(data: Any, said: Said, words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        draw_up(report(refused()).result_json if data is None else data() if callable(data) else data, said)
+
+
+def test_its_time() -> None:
+    one = replace(small(), begins=NOW + timedelta(days=1))
+    data = sign(one, key())
+    for at, words in (
+        (NOW, "not valid before"),
+        (one.begins - timedelta(seconds=1), "not valid before"),
+        (one.ends, "ended"),
+        (one.ends + timedelta(days=9999), "ended"),
+    ):
+        with pytest.raises(PassportInvalid, match=words):
+            verify(data, trusted(), now=at)
+    for at in (one.begins, one.ends - timedelta(seconds=1)):
+        assert verify(data, trusted(), now=at) == one
+    with pytest.raises(PassportInvalid, match="ended"):
+        verify(sign(replace(small(), ends=datetime.now(UTC)), key()), trusted())  # the clock's time unless given
+
+
+def test_what_was_called_back(tmp_path: Path) -> None:
+    kid = next(iter(trusted()))
+    for line in (small().id, f"  {kid}  # lost with a laptop"):
+        file = tmp_path / "revoked.txt"
+        file.write_text(f"\ufeff# what was called back\n\n{'f' * 32}\n{line}\n", "utf-8")
+        refuses(signed(), "called back", revoked=read_revoked(file))
+    file.write_text("f" * 32)
+    verify(signed(), trusted(), now=LATER, revoked=read_revoked(file))
+
+
+@pytest.mark.parametrize("content", [b"0123\n", b"\xff\xfe", small().id.upper().encode(), b"id " + b"0" * 32, None])
+def test_a_list_that_is_not_understood_protects_nobody(tmp_path: Path, content: bytes | None) -> None:
+    file = tmp_path / "revoked.txt"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(InvalidArgument):
+        read_revoked(file)
+
+
+def test_of_another_result() -> None:
+    data = sign(draw_up(result_json(), Said(), now=NOW), key())
+    refuses(data, "another result", result=result_json() + b"\n")
+
+
+# What was changed
+
+
+def turned(data: bytes) -> Iterator[bytes]:
+    """Every bit turned, every byte left out, doubled, and cut off at every place."""
+    for i in range(len(data)):
+        for bit in range(8):
+            yield data[:i] + bytes([data[i] ^ 1 << bit]) + data[i + 1 :]
+        yield data[:i] + data[i + 1 :]
+        yield data[:i] + data[i : i + 1] + data[i:]
+        yield data[:i]
+
+
+@pytest.mark.slow
+def test_any_bit_matters() -> None:
+    """Some 9,000 documents, none accepted; and the one that was not changed is, so that this test can fail."""
+    verify(signed(), trusted(), now=LATER)
+    count = 0
+    for data in turned(signed()):
+        if data != signed():
+            refuses(data)
+            count += 1
+    assert count == 11 * len(signed())  # eight bits, left out, doubled, cut off
+
+
+def mutated(data: bytes, dice: random.Random) -> bytes:
+    """What a disk, a mail program or an attacker without a key may do."""
+    i, j = sorted(dice.sample(range(len(data) + 1), 2))
+    letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+    some = bytes(dice.choice(letters) for _ in range(dice.randint(1, 8)))
+    header, payload, signature = data.split(b".")
+    r, s = signature_of(data)
+    return dice.choice(
+        [
+            lambda: data[:i] + data[j:],
+            lambda: data[:i] + some + data[i:],
+            lambda: data[:i] + some + data[i + len(some) :],
+            lambda: data[:i] + bytes([dice.randrange(256)]) + data[i + 1 :],
+            lambda: data[:i] + data[i:j][::-1] + data[j:],
+            lambda: b".".join((header, payload, signed().split(b".")[2])),
+            lambda: b".".join((signed().split(b".")[0], *signed().split(b".")[1:2], signature)),
+            lambda: with_signature(data, r, (s + dice.randrange(1, ORDER)) % ORDER),
+            lambda: with_signature(data, dice.randrange(ORDER), s),
+            lambda: with_payload(data, dice),
+        ]
+    )()
+
+
+def with_payload(data: bytes, dice: random.Random) -> bytes:
+    """One claim of the payload is another; the signature stays."""
+    header, payload, signature = data.split(b".")
+    claims = json.loads(unb64(payload))
+    name = dice.choice(sorted(claims))
+    claims[name] = dice.choice([None, 0, "x", [], {}, claims["exp"] + 1, dice.random()])
+    return b".".join((header, b64(json.dumps(claims).encode()), signature))
+
+
+def signature_of(data: bytes) -> tuple[int, int]:
+    both = unb64(data.split(b".")[2])
+    return int.from_bytes(both[:32], "big"), int.from_bytes(both[32:], "big")
+
+
+def with_signature(data: bytes, r: int, s: int) -> bytes:
+    return data[: data.rindex(b".") + 1] + b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
+
+
+@pytest.mark.slow
+def test_ten_thousand_changed_passports_of_a_whole_result() -> None:
+    data = sign(draw_up(result_json(), Said(), now=NOW), key())
+    verify(data, trusted(), now=LATER)
+    dice, count = random.Random(19), 0
+    while count < 10_000:
+        other = mutated(data, dice)
+        if other != data:
+            refuses(other)
+            count += 1
+
+
+def test_a_thousand_changed_passports() -> None:
+    dice, count = random.Random(7), 0
+    while count < 1000:
+        other = mutated(signed(), dice)
+        if other != signed():
+            refuses(other)
+            count += 1
+
+
+def header_of(data: bytes) -> dict[str, Any]:
+    return dict(json.loads(unb64(data.split(b".")[0])))
+
+
+def resigned(header: dict[str, Any] | bytes, payload: bytes | None = None, number: int = 0) -> bytes:
+    """Anything, signed well: what only the rules of the form can refuse."""
+    from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
+    from cryptography.hazmat.primitives.hashes import SHA256
+
+    head = header if isinstance(header, bytes) else json.dumps(header).encode()
+    text = b64(head) + b"." + (signed().split(b".")[1] if payload is None else b64(payload))
+    r, s = decode_dss_signature(key(number).sign(text, ec.ECDSA(SHA256())))
+    return with_signature(text + b".", r, min(s, ORDER - s))
+
+
+def test_the_re_signing_of_this_test_is_sound() -> None:
+    verify(resigned(header_of(signed())), trusted(), now=LATER)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"alg": "none"}, {"alg": "None"}, {"alg": "HS256"}, {"alg": "ES384"}, {"alg": "RS256"}, {"alg": "es256"},
+        {"alg": ["ES256"]}, {"alg": None}, {"typ": "JWT"}, {"typ": None}, {"kid": ""}, {"kid": None}, {"kid": 1},
+        {"crit": ["exp"]}, {"b64": False}, {"jwk": {"kty": "EC"}}, {"jku": "https://example.org"}, {"zip": "DEF"},
+        {"cty": "JWT"},
+    ],
+)  # fmt: skip
+def test_a_header_that_asks_for_something_else(change: dict[str, Any]) -> None:
+    """Even with a sound signature of the trusted key."""
+    refuses(resigned({k: v for k, v in (header_of(signed()) | change).items() if v is not None}))
+
+
+def test_headers_that_are_none() -> None:
+    text = json.dumps(header_of(signed()))
+    for head in (b"[]", b"null", b"1", text[:-1].encode(), f'{text[:-1]}, "alg": "ES256"}}'.encode(), b"\xff" * 20):
+        refuses(resigned(head))
+    refuses(resigned(text.encode() + b" " * 1024))
+
+
+def test_swapped_algorithms() -> None:
+    """The old tricks: no signature at all; the public key as the secret of an HMAC."""
+    header, payload, signature = signed().split(b".")
+    for alg in ("none", "HS256", "ES256"):
+        head = b64(json.dumps(header_of(signed()) | {"alg": alg}).encode())
+        text = head + b"." + payload
+        for mac in (b"", hmac.digest(pem(), text, "sha256"), hmac.digest(pem().strip(), text, "sha256"), signature):
+            refuses(text + b"." + (mac if mac == signature else b64(mac)))
+    refuses(header + b"." + payload + b".")
+    refuses(header + b"." + payload)
+
+
+def test_other_spellings_of_the_same_signature() -> None:
+    """(r, n - s) is as good to anyone who only does the sums; so are DER, padding and bits that nobody reads."""
+    from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
+    from cryptography.hazmat.primitives.hashes import SHA256
+
+    r, s = signature_of(signed())
+    head = signed()[: signed().rindex(b".")]
+    twin = with_signature(signed(), r, ORDER - s)
+    key().public_key().verify(encode_dss_signature(r, ORDER - s), head, ec.ECDSA(SHA256()))
+    refuses(twin, "out of its bounds")
+    refuses(head + b"." + b64(encode_dss_signature(r, s)), "bytes, not 64")
+    refuses(signed() + b"==", "not base64url")
+    letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+    last = letters.index(signed()[-1:])
+    for bits in range(1, 16):
+        same = signed()[:-1] + letters[last ^ bits : (last ^ bits) + 1]
+        assert signature_of(same) == (r, s)
+        refuses(same, "not base64url")
+
+
+@pytest.mark.parametrize(
+    ("r", "s"), [(0, 0), (0, 1), (1, 0), (ORDER, 1), (1, ORDER), (ORDER - 1, ORDER - 1), (2**256 - 1, 2**256 - 1)]
+)
+def test_numbers_that_are_no_signature(r: int, s: int) -> None:
+    """(0, 0) was accepted by Java for years (CVE-2022-21449)."""
+    refuses(with_signature(signed(), r, s))
+
+
+@pytest.mark.parametrize("more", [b"\n", b" ", b"\r\n", b"\0", b".", b".e30", b"=", "\ufeff".encode()])
+def test_nothing_before_and_nothing_behind(more: bytes) -> None:
+    refuses(signed() + more)
+    refuses(more + signed())
+
+
+def test_a_foreign_signature() -> None:
+    foreign = sign(small(), key(1))
+    refuses(foreign, "not trusted")
+    refuses(resigned(header_of(signed()), number=1), "does not fit")  # and says that it is the trusted key's
+    refuses(signed(), "not trusted", number=1)
+    both = trusted(0) | trusted(1)
+    assert verify(foreign, both, now=LATER) == verify(signed(), both, now=LATER)
+    with pytest.raises(PassportInvalid, match="not trusted"):
+        verify(signed(), {}, now=LATER)
+
+
+def test_not_a_passport() -> None:
+    for data in (b"", b".", b"..", b"...", b"a.b.c", result_json(), os.urandom(4096), b"A" * 10**6, b"." * 10**5):
+        refuses(data)
+        with pytest.raises(PassportInvalid):
+            read(data)
+    flat = {"payload": "", "signatures": []}
+    refuses(json.dumps(flat).encode())
+
+
+def test_one_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(passports, "LARGEST_PASSPORT", 1000)
+    refuses(signed() + b"A" * 1000, "larger")
+    with pytest.raises(InvalidArgument, match="larger"):
+        sign(replace(small(), captured="x" * 1000), key())
+
+
+@pytest.mark.parametrize("name", sorted(small().claims()))
+@pytest.mark.parametrize("value", ["absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60)])
+def test_a_trusted_signer_who_errs(name: str, value: Any) -> None:
+    """Signed well and yet not in the form: refused, and no bug of ours."""
+    claims = copy.deepcopy(small().claims())
+    if value == "absent":
+        del claims[name]
+    else:
+        claims[name] = value
+    if name == "captured" and isinstance(value, str) and value != "absent":
+        verify(resigned(header_of(signed()), json.dumps(claims).encode()), trusted(), now=LATER)
+    else:
+        refuses(resigned(header_of(signed()), json.dumps(claims).encode()), name if value != 10**12 else "")
+
+
+def test_payloads_that_are_none() -> None:
+    text = json.dumps(small().claims())
+    twice = f'{text[:-1]}, "exp": 9999999999}}'
+    for payload in (b"[]", b"1", b"\xff", text[:-1].encode(), twice.encode(), b"[" * 100_000, b'{"exp": NaN}'):
+        refuses(resigned(header_of(signed()), payload))
+
+
+def test_an_older_reader_takes_a_newer_result() -> None:
+    """Its form may have grown; the signature says that it is whole, and its format what it is."""
+    newer = replace(small(), result={"format": "camssf-result/2", "ssf": {}, "colour": {}})
+    assert verify(sign(newer, key()), trusted(), now=LATER) == newer
+    claims = small().claims() | {"further": 1}
+    assert verify(resigned(header_of(signed()), json.dumps(claims).encode()), trusted(), now=LATER) == small()
+
+
+# Other judges
+
+
+def test_joserfc_agrees() -> None:
+    jws = pytest.importorskip("joserfc.jws", reason="joserfc is not here")
+    jwk = pytest.importorskip("joserfc.jwk", reason="joserfc is not here")
+    mine = jwk.ECKey.import_key(pem())
+    assert mine.thumbprint() == next(iter(trusted()))
+    found = jws.deserialize_compact(signed(), mine, algorithms=["ES256"])
+    assert json.loads(found.payload) == small().claims()
+    private = jwk.ECKey.import_key(key())
+    for _ in range(20):  # half of its signatures have the larger s, which we turn as any signer of ours does
+        header = header_of(signed())
+        theirs = jws.serialize_compact(header, found.payload, private, algorithms=["ES256"]).encode()
+        r, s = signature_of(theirs)
+        assert verify(with_signature(theirs, r, min(s, ORDER - s)), trusted(), now=LATER) == small()
+
+
+def test_a_jvm_with_java_security_alone_agrees(tmp_path: Path) -> None:
+    if shutil.which("java") is None:
+        pytest.skip("no java here")
+    (tmp_path / "key.pem").write_bytes(pem())
+    r, s = signature_of(signed())
+    files = {
+        "good": signed(),
+        "whole": sign(draw_up(result_json(), Said(), now=NOW), key()),
+        "changed": signed()[:300] + bytes([signed()[300] ^ 1]) + signed()[301:],
+        "foreign": sign(small(), key(1)),
+        "twin": with_signature(signed(), r, ORDER - s),
+        "zero": with_signature(signed(), 0, 0),
+        "none": b64(b'{"alg":"none"}') + b"." + signed().split(b".")[1] + b".",
+    }
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    paths = [str(tmp_path / name) for name in ("key.pem", *files)]
+    call = ["java", "-XX:-UsePerfData", str(JUDGE), *paths]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert dict(zip(files, done.stdout.split(), strict=True)) == {
+        name: "valid" if name in ("good", "whole") else "invalid" for name in files
+    }
+
+
+# Keys
+
+
+def test_a_pair_of_keys(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    name = make_key(folder)
+    assert list(read_public([folder / PUBLIC])) == [name]
+    assert key_name(read_private(folder / PRIVATE).public_key()) == name
+    if os.name == "posix":
+        assert stat.S_IMODE((folder / PRIVATE).stat().st_mode) == 0o600
+    before = (folder / PRIVATE).read_bytes()
+    for gone in ((), (PRIVATE,)):
+        for each in gone:
+            (folder / each).unlink()
+        with pytest.raises(InvalidArgument, match="key"):
+            make_key(folder)
+    assert not (folder / PRIVATE).exists()
+    assert b"PRIVATE" in before
+
+
+def test_a_locked_key(tmp_path: Path) -> None:
+    make_key(tmp_path, b"open sesame")
+    read_private(tmp_path / PRIVATE, b"open sesame")
+    for wrong in (None, b"open", b""):
+        with pytest.raises(InvalidArgument, match="locked"):
+            read_private(tmp_path / PRIVATE, wrong)
+
+
+def other_pem(kind: str, public: bool) -> bytes:
+    made: Any = {
+        "rsa": lambda: rsa.generate_private_key(65537, 2048),
+        "secp256k1": lambda: ec.generate_private_key(ec.SECP256K1()),
+        "secp384r1": lambda: ec.generate_private_key(ec.SECP384R1()),
+    }[kind]()
+    if public:
+        return bytes(
+            made.public_key().public_bytes(
+                serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
+            )
+        )
+    return bytes(
+        made.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+    )
+
+
+@pytest.mark.parametrize("kind", ["rsa", "secp256k1", "secp384r1"])
+def test_keys_of_another_kind(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "private").write_bytes(other_pem(kind, False))
+    (tmp_path / "public").write_bytes(other_pem(kind, True))
+    with pytest.raises(InvalidArgument, match="P-256"):
+        read_private(tmp_path / "private")
+    with pytest.raises(InvalidArgument, match="P-256"):
+        read_public([tmp_path / "public"])
+
+
+def test_files_that_are_no_keys(tmp_path: Path) -> None:
+    make_key(tmp_path)
+    (tmp_path / "no").write_bytes(b"-----BEGIN PRIVATE KEY-----\nAAAA\n-----END PRIVATE KEY-----\n")
+    for path in (tmp_path / "no", tmp_path / PUBLIC, tmp_path / "missing", tmp_path):
+        with pytest.raises(InvalidArgument):
+            read_private(path)
+    for path in (tmp_path / "no", tmp_path / PRIVATE, tmp_path / "missing", tmp_path):
+        with pytest.raises(InvalidArgument):
+            read_public([path])
+
+
+def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    for call in (
+        lambda: make_key(tmp_path), lambda: read_private("x"), lambda: read_public([]),
+        lambda: sign(small(), None), lambda: verify(b"", {}),
+    ):  # fmt: skip
+        with pytest.raises(InvalidArgument, match=r"camssf\[passport\]"):
+            call()
+
+
+# The unit, by its file
+
+
+def tiff(first: dict[int, Any], exif: dict[int, Any]) -> bytes:
+    """A TIFF of two directories: text, or (numerator, denominator)."""
+
+    def directory(at: int, tags: dict[int, Any]) -> bytes:
+        entries, rest = b"", b""
+        behind = at + 2 + 12 * len(tags) + 4
+        for tag, value in sorted(tags.items()):
+            kind, count, data = (
+                (2, len(value) + 1, value.encode() + b"\0") if isinstance(value, str)
+                else (4, 1, struct.pack("<I", value)) if isinstance(value, int)
+                else (5, 1, struct.pack("<II", *value))
+            )  # fmt: skip
+            if len(data) > 4:
+                entries += struct.pack("<HHII", tag, kind, count, behind + len(rest))
+                rest += data
+            else:
+                entries += struct.pack("<HHI4s", tag, kind, count, data)
+        return struct.pack("<H", len(tags)) + entries + b"\0\0\0\0" + rest
+
+    main = directory(8, first | {34665: 0})
+    return (
+        b"II*\0"
+        + struct.pack("<I", 8)
+        + directory(8, first | {34665: 8 + len(main)})
+        + directory(8 + len(main), exif)
+    )
+
+
+FIRST = {271: "Maker", 272: "Model", 50735: "body 9"}
+EXIF = {
+    42036: "Wide 24 mm", 37386: (247, 10), 33437: (18, 10), 36867: "2026:11:20 09:15:00", 36881: "+01:00",
+}  # fmt: skip
+WHOLE = Unit("Maker", "Model", "", "body 9", "Wide 24 mm", 24.7, 1.8)
+
+
+@pytest.mark.parametrize(
+    ("first", "exif", "unit", "time"),
+    [
+        (FIRST, EXIF, WHOLE, "2026-11-20T09:15:00+01:00"),
+        (FIRST, EXIF | {42033: "serial 1"}, replace(WHOLE, serial="serial 1"), "2026-11-20T09:15:00+01:00"),
+        (FIRST, {36867: "2026:11:20 09:15:00"}, Unit("Maker", "Model", "", "body 9"), "2026-11-20T09:15:00"),
+        ({271: "Maker", 50708: "Unique"}, {}, Unit("Maker", "Unique"), ""),
+        ({}, {36867: "0000:00:00 00:00:00"}, Unit(), ""),
+        ({}, {36867: "    :  :     :  :  "}, Unit(), ""),
+        ({}, {36867: "2026:13:45 99:99:99"}, Unit(), ""),
+        ({}, {37386: (0, 1), 33437: (1, 0)}, Unit(), ""),
+        ({37386: (50, 1), 33437: (4, 1)}, {}, Unit(focal_length=50.0, aperture=4.0), ""),
+    ],
+)
+def test_what_a_file_says(tmp_path: Path, first: Any, exif: Any, unit: Unit, time: str) -> None:
+    file = tmp_path / "a.dng"
+    file.write_bytes(tiff(first, exif))
+    assert read_unit(file) == Taken(unit, time, hashlib.sha256(file.read_bytes()).hexdigest())
+
+
+def test_files_that_cannot_tell(tmp_path: Path) -> None:
+    whole = tiff(FIRST, EXIF)
+    file = tmp_path / "a.dng"
+    with pytest.raises(UnreadableRaw):
+        read_unit(file)
+    with pytest.raises(UnreadableRaw):
+        read_unit(tmp_path)
+    for length in range(0, len(whole), 7):  # cut off: an answer or a refusal, no bug
+        file.write_bytes(whole[:length])
+        with pytest.raises(UnreadableRaw):
+            read_unit(file)
+
+
+def test_units_that_differ() -> None:
+    assert WHOLE.differs(Unit()) == WHOLE.differs(WHOLE) == ()
+    assert WHOLE.differs(replace(WHOLE, serial="x", aperture=2.0)) == ("serial", "aperture")
+    assert Unit(lens="Wide 24 mm").filled(WHOLE) == WHOLE
+
+
+def test_photos_speak_for_the_unit(tmp_path: Path) -> None:
+    file = tmp_path / "a.dng"
+    file.write_bytes(tiff(FIRST, EXIF))
+    given = copy.deepcopy(document())
+    given["camera"] = {"make": "Maker", "model": "Model"}
+    with pytest.raises(InvalidArgument, match="not made from"):
+        draw_up(report(given).result_json, Said(), photos=[file])
+    given["shots"][0]["photo"]["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+    data = report(given).result_json
+    found = draw_up(data, Said(Unit(camera_id="2")), photos=[file])
+    assert (found.unit, found.captured) == (replace(WHOLE, camera_id="2"), "2026-11-20T09:15:00+01:00")
+    assert draw_up(data, Said(captured="2026-11-21T00:00"), photos=[file]).captured == "2026-11-21T00:00:00"
+    with pytest.raises(InvalidArgument, match="serial is 'body 9' there, not 'x'"):
+        draw_up(data, Said(Unit(serial="x")), photos=[file])
+
+
+# The command line
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Path:
+    """A folder with a result, a pair of keys and a passport."""
+    (tmp_path / "result.json").write_bytes(result_json())
+    words = ["sign", "result.json", "--key", PRIVATE, "--serial", "A1", "--days", "90", "-o", "camera.jws"]
+    for line in (["key", "-o", "."], words):
+        assert run(tmp_path, *line).returncode == 0
+    return tmp_path
+
+
+def run(folder: Path, *words: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
+    return subprocess.run(
+        [sys.executable, "-m", "camssf", "passport", *words],
+        cwd=folder, input=stdin, capture_output=True, timeout=120, env=os.environ | {"PYTHONPATH": search},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_sign_verify_show(desk: Path) -> None:
+    data = (desk / "camera.jws").read_bytes()
+    for words, stdin in ((["camera.jws"], b""), (["-"], data)):
+        done = run(desk, "verify", *words, "--key", PUBLIC, "--result", "result.json", stdin=stdin)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout) == json.loads(result_json())
+    shown = run(desk, "show", "camera.jws")
+    told = json.loads(shown.stdout)
+    assert (told["verified"], told["format"], told["unit"]["serial"]) == (False, FORMAT, "A1")
+    assert told["verdict"] == document()["verdict"]["status"]
+    assert b"not verified" in shown.stderr
+    (desk / "revoked.txt").write_text(told["id"])
+    for more in (["--revoked", "revoked.txt"], ["--at", "2099-01-01"], ["--result", PUBLIC]):
+        done = run(desk, "verify", "camera.jws", "--key", PUBLIC, *more)
+        assert (done.returncode, done.stdout) == (PassportInvalid.exit_status, b""), more
+        assert b"passport_invalid" in done.stderr
+    for more in (["--revoked", "missing.txt"], ["--at", "soon"]):
+        done = run(desk, "verify", "camera.jws", "--key", PUBLIC, *more)
+        assert (done.returncode, done.stdout) == (InvalidArgument.exit_status, b""), more
+
+
+@pytest.mark.slow
+def test_the_private_key_is_nowhere(desk: Path) -> None:
+    """In no output, no passport, no traceback; and no passphrase either."""
+    (desk / "phrase").write_text("correct horse\n")
+    assert run(desk, "key", "-o", "locked", "--passphrase", "phrase").returncode == 0
+    private = (desk / PRIVATE).read_bytes()
+    number = read_private(desk / PRIVATE).private_numbers().private_value
+    secrets = [line for line in private.splitlines() if b"-----" not in line]
+    secrets += [str(number).encode(), f"{number:x}".encode(), b64(number.to_bytes(32, "big")), b"correct horse"]
+    (desk / "broken.pem").write_bytes(private[:120] + b"!" + private[120:])
+    locked = ["sign", "result.json", "--key", f"locked/{PRIVATE}", "-o", "b.jws", "--debug"]
+    said = b""
+    for words, status in (
+        (["sign", "result.json", "--key", PRIVATE, "-o", "a.jws", "--debug"], 0),
+        ([*locked, "--passphrase", "phrase"], 0),
+        (locked, 2),
+        ([*locked, "--passphrase", "result.json"], 2),
+        (["sign", "result.json", "--key", "broken.pem", "-o", "c.jws", "--debug"], 2),
+        (["sign", "result.json", "--key", PRIVATE, "-o", "no/where.jws", "--debug"], 2),
+        (["verify", "camera.jws", "--key", PRIVATE, "--debug"], 2),
+        (["show", PRIVATE, "--debug"], 8),
+    ):
+        done = run(desk, *words)
+        assert done.returncode == status, (words, done.stderr)
+        said += done.stdout + done.stderr
+    for name in ("a.jws", "b.jws", "camera.jws"):
+        said += (desk / name).read_bytes() + b"".join(map(unb64, (desk / name).read_bytes().split(b".")))
+    assert len(secrets) >= 7
+    assert not [secret for secret in secrets if secret in said]
+
+
+def test_the_commands_in_this_process(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """So that a change of the terminal's words or statuses is seen without a process of its own."""
+    assert cli.main(["passport", "verify", str(desk / "camera.jws"), "--key", str(desk / PUBLIC)]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["format"] == "camssf-result/1"
+    assert "serial A1" in err
+    assert "verified" in err

@@ -1,0 +1,513 @@
+"""The registry: every acknowledged row once, whoever writes, dies, gathers or reads; and what is compared is true."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from registries import START, bells, made, plain
+from test_report import document, refused
+
+from camssf import cli
+from camssf.documents.report import report
+from camssf.errors import InvalidArgument
+from camssf.photo.unit import Unit
+
+pytest.importorskip("duckdb", reason="duckdb is not here")
+
+from camssf.fleet import compare, registry
+from camssf.fleet.registry import MARK, Registry, Wanted
+from camssf.fleet.rows import CHANNELS, STRIDE, Origin, Row, Task, columns, row
+
+HERE = Path(__file__).parent
+SEARCH = os.pathsep.join(str(Path(path).absolute()) for path in [*sys.path, str(HERE)] if path)
+
+
+@pytest.fixture
+def one(tmp_path: Path) -> Registry:
+    return Registry(tmp_path / "phones", new=True)
+
+
+def keys(each: Registry) -> list[str]:
+    return [str(found["key"]) for found in each.query("SELECT key FROM rows ORDER BY key")]
+
+
+# One row a result
+
+
+def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
+    data = report(document("D55", "A")).result_json
+    unit = Unit(camera_id="2", serial="A1", lens="24 mm", focal_length=24.7, aperture=1.8)
+    origin = Origin(unit, "2026-11-20T10:00:00+01:00", "cam", "m" * 64, "p" * 32, "x/result.json", {"site": "Ω '\";"})
+    mine = row(data, document("D55", "A"), origin)
+    one.add([mine])
+    (found,) = one.query("SELECT * FROM rows")
+    for name in columns(Row):
+        value = getattr(mine, name)
+        if name in CHANNELS or name.endswith("_std"):
+            given = document("D55", "A")["ssf_std" if "_" in name else "ssf"][name.partition("_")[0]]
+            assert found[name] == pytest.approx(given[::STRIDE], rel=1e-6)
+        else:
+            assert found[name] == (list(value) if isinstance(value, tuple) else value), name
+    assert found["captured"] == datetime(2026, 11, 20, 9)
+    assert json.loads(found["extra"]) == {"site": "Ω '\";"}
+    assert found["lamps"] == ["D55", "A"]
+    assert sorted(found["inputs"]) == sorted(document("D55", "A")["hashes"]["inputs"].values())
+
+
+def test_no_name_of_a_photo_is_kept(one: Registry, tmp_path: Path) -> None:
+    """A file's name may tell the place and the hour; the row has its hash."""
+    one.add([row(report(document()).result_json, document(), Origin())])
+    photo = document()["shots"][0]["photo"]["name"]
+    assert photo
+    (found,) = one.query("SELECT * FROM rows")
+    assert photo not in str({name: value for name, value in found.items() if name != "reason"})
+
+
+def test_a_refused_result_has_a_row_without_curves(one: Registry) -> None:
+    one.add([row(report(refused()).result_json, refused(), Origin())])
+    (found,) = one.query("SELECT status, red, blue_std, gap, captured FROM rows")
+    assert found == {"status": "refused", "red": [], "blue_std": [], "gap": None, "captured": None}
+
+
+def test_the_same_result_twice_is_there_once_and_the_newer_counts(one: Registry) -> None:
+    one.add([made(1), made(2)])
+    one.add([made(1, serial="B2", added=START + timedelta(days=1)), made(3)])
+    assert len(keys(one)) == 3
+    assert [each["serial"] for each in one.listing(Wanted(serial="B2"))] == ["B2"]
+    assert one.count() == {"accepted": 3}
+    one.gather()
+    assert one.files() == 1
+    assert len(keys(one)) == 3
+    assert one.query("SELECT count(*) AS n FROM every") == [{"n": 3}]
+    assert len(one.listing(Wanted(serial="B2"))) == 1
+
+
+def test_nothing_of_nothing(one: Registry) -> None:
+    one.add([])
+    assert not one.folder.exists()
+    one.note([])
+    one.gather()
+    with pytest.raises(InvalidArgument, match="no registry"):
+        Registry(one.folder)
+    one.note([Task("t", "", START, "name", "failed", "", "", "")])
+    assert Registry(one.folder).listing() == []
+    assert Registry(one.folder).count() == {}
+    assert one.query("SELECT name, deaths FROM rows", table=Task) == [{"name": "name", "deaths": 0}]
+
+
+def test_lists(one: Registry) -> None:
+    one.add(
+        [
+            made(1, model="One"), made(2, model="Two", status="doubtful"), made(3, model="Two", status="refused"),
+            made(4, model="Two' OR '1'='1", serial="", make="Other"),
+        ]
+    )  # fmt: skip
+    assert [found["key"][-1] for found in one.listing()] == ["4", "3", "2", "1"]
+    for wanted, expected in (
+        (Wanted(model="Two"), "32"), (Wanted(make="Other"), "4"), (Wanted(statuses=("refused", "doubtful")), "32"),
+        (Wanted(model="Two", statuses=("accepted",)), ""), (Wanted(serial="A1"), "321"),
+        (Wanted(model="Two' OR '1'='1"), "4"), (Wanted(name="x"), ""),
+    ):  # fmt: skip
+        assert "".join(found["key"][-1] for found in one.listing(wanted)) == expected
+    assert [found["key"][-1] for found in one.listing(limit=2)] == ["4", "3"]
+
+
+# What may go wrong
+
+
+def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
+    """What it leaves is not in its place yet."""
+    one.add([made(1)])
+    whole = next((one.folder / "results").glob("*.parquet")).read_bytes()
+    (one.folder / "results" / ".camssf-77").write_bytes(whole[: len(whole) // 2])
+    (one.folder / "results" / ".camssf-78.parquet").write_bytes(whole[: len(whole) // 2])
+    (one.folder / ".camssf-79").write_bytes(b"{")
+    one.add([made(2)])
+    one.gather()
+    assert len(keys(Registry(one.folder))) == 2
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:-9], lambda data: b"", lambda data: b"PAR", lambda _: b"x" * 99]
+)
+def test_a_damaged_file_is_named(one: Registry, damage: Any) -> None:
+    one.add([made(1)])
+    one.add([made(2)])
+    file = sorted((one.folder / "results").glob("*.parquet"))[1]
+    file.write_bytes(damage(file.read_bytes()))
+    with pytest.raises(InvalidArgument, match=file.name) as caught:
+        one.listing()
+    assert "Move it away" in caught.value.advice
+    before = sorted((one.folder / "results").iterdir())
+    with pytest.raises(InvalidArgument):
+        one.gather()
+    assert sorted((one.folder / "results").iterdir()) == before
+
+
+def test_a_file_of_an_older_release_lacks_a_column(one: Registry) -> None:
+    one.add([made(1)])
+    with registry.connection() as con:
+        file = one.folder / "results" / "old.parquet"
+        con.execute(
+            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, 7 AS gone) TO '{file}' (FORMAT parquet)"
+        )
+    assert len(keys(one)) == 2
+    found = {each["key"]: each for each in one.listing()}
+    assert found["a" * 64]["lamps"] is None
+    one.gather()
+    assert len(keys(one)) == 2
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    for new in (True, False):
+        with pytest.raises(InvalidArgument, match="no registry"):
+            Registry(tmp_path, new=new)
+    (tmp_path / MARK).write_text('{"format": "camssf-registry/9"}')
+    with pytest.raises(InvalidArgument, match="no registry"):
+        Registry(tmp_path, new=True)
+    with pytest.raises(InvalidArgument, match="no registry"):
+        Registry(tmp_path / "letter.txt", new=True)
+
+
+def test_a_disk_that_is_full_adds_nothing(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    one.add([made(1)])
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(registry.os, "fsync", full)
+    for attempt in (lambda: one.add([made(2)]), lambda: one.note([Task("t", "", START, "", "", "", "", "")])):
+        with pytest.raises(InvalidArgument, match="No space"):
+            attempt()
+    monkeypatch.undo()
+    assert len(keys(one)) == 1
+    assert not [path for path in one.folder.rglob("*") if path.name.startswith(".camssf")]
+
+
+def test_a_file_that_vanishes_while_it_is_read(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when somebody gathers between the look into the folder and the reading."""
+    for number in range(4):
+        one.add([made(number)])
+    real, calls = Registry._files, []
+
+    def late(self: Registry, table: Any) -> list[Path]:
+        found = real(self, table)
+        if len(calls) < 2 and table is Row:
+            calls.append(1)
+            Registry(self.folder).gather() if len(calls) == 1 else None
+        return found
+
+    monkeypatch.setattr(Registry, "_files", late)
+    assert len(keys(one)) == 4
+    assert calls
+
+
+def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(InvalidArgument, match=r"camssf\[fleet\]"):
+        Registry(tmp_path)
+
+
+# Many at once
+
+
+@pytest.mark.slow
+def test_eight_writers_two_of_them_killed(one: Registry) -> None:
+    """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
+    words = [str(one.folder), None, "200", "5"]
+    writers = [
+        subprocess.Popen(
+            [sys.executable, str(HERE / "registries.py"), *(str(number) if word is None else word for word in words)],
+            stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": SEARCH},
+        )
+        for number in range(1, 9)
+    ]  # fmt: skip
+    told: list[list[str]] = []
+    try:
+        deadline = time.monotonic() + 240
+        while not (one.folder / MARK).exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        seen, reader = 0, Registry(one.folder)
+        for victim in writers[:2]:
+            while len(found := keys(reader)) < seen + 100 and time.monotonic() < deadline:
+                assert len(found) == len(set(found))
+                reader.gather()
+            seen = len(found)
+            victim.kill()
+        for process in writers:
+            out, _ = process.communicate(timeout=240)
+            told.append(out.decode().splitlines())
+    finally:
+        for process in writers:
+            process.kill()
+            process.wait()
+    assert [process.returncode != 0 for process in writers] == [True] * 2 + [False] * 6
+    assert [len(lines) for lines in told[2:]] == [200] * 6
+    assert all(0 < len(lines) < 200 for lines in told[:2])
+    found = keys(reader)
+    assert len(found) == len(set(found))
+    acknowledged = {line for lines in told for line in lines}
+    assert acknowledged <= set(found)
+    assert len(set(found) - acknowledged) <= 10  # a task of each victim that was safe, and he did not live to say so
+    reader.gather()
+    assert keys(reader) == found
+
+
+# Comparing
+
+
+def fleet(one: Registry, units: int, repeats: int, between: float, within: float, seed: int = 0) -> None:
+    """Units whose curves differ by a bump of so many parts of the peak, and results of each that do by another."""
+    dice = np.random.default_rng(seed)
+    bump = np.exp(-0.5 * ((compare.NM - 550) / 40) ** 2)
+    rows = []
+    for unit in range(units):
+        own = between * dice.standard_normal((3, 1)) * bump
+        for repeat in range(repeats):
+            curves = bells() + own + within * dice.standard_normal((3, 1)) * bump
+            rows.append(made(1000 * unit + repeat, curves, serial=f"u{unit}"))
+    one.add(rows)
+
+
+def rms(bump: float = 1.0) -> float:
+    return float(bump * np.sqrt(np.mean(np.exp(-(((compare.NM[compare.INSIDE] - 550) / 40) ** 2)))))
+
+
+def test_the_spread_of_a_model(one: Registry) -> None:
+    fleet(one, units=60, repeats=3, between=0.03, within=0.02)
+    one.add([made(900_000, bells(20.0), serial=""), made(900_001, bells(50.0), status="refused", serial="r")])
+    found = compare.spread(one, "Model")
+    assert (found.units, found.results, found.without_serial) == (60, 180, 1)
+    assert found.repeat is not None
+    assert found.between is not None
+    assert found.repeat == pytest.approx(rms(0.02), rel=0.15)
+    assert found.between == pytest.approx(rms(0.03), rel=0.25)
+    assert (found.low < rms(0.03)).all()
+    assert (found.high > rms(0.03)).all()
+    assert found.seen == pytest.approx(rms(np.hypot(0.03, 0.02 / np.sqrt(3))), rel=0.25)
+
+
+def test_the_interval_of_a_spread_covers() -> None:
+    """0.95 of simulated fleets of six units, and not much more where one bump is all that differs."""
+    dice, inside = np.random.default_rng(3), 0
+    bump = np.exp(-0.5 * ((compare.NM[compare.INSIDE] - 550) / 40) ** 2)
+    for _ in range(400):
+        units = [0.03 * dice.standard_normal((3, 1)) * bump for _ in range(6)]
+        _, repeat, between, low, high = compare.between_units([unit[None] for unit in units])
+        assert repeat is between is None
+        inside += int(np.sum((low <= rms(0.03)) & (rms(0.03) <= high)))
+    assert 0.93 <= inside / 1200 <= 0.97
+
+
+def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
+    """What repeats explain is not the units'."""
+    fleet(one, units=30, repeats=4, between=0.0, within=0.02)
+    found = compare.spread(one, "Model")
+    assert (found.low == 0).all()
+    assert (found.high < rms(0.015)).all()
+    same = [np.ones((2, 3, 5))] * 3
+    assert all((np.asarray(each) == 0).all() for each in compare.between_units(same))
+
+
+def test_too_few_units(one: Registry) -> None:
+    one.add([made(1, bells()), made(2, bells())])
+    with pytest.raises(InvalidArgument, match="1 unit of Model"):
+        compare.spread(one, "Model")
+    with pytest.raises(InvalidArgument, match="no unit of Nothing"):
+        compare.spread(one, "Nothing")
+
+
+def history(count: int, drift: float, step: float = 0.0, noise: float = 0.3, seed: int = 0) -> list[Row]:
+    """Results of one unit every month; red's centre drifts by so many nm a year, and steps before the last."""
+    dice = np.random.default_rng(seed)
+    rows = []
+    for month in range(count):
+        red = drift * month / 12 + step * (month == count - 1)
+        curves = bells(np.array([red, 0, 0]) + noise * dice.standard_normal(3))
+        rows.append(made(month, curves, captured=START + timedelta(days=30.4 * month)))
+    return rows
+
+
+@pytest.mark.parametrize(("drift", "step", "alarm"), [(0, 0, ""), (6, 0, "trend"), (-6, 0, "trend"), (0, 5, "step")])
+def test_a_drift_raises_an_alarm(one: Registry, drift: float, step: float, alarm: str) -> None:
+    one.add(history(13, drift, step))
+    found = {each.feature: each for each in compare.drift(one, "A1")}
+    assert set(found) == set(compare.FEATURES)
+    assert found["red centre"].alarm == alarm
+    assert not [each for name, each in found.items() if each.alarm and name != "red centre"]
+    red = found["red centre"]
+    assert (red.results, red.days) == (13, pytest.approx(364.8))
+    if alarm == "trend":
+        assert red.slope == pytest.approx(drift, abs=4 * red.slope_error)
+        assert red.slope == pytest.approx(drift, abs=1.0)
+    if alarm == "step":
+        assert red.step == pytest.approx(step, abs=1.0)
+
+
+def test_false_alarms_are_as_rare_as_they_say() -> None:
+    dice, days = np.random.default_rng(5), np.arange(8) * 30.0
+    alarms = 0
+    for _ in range(2000):
+        values = 500 + 20 * dice.standard_normal((8, len(compare.FEATURES)))  # so loud that no limit hides one
+        alarms += any(each.alarm for each in compare.drifts(days, values))
+    assert 0 < alarms / 2000 <= 1.5 * compare.FALSE_ALARMS
+
+
+def test_a_drift_that_is_certain_and_small_is_no_alarm() -> None:
+    days = np.arange(10) * 36.5
+    values = np.outer(days / 365, [0.5] * 6) + 500
+    for each in compare.drifts(days, values):
+        assert each.p_trend < 1e-6
+        assert not each.alarm
+    still = compare.drifts(days, np.full((10, 6), 500.0))
+    assert [(each.change, each.p_trend, each.p_step, each.alarm) for each in still] == [(0, 1, 1, "")] * 6
+    at_once = compare.drifts(np.zeros(5), np.arange(30.0).reshape(5, 6))
+    assert all(each.slope == 0 for each in at_once)
+
+
+def test_what_a_drift_needs(one: Registry) -> None:
+    one.add([*history(3, 0), made(90, bells(), captured=None)])
+    with pytest.raises(InvalidArgument, match="3 results of the unit A1 have a time"):
+        compare.drift(one, "A1")
+    with pytest.raises(InvalidArgument, match="0 results"):
+        compare.drift(one, "none")
+    one.add([replace(each, key=f"{i:064d}", model="Other") for i, each in enumerate(history(4, 0), 10)])
+    with pytest.raises(InvalidArgument, match="Several units"):
+        compare.drift(one, "A1")
+    assert len(compare.drift(one, "A1", model="Other")) == 6
+
+
+def test_features_are_centres_and_widths() -> None:
+    found = compare.features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
+    assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
+
+
+def test_the_nearest_models(one: Registry) -> None:
+    dice = np.random.default_rng(1)
+    rows = [
+        made(100 * m + i, bells(5.0 * m + dice.normal()), model=f"Model {m}") for m in range(4) for i in range(5)
+    ] + [made(9000, bells(10.0), model="Refused", status="refused"), made(9001, model="Empty")]
+    one.add(rows)
+    found = compare.nearest(one, bells(10.2), most=3)
+    assert [near.model for near in found] == ["Model 2", "Model 3", "Model 1"]
+    assert found[0].results == 5
+    assert found[0].distance < 0.02 < found[1].distance
+    inside = (
+        bells(10.2)[:, compare.INSIDE]
+        - np.mean([np.array([r.red, r.green, r.blue]) for r in rows if r.model == "Model 2"], axis=0)[
+            :, compare.INSIDE
+        ]
+    )
+    assert found[0].distance == pytest.approx(np.sqrt(np.mean(inside**2)), rel=1e-3)
+    assert compare.nearest(one, bells(), statuses=("doubtful",)) == ()
+
+
+# The command line
+
+
+def run(*words: object) -> int:
+    return cli.main(["registry", *map(str, words)])
+
+
+def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, result = tmp_path / "phones", tmp_path / "out" / "result.json"
+    result.parent.mkdir()
+    result.write_bytes(report(document()).result_json)
+    assert run("add", folder, result, "--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00") == 0
+    assert run("add", folder, result, "--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00") == 0
+    capsys.readouterr()
+    assert run("list", folder, "--status", "doubtful") == 0
+    out, err = capsys.readouterr()
+    (found,) = csv.DictReader(out.splitlines())
+    assert (found["serial"], found["captured"], found["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
+    assert "1 doubtful" in err
+    assert run("compare", folder, "--result", result, "--doubtful") == 0
+    (near,) = json.loads(capsys.readouterr().out)["models"]
+    assert near["model"] == document()["camera"]["model"]
+    assert near["distance"] < 1e-6
+    assert Registry(folder).query("SELECT place FROM rows") == [{"place": "../out/result.json"}]
+    for name in ("all.parquet", "all.csv"):
+        assert run("export", folder, "-o", tmp_path / name) == 0
+    with registry.connection() as con:
+        (count,) = con.execute(f"SELECT count(*) FROM '{tmp_path / 'all.parquet'}' WHERE len(red) = 69").fetchone()
+    assert count == 1
+    (cells,) = csv.DictReader((tmp_path / "all.csv").read_text("utf-8").splitlines())
+    assert cells["serial"] == "'=A1"
+    assert "red" not in cells
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
+
+
+def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("cryptography", reason="cryptography is not here")
+    from camssf.documents.keys import PUBLIC, make_key, read_private
+    from camssf.documents.passport import Said, draw_up, sign
+
+    make_key(tmp_path)
+    drawn = draw_up(report(document()).result_json, Said(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC))
+    file, folder = tmp_path / "a.jws", tmp_path / "phones"
+    file.write_bytes(sign(drawn, read_private(tmp_path / "passport-key.pem")))
+    assert run("add", folder, file) == 2
+    assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--serial", "x") == 2
+    (tmp_path / "revoked").write_text(drawn.id)
+    assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--revoked", tmp_path / "revoked") == 8
+    assert not folder.exists()
+    assert run("add", folder, file, "--key", tmp_path / PUBLIC) == 0
+    (found,) = Registry(folder).query("SELECT * FROM rows")
+    assert (found["passport"], found["serial"], found["key"]) == (drawn.id, "S", drawn.result_sha256)
+    assert found["captured"] == datetime(2026, 1, 2)
+    capsys.readouterr()
+
+
+def test_a_drift_on_the_command_line_ends_with_1(
+    one: Registry, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one.add([*history(13, 6), *(replace(each, key=each.key[::-1], serial="B2") for each in history(13, 0))])
+    assert run("compare", one.folder, "--serial", "A1") == cli.PARTED
+    out, err = capsys.readouterr()
+    assert json.loads(out)["alarm"] is True
+    assert "red centre" in err
+    assert run("compare", one.folder, "--serial", "B2") == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["alarm"] is False
+    assert run("compare", one.folder, "--model", "Model") == 0
+    assert json.loads(capsys.readouterr().out)["units"] == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["list", "missing"], ["compare", "phones"], ["compare", "phones", "--model", "x", "--result", "y"],
+        ["export", "phones", "-o", "all.xlsx"], ["add", "phones", "no.json"], ["add", "phones", "empty.json"],
+        ["add", "phones", "result.json", "--captured", "soon"], ["compare", "phones", "--result", "refused.json"],
+        ["export", "phones", "-o", "no/where.csv"],
+    ],
+)  # fmt: skip
+def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Registry("phones", new=True).add([made(1, bells())])
+    Path("empty.json").write_text("{}")
+    Path("result.json").write_bytes(report(document()).result_json)
+    Path("refused.json").write_bytes(report(refused()).result_json)
+    before = sorted(str(path) for path in tmp_path.rglob("*"))
+    assert run(*words) == InvalidArgument.exit_status
+    assert sorted(str(path) for path in tmp_path.rglob("*")) == before
+
+
+def test_rows_know_what_they_must() -> None:
+    """The words of the issue: verdict, unit, scores, lamp, hashes, times, place, curves and bands."""
+    assert {
+        "status", "reason", "make", "model", "serial", "delta_e00", "evidence", "lamps", "inputs", "onnx", "captured",
+        "added", "place", *CHANNELS, *(f"{colour}_std" for colour in CHANNELS),
+    } <= set(columns(Row))  # fmt: skip
+    assert not [name for name in columns(Row) if "gps" in name or "photo" in name]
+    assert plain().key

@@ -1,0 +1,352 @@
+"""A manifest into the registry: streamed, resumed without reading, duplicates known, the poisonous put aside."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from camssf import cli
+from camssf.errors import InvalidArgument
+
+pytest.importorskip("duckdb", reason="duckdb is not here")
+
+from camssf.fleet import stream
+from camssf.fleet.manifest import Item, Manifest
+from camssf.fleet.registry import Registry, connection
+from camssf.fleet.rows import Task
+from camssf.fleet.stream import Done, Summary, run_stream
+
+OPTIONS = {"basis": "cameras", "engine": "onnx", "lens_shading": "as-stored"}
+HEADER = "name,photo,lamp,white,dark,chart,serial,site"
+HERE = Path(__file__).parent
+
+
+def stub(item: Item, folder: Path, pages: bool) -> Done:
+    """In place of the calibration, in the other process: what the photo says is what happens."""
+    photo = Path(item.job.photos[0])
+    text = photo.read_text()
+    with open(photo.parent / "visits", "a") as file:
+        file.write(f"{item.job.name}\n")
+    if text.startswith("dies"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if text == "bug":
+        raise RuntimeError("two\nlines")
+    if text == "wrong":
+        raise InvalidArgument("The lamp is none.", "Name one.")
+    document = json.loads((photo.parent / f"template-{text == 'refused'}.json").read_text("utf-8"))
+    document["camera"]["model"] = text
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "result.json").write_text(json.dumps(document), "utf-8")
+    return Done(document["verdict"]["status"])
+
+
+def slow(item: Item, folder: Path, pages: bool) -> Done:
+    time.sleep(0.4)
+    return stub(item, folder, pages)
+
+
+@pytest.fixture(scope="module")
+def templates() -> dict[str, str]:
+    from test_report import document, refused
+
+    return {"template-False.json": json.dumps(document()), "template-True.json": json.dumps(refused())}
+
+
+class Desk:
+    """A folder with photos, a manifest, an archive and a registry."""
+
+    def __init__(self, home: Path, templates: dict[str, str]) -> None:
+        self.home = home
+        for name, text in templates.items():
+            (home / name).write_text(text, "utf-8")
+
+    def write(self, rows: list[str], photos: dict[str, str], header: str = HEADER) -> None:
+        for name, text in photos.items():
+            (self.home / name).write_text(text)
+        (self.home / "manifest.csv").write_text("\n".join([header, *rows]) + "\n", "utf-8")
+
+    def run(self, **more: Any) -> Summary:
+        manifest = Manifest(self.home / "manifest.csv", OPTIONS)
+        registry = Registry(self.home / "phones", new=True)
+        return run_stream(manifest, self.home / "out", registry, **{"workers": 1, "work": stub, **more})
+
+    def rows(self, columns: str = "name, model, status") -> list[dict[str, Any]]:
+        return Registry(self.home / "phones").query(f"SELECT {columns} FROM rows ORDER BY name")
+
+    def tasks(self) -> dict[str, str]:
+        found = Registry(self.home / "phones").query("SELECT name, status FROM rows", table=Task)
+        return {each["name"]: each["status"] for each in found}
+
+    def visits(self) -> Counter[str]:
+        file = self.home / "visits"
+        return Counter(file.read_text().split()) if file.exists() else Counter()
+
+
+@pytest.fixture
+def desk(tmp_path: Path, templates: dict[str, str]) -> Desk:
+    return Desk(tmp_path, templates)
+
+
+# The manifest
+
+
+def items(path: Path) -> list[Item]:
+    return list(Manifest(path, OPTIONS))
+
+
+def test_it_reads_what_the_other_reads(tmp_path: Path) -> None:
+    from camssf.fleet.run import read_manifest
+
+    for data in (
+        b"name,photo,lamp,white,dark,chart\ncam,day.dng,D:5500,wd.dng,,nano24:mine.csv\ncam,b.dng,A,none,,\nx,y,D55,,,\n",
+        "\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n".encode(),
+        b'name,photo,lamp\n"a, ""b""\nc",p,D55\n',
+        b"name,photo,lamp\nlong,a,D55,x\nno photo,,D55\n,a,D55\n",
+    ):
+        (tmp_path / "mine.csv").write_text("")
+        manifest = tmp_path / "manifest.csv"
+        manifest.write_bytes(data)
+        found = [item.job for item in items(manifest)]
+        for mine, other in zip(found, read_manifest(manifest), strict=True):
+            assert {**vars(mine), "folder": ""} == {**vars(other), "folder": ""}
+
+
+def test_parquet_and_further_columns(tmp_path: Path) -> None:
+    text = (
+        "name,photo,lamp,serial,captured,site,n\ncam,a.dng,D55,S1,2026-01-02,lab,1\ncam,b.dng,A,S1,2026-01-02,lab,1\n"
+    )
+    (tmp_path / "m.csv").write_text(text + "other,c.dng,A,,,,\n")
+    with connection() as con:
+        con.execute(
+            f"COPY (SELECT * FROM read_csv('{tmp_path}/m.csv', all_varchar = true)) TO '{tmp_path}/m.parquet' "
+            "(FORMAT parquet)"
+        )
+    one, two = items(tmp_path / "m.csv"), items(tmp_path / "m.parquet")
+    assert one == two
+    assert one[0].unit == ("S1", "", "", "2026-01-02")
+    assert one[0].extra == (("site", "lab"), ("n", "1"))
+    assert len(one[0].job.photos) == 2
+    assert (one[1].unit, one[1].extra) == (("", "", "", ""), ())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("m.csv", None, "cannot be read"), ("m.csv", b"", "lacks the column"), ("m.csv", b"name,photo\n", "lamp"),
+        ("m.csv", b"name,photo,lamp\n", "no rows"), ("m.csv", b"name,photo,lamp,lamp\n", "doubled"),
+        ("m.csv", b"name,photo,lamp\n\xff\xfe,x,y\n", "cannot be read"), ("m.parquet", None, "cannot be read"),
+        ("m.csv", b"name,photo,lamp\n" + b"x" * 2_000_000, "too long"), ("m.parquet", b"PAR1xPAR1", "cannot be read"),
+    ],
+)  # fmt: skip
+def test_a_manifest_without_sense(tmp_path: Path, name: str, content: bytes | None, words: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InvalidArgument, match=words):
+        items(tmp_path / name)
+
+
+def test_faults_of_rows(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text(
+        "name,photo,lamp,captured\na,x,D55,\nb,x,D55,soon\na,y,D55,\nc,x,D55,,,\n,x,D55,\nd,,D55,\ne,x,D55,\n"
+    )
+    found = [item.job.fault for item in items(tmp_path / "m.csv")]
+    for fault, words in zip(
+        found, ("", "no time", "stand together", "more fields", "no name", "no photo", ""), strict=True
+    ):
+        assert (words in fault) if words else not fault
+
+
+def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("1")
+    (tmp_path / "lamp.csv").write_text("1")
+    (tmp_path / "m.csv").write_text("name,photo,lamp,chart\ncam,a,lamp.csv,nano24:lamp.csv\n")
+
+    def task(**options: str) -> str:
+        (found,) = Manifest(tmp_path / "m.csv", OPTIONS | options)
+        return found.task
+
+    seen = [task()]
+    assert task() == seen[0]
+    seen.append(task(basis="gaussian"))
+    (tmp_path / "a").write_text("12")
+    seen.append(task())
+    os.utime(tmp_path / "lamp.csv", (1, 1))
+    seen.append(task())
+    (tmp_path / "m.csv").write_text("name,photo,lamp,chart\ncam,a,lamp.csv,\n")
+    seen.append(task())
+    (tmp_path / "m.csv").write_text("name,photo,lamp,chart,serial\ncam,a,lamp.csv,,9\n")
+    seen.append(task())
+    assert len(set(seen)) == len(seen)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="in other units elsewhere")
+def test_a_million_rows_are_streamed(tmp_path: Path) -> None:
+    """The first job at once; the names alone are remembered."""
+    with open(tmp_path / "m.csv", "w") as file:
+        file.write("name,photo,lamp\n")
+        file.writelines(f"cam{i},p{i}.dng,D55\n" for i in range(1_000_000))
+    begun = time.perf_counter()
+    next(iter(Manifest(tmp_path / "m.csv", OPTIONS)))
+    assert time.perf_counter() - begun < 2.0
+    code = (
+        "import resource, sys\nfrom itertools import islice\nfrom camssf.fleet.manifest import Manifest\n"
+        "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        f"rows = iter(Manifest({str(tmp_path / 'm.csv')!r}, {OPTIONS!r}))\n"
+        "next(rows); before = kilobytes(); n = sum(1 for _ in islice(rows, 50_000)); print(n, kilobytes() - before)"
+    )
+    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    count, held = map(int, done.stdout.split())
+    assert count == 50_000
+    assert held < 10_000  # kB: 200 MB for a million names
+
+
+# The work
+
+
+def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
+    rows = ["good,a,D55,,,,S1,lab", "bug,b,D55,,,,,", "wrong,w,D55,,,,,", "refused,d,D55,,,,,", "lost,none,D55,,,,,"]
+    desk.write([*rows, "again,a2,D55,,,,S1,lab", "fault,,D55,,,,,"],
+               {"a": "Phone", "b": "bug", "w": "wrong", "d": "refused", "a2": "Phone"})  # fmt: skip
+    first = desk.run()
+    expected = {"good": "doubtful", "bug": "failed", "wrong": "refused", "refused": "refused", "lost": "failed"}
+    assert desk.tasks() == expected | {"again": "doubtful", "fault": "refused"}
+    assert (first.total, first.resumed, first.duplicates, first.failed) == (7, 0, 1, 5)
+    assert [each["name"] for each in desk.rows()] == ["good", "refused"]
+    (good, _) = desk.rows("name, serial, extra, place, made_from, key")
+    assert (good["serial"], json.loads(good["extra"])) == ("S1", {"site": "lab"})
+    assert (desk.home / "out" / good["place"]).is_file()
+    assert desk.visits() == {"good": 1, "bug": 1, "wrong": 1, "refused": 1}  # `again` is a duplicate, by its contents
+    second = desk.run()
+    assert (second.resumed, second.duplicates, second.total) == (3, 0, 7)
+    assert desk.visits() == {"good": 1, "bug": 2, "wrong": 2, "refused": 1}
+    assert second.by_status == first.by_status
+    (desk.home / "a").write_text("Phone 2")
+    third = desk.run()
+    assert (third.resumed, desk.visits()["good"]) == (2, 2)
+    assert sorted(each["model"] for each in desk.rows()) == ["Phone", "Phone 2", "refused"]
+
+
+def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.run()
+    (file,) = (desk.home / "out").glob("*/*/result.json")
+    whole = file.read_bytes()
+    file.write_bytes(whole[:1000])
+    shutil.rmtree(desk.home / "phones")
+    assert desk.run().by_status == {"doubtful": 1}
+    assert file.read_bytes() == whole
+    assert desk.visits() == {"one": 2}
+    shutil.rmtree(desk.home / "phones")
+    assert desk.run().by_status == {"doubtful": 1}
+    assert desk.visits() == {"one": 2}  # the registry made again from the archive
+    assert len(desk.rows()) == 1
+
+
+def test_a_done_run_begins_no_process(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.run()
+    monkeypatch.setattr(stream, "ProcessPoolExecutor", None)
+    assert desk.run().resumed == 1
+
+
+def test_the_poisonous_is_put_aside(desk: Desk) -> None:
+    """It takes others along once, and is tried alone; then never again until its file is another."""
+    desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
+    found = desk.run(workers=2)
+    assert (found.by_status["failed"], found.total) == (1, 7)
+    assert desk.tasks()["x"] == "failed"
+    assert len(desk.rows()) == 6
+    deaths = desk.visits()["x"]
+    assert deaths == stream.DEATHS
+    again = desk.run(workers=2)
+    assert (again.resumed, again.by_status["failed"], desk.visits()["x"]) == (7, 1, deaths)
+    (desk.home / "x").write_text("Phone x, healed")
+    assert desk.run().by_status["failed"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
+def test_a_run_that_is_killed_is_taken_up(desk: Desk) -> None:
+    """What was in the archive and not yet in the registry is not done again."""
+    desk.write([f"c{i},p{i},D55,,,,," for i in range(12)], {f"p{i}": f"Phone {i}" for i in range(12)})
+    code = (
+        f"import sys; sys.path.insert(0, {str(HERE)!r})\nfrom pathlib import Path\nfrom test_stream import *\n"
+        f"if __name__ == '__main__':\n desk = Desk.__new__(Desk); desk.home = Path({str(desk.home)!r})\n"
+        " desk.run(work=slow)\n"
+    )
+    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
+    with subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": search}) as running:
+        deadline = time.monotonic() + 120
+        while sum(desk.visits().values()) < 5 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        running.kill()
+    before = desk.visits()
+    assert 5 <= sum(before.values()) < 12
+    found = desk.run()
+    assert found.total == 12
+    assert len(desk.rows()) == 12
+    assert max(desk.visits().values()) <= 2
+    assert sum(count - 1 for count in desk.visits().values()) <= 1  # the one that was under way
+
+
+def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+
+    def full(self: Registry, rows: Any) -> None:
+        raise InvalidArgument("No space left.", "Free some.")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Registry, "add", full)
+        with pytest.raises(InvalidArgument, match="No space"):
+            desk.run()
+    assert desk.run().by_status["doubtful"] == 1
+    assert desk.visits() == {"one": 1}  # its result was in the archive
+
+
+def test_progress_tells_rate_and_time(desk: Desk) -> None:
+    desk.write([f"c{i},p{i},D55,,,,," for i in range(5)], {f"p{i}": f"Phone {i}" for i in range(5)})
+    said: list[tuple[str, float]] = []
+    desk.run(progress=lambda words, part: said.append((words, part)))
+    assert said[-1][0].startswith("5 done, ")
+    assert said[-1][1] == 1.0
+
+
+@pytest.mark.slow
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real capture, its twin under another name, and one that is no photo."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["simulate", "--lamp", "D55", "--size", "900x675", "-o", "shots"]) == 0
+    Path("shots/twin.dng").write_bytes(Path("shots/chart.dng").read_bytes())
+    Path("shots/none.dng").write_text("no photo")
+    Path("m.csv").write_text(
+        "name,photo,lamp,serial\na,shots/chart.dng,D55,S1\nb,shots/twin.dng,D55,S1\nc,shots/none.dng,A,\n"
+    )
+    capsys.readouterr()
+    words = ["batch", "m.csv", "-o", "archive", "--registry", "phones", "--workers", "1"]
+    assert cli.main([*words, "--pages"]) == cli.BATCH_FAILED
+    told = json.loads(capsys.readouterr().out)
+    assert (told["total"], told["duplicates"], told["by_status"]["refused"]) == (3, 1, 1)
+    (row,) = Registry("phones").query("SELECT * FROM rows WHERE status <> 'refused'")
+    assert (row["serial"], row["model"]) == ("S1", "Nikon 5100 (NPL)")
+    assert sorted(path.name for path in (Path("archive") / row["place"]).parent.iterdir()) == [
+        "report.html", "result.json", "ssf.csv", "ssf.png",
+    ]  # fmt: skip
+    assert cli.main(words) == cli.BATCH_FAILED
+    assert json.loads(capsys.readouterr().out)["resumed"] == 3
+    assert cli.main(["batch", "m.csv", "-o", "archive", "--pages"]) == InvalidArgument.exit_status
