@@ -21,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 NUMERICAL = {
     "test_basis",
+    "test_choice",
     "test_direct",
     "test_engine",
     "test_evidence",

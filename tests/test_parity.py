@@ -92,6 +92,9 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
     ("signals", "signal, shot 1, patch 19", lambda d: scale(patch(d, 19)["signal"], 0, 1e-9)),
     ("signals", "standard_error", lambda d: scale(patch(d, 1)["standard_error"], 0, 0.5)),
     ("inputs", "table Ohta", lambda d: d["chart"].update(table="Ohta")),
+    ("inputs", "basis gaussian there", lambda d: d.update(basis="gaussian")),
+    ("inputs", "width of the prior 2.0 there", lambda d: d.update(prior_scale=2.0)),
+    ("inputs", "bases weighed phones × 1, phones × 2, cameras × 1 there", lambda d: d["choice"].pop()),
     ("inputs", "model", lambda d: d["hashes"].update(model="2" * 64)),
     ("inputs", "patch 5", lambda d: patch(d, 5).update(used=False)),
     ("inputs", "reflectance_srgb", lambda d: patch(d, 5).update(reflectance_srgb=[0.1, 0.1, 0.1])),
@@ -104,6 +107,8 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
     ("band", "code_covariance: 6 numbers", lambda d: d.update(code_covariance=[0.1] * 6)),
     ("band", "no code_covariance on one", lambda d: d.update(code_covariance=None)),
     ("band", "evidence", lambda d: d.update(evidence=d["evidence"] * (1 + 1e-6))),
+    ("band", "probability of phones × 1", lambda d: d["choice"][0].update(probability=0.5)),
+    ("band", "log_evidence of cameras × 2", lambda d: d["choice"][3].update(log_evidence=1.0)),
     ("gap", "there", lambda d: d.update(gap=[1e-15, 1e-3, 1e-15])),
     ("gap", "layers_gap: 0.001 there", lambda d: d.update(layers_gap=[1e-3])),
     ("gap", "finish_steps: [4] there", lambda d: d.update(finish_steps=[4])),
@@ -142,6 +147,22 @@ def test_a_result_of_before_the_proof(result: Json, shots: Path) -> None:
     for key in ("code_covariance", "evidence", "layers_gap", "finish_steps"):
         del document[key]
     assert first(compared(document, shots)) is None
+
+
+def test_a_result_on_a_told_basis(shots: Path, tmp_path: Path) -> None:
+    """Solved here on the basis that it names, not by a choice; one of before the choice says no more than that."""
+    frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]
+    arguments = ["calibrate", str(shots / "chart.dng"), "--lamp", "D55", *frames, "--basis", "phones"]
+    assert cli.main([*arguments, "-o", str(tmp_path)]) == 0
+    document: Json = json.loads((tmp_path / "result.json").read_text("utf-8"))
+    assert (document["basis"], document["prior_scale"], document["choice"]) == ("phones", 1.0, [])
+    assert first(compared(document, shots)) is None
+    for key in ("prior_scale", "choice"):
+        del document[key]
+    assert first(compared(document, shots)) is None
+    found = first(compared(document | {"prior_scale": 2.0}, shots))
+    assert found is not None
+    assert (found.stage, found.words) == ("inputs", "width of the prior 2.0 there, 1.0 here")
 
 
 def test_another_lamp_there_is_another_curve(result: Json, shots: Path) -> None:

@@ -178,6 +178,13 @@ def _document(lamps: tuple[str, ...]) -> Document:
         "layers_gap": [4.2e-18],
         "finish_steps": [0],
         "evidence": 212.375,
+        "prior_scale": 1.0,
+        "choice": [
+            {"basis": "phones", "prior_scale": 1.0, "log_evidence": 205.5, "probability": 0.02},
+            {"basis": "phones", "prior_scale": 2.0, "log_evidence": 204.25, "probability": 0.0003},
+            {"basis": "cameras", "prior_scale": 1.0, "log_evidence": 212.375, "probability": 0.9727},
+            {"basis": "cameras", "prior_scale": 2.0, "log_evidence": 208.0, "probability": 0.007},
+        ],
         "gamma": [0.05, 0.05, 0.05],
         "l2": 1.0,
         "shots": shots,
@@ -222,7 +229,7 @@ def refused(*, shots: bool = False) -> Document:
     made = document()
     for key in (
         *("ssf", "ssf_std", "code_covariance", "channel_gain", "gap", "layers_gap", "finish_steps", "evidence"),
-        *("gamma", "l2", "scores", "truth"),
+        *("gamma", "l2", "scores", "truth", "prior_scale", "choice"),
     ):
         del made[key]
     for patch in made["shots"][0]["patches"]:
@@ -438,10 +445,24 @@ def test_the_covariance_comes_back_from_its_triangle() -> None:
 
 def test_a_document_of_before_the_proof_is_still_shown() -> None:
     made = document()
-    for key in ("code_covariance", "layers_gap", "finish_steps", "evidence"):
+    for key in ("code_covariance", "layers_gap", "finish_steps", "evidence", "prior_scale", "choice"):
         del made[key]
     assert "The proof:" not in report(made).html
+    assert "Which basis answered" not in report(made).html
     VALIDATOR.validate(made)
+
+
+def test_the_page_says_which_basis_answered() -> None:
+    """With what odds, and why; nothing where the basis was told."""
+    page = report(document()).html
+    assert "<h2>Which basis answered</h2>" in page
+    assert "The signals speak for cameras, 48 : 1 against phones, so it answers alone." in page
+    assert "The file&#x27;s word for the maker" in page
+    assert "With a probability of 0.7 % the camera lies further out" in page
+    assert '<th scope="row">phones</th><td>2</td><td>\u22128.1</td><td>&lt; 0.1 %</td>' in page
+    assert '<th scope="row">cameras</th><td>1</td><td>0.0</td><td>97.3 %</td>' in page
+    assert "Which basis answered" not in report(document() | {"choice": []}).html
+    assert "Which basis answered" not in report(refused()).html
 
 
 @pytest.mark.parametrize(

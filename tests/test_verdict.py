@@ -18,6 +18,7 @@ from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
+    CONDEMNED,
     RIVAL,
     SUSPECT,
     Fatal,
@@ -375,9 +376,13 @@ def test_curves_that_no_camera_has() -> None:
 
 
 def rivalled(told: str, rivals: tuple[str, ...]) -> Scene:
+    """A photo under A, named otherwise; gains by the evidence of the answers themselves."""
     scene = Scene(clean("A"), lamps=(told,))
+    own = scene.ssf.log_evidence or 0.0
     lamps = [read_lamp(name) for name in rivals]
-    scene.rivals = tuple(Rival(0, lamp.name, scene.surprise(scene.answer([lamp]), [lamp]).weighted) for lamp in lamps)
+    scene.rivals = tuple(
+        Rival(0, lamp.name, (scene.answer([lamp]).log_evidence or 0.0) - own) for lamp in lamps
+    )  # fmt: skip
     return scene
 
 
@@ -387,6 +392,23 @@ def test_another_lamp_fits_far_better() -> None:
     assert "fits 2856K far better than D65" in reason.message
     assert reason.value is not None
     assert reason.value > RIVAL
+
+
+@pytest.mark.parametrize(
+    ("gains", "said"),
+    [
+        ((5.0,), 100 / (1 + 19 / np.exp(5.0))),  # odds e⁵, 1 : 19 beforehand
+        ((5.0, -np.inf, -np.inf), 100 / (1 + 3 * 19 / np.exp(5.0))),  # shared by three lamps beforehand
+        ((1500.0, 900.0), 100.0),
+    ],
+)
+def test_the_probability_of_another_lamp(gains: tuple[float, ...], said: float) -> None:
+    """By hand from MISNAMED = 1/20, which all rivals of the shot share."""
+    scene = Scene(clean())
+    scene.rivals = tuple(Rival(0, f"lamp {i}", gain) for i, gain in enumerate(gains))
+    (reason,) = scene.judged().reasons
+    assert f"with a probability of {said:.0f}% the lamp is not the one named" in reason.message
+    assert isinstance(reason, Fatal) == (gains[0] > CONDEMNED)
 
 
 def test_the_right_lamp_has_no_rival() -> None:

@@ -484,7 +484,7 @@ def _choice_section(document: Json) -> str:
 
 def _percent(share: float) -> str:
     """A probability; beyond a thousandth of 0 or 1 only that it is."""
-    return "< 0.1 %" if 0.0 <= share < 1e-3 else "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
+    return "&lt; 0.1 %" if share < 1e-3 else "&gt; 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 
 def _budget_section(document: Json) -> str:

@@ -1,0 +1,441 @@
+"""The choice between phones and cameras: probabilities by hand, mixtures by Monte Carlo, and what the verdict makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.calibration import solve
+from camssf.curves.basis import read_basis
+from camssf.curves.choice import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, probabilities, recover
+from camssf.curves.covariance import DRIFT
+from camssf.curves.evidence import Evidence
+from camssf.curves.predict import predict
+from camssf.curves.ssf import Ssf, answer
+from camssf.documents.choice import choice_of, odds_in_words
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.evidence.problem import believed, pose_problem
+from camssf.evidence.rivals import weigh_rivals
+from camssf.evidence.verdict import RIVALS, Rival, judge
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
+from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.patches import PatchMeans
+from camssf.rules import rules
+from camssf.spectra import read_chart, read_lamp
+from golden.reading import resolve
+from golden.scenes import BETWEEN, ODD, PHONE
+from tests.problems import measured_cameras, theory
+from tests.test_verdict import BLACK, Scene, frame, pose
+
+TABLE = read_chart("classic24")
+SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+FAIR = np.zeros(2)
+"""ln of beliefs that prefer nothing."""
+
+
+def told(camera: Floats, *lamps: str, patches: int = 24, noise: float = 0.002) -> Evidence:
+    light = np.stack([read_lamp(name).values for name in lamps])
+    chart = TABLE.values[:patches]
+    y = np.stack([theory(chart, each, camera) for each in light])
+    error = np.hypot(noise * y, 0.0005)
+    y = y + error * np.random.default_rng(4).normal(size=y.shape)
+    return Evidence(y, chart, light, standard_error=error, chart_tolerance=0.03)
+
+
+@cache
+def between() -> Evidence:
+    """Signals that neither basis wins."""
+    return told(resolve(BETWEEN), "D55", patches=12, noise=0.005)
+
+
+def shares(ssf: Ssf) -> dict[str, float]:
+    return {name: sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES}
+
+
+# -- probabilities ------------------------------------------------------------------------------------------------
+
+
+def test_probabilities_add_up_however_large_the_evidence() -> None:
+    assert probabilities(np.array([0.0, np.log(3.0)])) == pytest.approx([0.25, 0.75])
+    far = probabilities(np.array([-5000.0, 800.0, 800.0]))
+    assert far == pytest.approx([0.0, 0.5, 0.5])
+    for camera in (resolve(PHONE), resolve(BETWEEN), measured_cameras()["Nikon D5100"]):
+        found = recover(told(camera, "D55"))
+        assert sum(weight.probability for weight in found.choice) == pytest.approx(1.0, abs=1e-12)
+        assert [(w.basis, w.prior_scale) for w in found.choice] == [(b, s) for b in FAMILIES for s in SCALES]
+
+
+def test_the_probabilities_are_evidence_times_belief() -> None:
+    """By hand from four single answers: 19 : 1 for the basis's own width, odds of a family as they are told."""
+    given = between()
+    found = recover(given, prior={"phones": 5.0})
+    evidence = {(b, s): answer(given, b, prior_scale=s).log_evidence or 0.0 for b in FAMILIES for s in SCALES}
+    belief = {"phones": 5.0, "cameras": 1.0}
+    most = max(evidence.values())
+    raw = {
+        key: np.exp(value - most) * belief[key[0]] * (UNUSUAL if key[1] > 1 else 1 - UNUSUAL)
+        for key, value in evidence.items()
+    }
+    for weight in found.choice:
+        key = weight.basis, weight.prior_scale
+        assert weight.log_evidence == evidence[key]
+        assert weight.probability == pytest.approx(raw[key] / sum(raw.values()), rel=1e-12)
+
+
+def test_a_told_basis_is_no_choice() -> None:
+    given = between()
+    found = recover(given, basis="phones", prior_scale=2.0)
+    assert (found.basis, found.prior_scale, found.choice) == ("phones", 2.0, ())
+    assert (found.values == answer(given, "phones", prior_scale=2.0).values).all()
+    with pytest.raises(InvalidArgument, match="wide"):
+        recover(replace(given, chart_tolerance=np.zeros(12)), basis="gaussian", prior_scale=2.0)
+
+
+# -- who answers --------------------------------------------------------------------------------------------------
+
+
+def pair(apart: float) -> tuple[Evidence, list[Ssf]]:
+    """The answers of both bases, their evidences set `apart` nats from each other."""
+    given = between()
+    first, second = (answer(given, name) for name in FAMILIES)
+    return given, [replace(first, log_evidence=apart), replace(second, log_evidence=0.0)]
+
+
+def test_two_equal_evidences_are_half_and_half() -> None:
+    """Mean of the curves; variance by hand: the mean of both plus a quarter of the squared distance."""
+    given, (first, second) = pair(0.0)
+    found = choose(given, [first, second], FAIR)
+    assert [weight.probability for weight in found.choice] == [0.5, 0.5]
+    (s1, d1), (s2, d2) = first.peak(), second.peak()
+    assert d1 is not None
+    assert d2 is not None
+    mean = (s1 + s2) / 2
+    top = mean.max(axis=0)
+    values, std = found.peak()
+    assert values == pytest.approx(mean / top, abs=1e-12)
+    assert std == pytest.approx(np.sqrt((d1**2 + d2**2) / 2 + (s1 - s2) ** 2 / 4) / top, abs=1e-12)
+    assert np.abs(s1 - s2).max() > 0.02  # they do differ
+    # scaled as every answer is, and predicting by its own curves
+    white = given.white_reflectance * given.lamp[0] * 0.5
+    assert white @ found.values == pytest.approx(np.ones(3), rel=1e-12)
+    assert found.predicted[0] == pytest.approx(theory(TABLE.values[:12], given.lamp[0], mean), rel=1e-12)
+    assert (found.gap == np.maximum(first.gap, second.gap)).all()
+
+
+def test_odds_of_twenty_answer_alone() -> None:
+    given, (first, second) = pair(np.log(CLEAR) + 1e-9)
+    alone = choose(given, [first, second], FAIR)
+    assert (alone.values == first.values).all()
+    assert (alone.std == first.std).all()  # type: ignore[union-attr]
+    assert alone.choice[1].probability == pytest.approx(1 / 21, rel=1e-6)  # what was weighed is told all the same
+    given, (first, second) = pair(np.log(CLEAR) - 1e-3)
+    mixed = choose(given, [first, second], FAIR)
+    assert mixed.basis == "phones"
+    assert np.abs(mixed.peak()[0] - first.peak()[0]).max() > 1e-4
+    given, (first, second) = pair(-np.log(CLEAR) - 1e-9)
+    assert (choose(given, [first, second], FAIR).values == second.values).all()
+
+
+def test_the_widths_of_a_winner_are_mixed() -> None:
+    given = between()
+    own, wide, other = answer(given, "phones"), answer(given, "phones", prior_scale=2.0), answer(given, "cameras")
+    evidences = (10.0, 10.0 + np.log(3.0), 0.0)
+    answers = [replace(each, log_evidence=e) for each, e in zip((own, wide, other), evidences, strict=True)]
+    found = choose(given, answers, np.zeros(3))
+    assert (found.basis, found.prior_scale) == ("phones", 2.0)
+    mean = 0.25 * own.peak()[0] + 0.75 * wide.peak()[0]
+    assert found.peak()[0] == pytest.approx(mean / mean.max(axis=0), abs=1e-12)
+
+
+def test_each_family_is_known_by_its_own() -> None:
+    assert shares(recover(told(resolve(PHONE), "D55", "A")))["phones"] > 0.95
+    assert shares(recover(told(measured_cameras()["Nikon D5100"], "D55", "A")))["cameras"] > 0.95
+    odd = recover(told(resolve(ODD), "D55", "A"))
+    assert odd.prior_scale == SCALES[1]
+    assert sum(weight.probability for weight in odd.choice if weight.prior_scale > 1) > 0.99
+
+
+@pytest.mark.parametrize("camera", ["phone", "between", "odd"])
+def test_the_model_chooses_as_the_reference_does(camera: str) -> None:
+    given = {
+        "phone": told(resolve(PHONE), "D55", "A"),
+        "between": between(),
+        "odd": told(resolve(ODD), "D55"),
+    }[camera]
+    onnx, reference = (recover(given, engine=engine, prior={"cameras": 2.0}) for engine in ("onnx", "reference"))
+    assert (onnx.engine, reference.engine) == ("onnx", "reference")
+    assert (onnx.basis, onnx.prior_scale) == (reference.basis, reference.prior_scale)
+    for ours, theirs in zip(onnx.choice, reference.choice, strict=True):
+        assert ours.log_evidence == pytest.approx(theirs.log_evidence, rel=1e-10)
+        assert ours.probability == pytest.approx(theirs.probability, abs=1e-8)
+    assert onnx.values == pytest.approx(reference.values, abs=1e-9 * reference.values.max())
+    assert onnx.std == pytest.approx(reference.std, abs=1e-9 * reference.values.max())
+
+
+def test_predictions_stand_on_the_answer_s_own_basis() -> None:
+    given = told(resolve(PHONE), "D55", "A")
+    found = recover(given)
+    assert found.basis == "phones"
+    own, other = (predict(found, given, basis=name).std for name in ("phones", "cameras"))
+    assert (predict(found, given).std == own).all()
+    assert np.abs(own - other).max() > 1e-3 * own.max()
+
+
+# -- Monte Carlo ----------------------------------------------------------------------------------------------------
+
+
+DRAWN = 300
+"""Captures of the Monte Carlo: ten seconds."""
+
+
+@cache
+def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
+    """Family, true curves at peak 1 and answer, of captures drawn from the model itself: a family by a coin, a code
+    from its prior, what the rows are told may be off (noise, light that drifts), six patches so that few are clear."""
+    rng = np.random.default_rng(20)
+    chart, lamp = TABLE.values[[14, 13, 12, 18, 15, 17]], read_lamp("D55").values
+    found = []
+    for _ in range(count):
+        family = FAMILIES[int(rng.integers(2))]
+        basis = read_basis(family)
+        code = rng.normal(size=(3, basis.dictionary.shape[2]))
+        camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
+        y = theory(chart, lamp, camera)
+        error = np.hypot(0.005 * y, 0.001)
+        y = y * (1 + DRIFT * rng.normal()) + error * rng.normal(size=y.shape)
+        given = Evidence(y, chart, lamp, standard_error=error, chart_tolerance=0.0, white_tolerance=0.0)
+        found.append((family, camera / camera.max(axis=0), recover(given)))
+    return found
+
+
+def test_bands_of_mixtures_hold() -> None:
+    """Where both answers count, 95 % bands hold the truth in 93 to 98 % of all wavelengths, and their error has the
+    size that they say; without the distance between the answers in them they would not."""
+    mixed = [(truth, found) for _, truth, found in drawn(DRAWN) if max(shares(found).values()) < CLEAR / (1 + CLEAR)]
+    assert len(mixed) > DRAWN / 8
+    inside, ratio = [], []
+    for truth, found in mixed:
+        curves, std = found.peak()
+        assert std is not None
+        off = np.abs(curves - truth)[SEEN]
+        inside.append((off <= 1.96 * std[SEEN]).mean())
+        ratio.append(np.sum(off**2) / np.sum(std[SEEN] ** 2))
+    assert 0.93 <= np.mean(inside) <= 0.98
+    assert np.sqrt(np.mean(ratio)) == pytest.approx(1.0, abs=0.12)
+
+
+def test_probabilities_are_as_often_right_as_they_say() -> None:
+    """Of captures drawn half and half: what is said of phones, on average, is their share where it is said."""
+    said = np.array([shares(found)["phones"] for _, _, found in drawn(DRAWN)])
+    true = np.array([family == "phones" for family, _, _ in drawn(DRAWN)])
+    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 1.0)):
+        here = (said >= low) & (said <= high)
+        chance = np.sqrt(np.sum(said[here] * (1 - said[here]))) / here.sum()
+        assert abs(said[here].mean() - true[here].mean()) < 3 * chance + 0.02, (low, here.sum())
+
+
+# -- the maker ------------------------------------------------------------------------------------------------------
+
+
+def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
+    """Beginnings of names, any case; the odds it moves are 20, never more, whatever the signals say."""
+    assert believed("Apple") == believed("apple inc.") == {"phones": CLEAR}
+    assert believed("NIKON CORPORATION") == {"cameras": CLEAR}
+    for silent in ("", "samsung", "Sony", "A maker of whom nobody knows", "x apple"):
+        assert believed(silent) == {}
+    names = [name for makers in rules().makers.values() for name in makers]
+    assert len(set(names)) == len(names)
+    assert set(rules().makers) == set(FAMILIES)
+    for name in names:
+        (odds,) = believed(name).values()
+        assert odds == CLEAR == 20.0
+    given = between()
+
+    def odds_of(make: str) -> float:
+        share = shares(recover(given, prior=believed(make)))
+        return share["phones"] / share["cameras"]
+
+    assert odds_of("Apple") / odds_of("") == pytest.approx(20.0)
+    assert odds_of("") / odds_of("Canon") == pytest.approx(20.0)
+
+
+def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = None, make: str = "") -> Capture:
+    """A photon counter's photos with white and dark frame, measured exactly."""
+    photo = Photo("x.dng", 600, 400, 1, None, None, False, make, "x", "0" * 64)
+    shots = []
+    for number, (light, name) in enumerate(zip(true, named or true, strict=True)):
+        clean = frame(theory(TABLE.values, read_lamp(light).values, camera))
+        noise = clean.standard_error * np.random.default_rng([1, number]).normal(size=(24, 3))
+        means = PatchMeans(
+            replace(clean, mean=clean.mean + noise), frame(np.ones((24, 3))), frame(np.zeros((24, 3))),
+            np.full(3, BLACK), 16383.0,
+        )  # fmt: skip
+        shots.append(Shot(read_lamp(name), photo, photo, photo, pose(), means, None))
+    return Capture(tuple(shots), TABLE, None)
+
+
+def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
+    """Four lamps tell so clearly that the maker's 20 : 1 does not carry; the same file of a phone is accepted."""
+    lamps = ["D55", "A", "LED-B3", "FL2"]
+    other = solve(capture(resolve(PHONE), lamps, make="NIKON CORPORATION"))
+    assert other.ssf.basis == "phones"
+    assert other.verdict.status == "doubtful"
+    (reason,) = other.verdict.reasons
+    assert reason.code == "camera_unusual"
+    assert reason.value is not None
+    assert reason.value == pytest.approx(shares(other.ssf)["phones"])
+    for make in ("Apple", ""):
+        assert solve(capture(resolve(PHONE), lamps, make=make)).verdict.status == "accepted"
+
+
+def test_a_camera_beyond_both_is_unusual() -> None:
+    """Narrow filters, half-way to those of `ODD`: no lamp would explain them better, so there is an answer."""
+    narrow = {"bells": [[[1.0, 622, 22]], [[1.0, 553, 27]], [[1.0, 447, 21]]]}
+    found = solve(capture(resolve(narrow), ["D55"]))
+    assert found.verdict.status == "doubtful"
+    assert found.ssf.prior_scale == SCALES[1]
+    reason = next(reason for reason in found.verdict.reasons if reason.code == "camera_unusual")
+    assert reason.value == pytest.approx(sum(w.probability for w in found.ssf.choice if w.prior_scale > 1))
+
+
+def test_a_told_basis_is_nobody_s_surprise() -> None:
+    """Who names the basis has chosen: the maker is not held against it."""
+    found = solve(capture(resolve(PHONE), ["D55", "A"], make="Canon"), options=Options(basis="phones"))
+    assert found.ssf.choice == ()
+    assert found.verdict.status == "accepted"
+
+
+def test_what_follows_stands_on_the_basis_that_answered() -> None:
+    """Folds and single shots are solved on it: no second choice, whose answers would not compare."""
+    shot = capture(resolve(PHONE), ["D55", "A"])
+    problem = pose_problem(shot, Options())
+    whole = problem.solve(problem.signals.used, None)
+    settled = problem.settled(whole)
+    assert (problem.basis, settled.basis, settled.prior_scale) == ("auto", "phones", 1.0)
+    part = settled.solve(problem.signals.used & (np.arange(24) % 4 > 0), None)
+    assert (part.basis, part.prior_scale, part.choice) == ("phones", 1.0, ())
+
+
+# -- rivals ---------------------------------------------------------------------------------------------------------
+
+
+def counted(scene: Scene, calls: list[int], **changes: Any) -> Any:
+    """`judge` with rivals that are only found when asked for."""
+
+    def ask() -> tuple[Rival, ...]:
+        calls.append(1)
+        return (Rival(0, "A", 9.0),)
+
+    scene.rivals = ask  # type: ignore[assignment]
+    return scene.judged(**changes)
+
+
+def test_a_refused_capture_asks_for_no_rivals() -> None:
+    calls: list[int] = []
+    clean = theory(TABLE.values, read_lamp("D55").values, measured_cameras()["Nikon D5100"])
+    fogged = counted(Scene(0.6 * clean + 0.4), calls)
+    assert fogged.status == "refused"
+    assert not calls
+    assert not any("fits" in reason.message for reason in fogged.reasons)
+    doubted = counted(Scene(clean), calls)
+    assert doubted.status == "doubtful"
+    assert calls == [1]
+    assert any("fits A far better" in reason.message for reason in doubted.reasons)
+
+
+def test_rivals_asked_for_are_those_given() -> None:
+    scene = Scene(theory(TABLE.values, read_lamp("D55").values, measured_cameras()["Nikon D5100"]))
+    scene.rivals = (Rival(0, "A", 9.0), Rival(0, "FL2", 3.0))
+    given = scene.judged()
+    gains = scene.rivals
+    scene.rivals = lambda: gains  # type: ignore[assignment]
+    assert scene.judged() == given
+    assert judge.__kwdefaults__["rivals"] == ()
+
+
+def test_gains_are_evidence_on_the_narrow_prior() -> None:
+    """Each by hand: the evidence of the same signals under the other lamp less that under the named one."""
+    shot = capture(resolve(PHONE), ["D55"], ["D65"])
+    problem = pose_problem(shot, Options(basis="phones"))
+    found = weigh_rivals(problem, problem.solve(problem.signals.used, None))
+    assert [(rival.shot, rival.lamp) for rival in found] == [(0, name) for name in RIVALS]
+    narrow = rules().number("verdict.narrow")
+
+    def evidence(name: str) -> float:
+        lamp = read_lamp(name)
+        other = Capture((replace(shot.shots[0], lamp=lamp),), TABLE, None)
+        problem = pose_problem(other, Options())
+        found = answer(problem.given(problem.signals.used), "phones", prior_scale=narrow, engine="reference")
+        assert found.log_evidence is not None
+        return found.log_evidence
+
+    for rival in found[::5]:
+        assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D65"), abs=1e-6)
+
+
+def test_lamps_of_a_phone() -> None:
+    """Right ones stand, a wrong one of another technique is doubted, a grossly wrong one refused."""
+    phone = resolve(PHONE)
+    for lamp in ("D55", "D65", "A", "LED-B3", "FL2"):
+        assert solve(capture(phone, [lamp], make="Apple")).verdict.status == "accepted", lamp
+    doubted = solve(capture(phone, ["LED-B3"], ["D55"], make="Apple")).verdict
+    assert doubted.status == "doubtful"
+    (reason,) = [reason for reason in doubted.reasons if "fits" in reason.message]
+    assert "fits LED-B3 far better than D55; with a probability of" in reason.message
+    for true, named in (("A", "D55"), ("A", "FL2"), ("D65", "FL2")):
+        with pytest.raises(LampUnfit, match=rf"far better than {named}"):
+            solve(capture(phone, [true], [named], make="Apple"))
+
+
+# -- in words -------------------------------------------------------------------------------------------------------
+
+
+def weighed(*weights: tuple[str, float, float, float]) -> dict[str, Any]:
+    names = ("basis", "prior_scale", "log_evidence", "probability")
+    return {"choice": [dict(zip(names, each, strict=True)) for each in weights]}
+
+
+def test_odds_in_words() -> None:
+    assert [odds_in_words(odds) for odds in (1.25, 9.96, 240.4, 12345.6, 1e7, np.inf)] == [
+        "1.2 : 1", "10.0 : 1", "240 : 1", "12,346 : 1", "more than a million : 1", "more than a million : 1",
+    ]  # fmt: skip
+
+
+def test_the_choice_in_words() -> None:
+    """Odds, what the maker had in them, and the wide prior: from the document alone."""
+    p = 1.0 / (1.0 + 30.0)
+    found = choice_of(weighed(("phones", 1.0, 100.0, 30 * p), ("cameras", 1.0, 100.0 - np.log(1.5), p)))
+    assert found is not None
+    assert (found.basis, found.odds, found.believed) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
+    assert found.words == (
+        "The signals speak for phones, 30 : 1 against cameras, so it answers alone.",
+        "The file's word for the maker is in these odds: 20 : 1 for phones.",
+    )
+    half = choice_of(weighed(("phones", 1.0, 5.0, 0.4), ("phones", 2.0, 4.0, 0.1), ("cameras", 1.0, 5.0, 0.5)))
+    assert half is not None
+    assert half.wide == pytest.approx(0.1)
+    assert "mixed by their probabilities" in half.words[0]
+    assert "With a probability of 10.0 %" in half.words[-1]
+    outweighed = choice_of(weighed(("phones", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
+    assert outweighed is not None
+    assert outweighed.words[1] == "The file's word for the maker is in these odds: 20 : 1 for cameras."
+    assert choice_of({}) is choice_of({"choice": []}) is choice_of(weighed(("phones", 1.0, 0.0, 0.0))) is None
+    one = choice_of(weighed(("phones", 1.0, 0.0, 1.0)))
+    assert one is not None
+    assert one.words == ()
+
+
+def test_the_words_of_a_real_choice() -> None:
+    """From `recover`: odds are those of the probabilities, the maker's word is the 20 that was given."""
+    ssf = recover(between(), prior={"cameras": 20.0})
+    found = choice_of({"choice": [vars(weight) for weight in ssf.choice]})
+    assert found is not None
+    assert found.basis == "cameras"
+    assert found.odds == pytest.approx(shares(ssf)["cameras"] / shares(ssf)["phones"])
+    assert found.believed == pytest.approx(20.0, rel=1e-6)
