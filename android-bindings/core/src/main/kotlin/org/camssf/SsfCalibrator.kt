@@ -53,7 +53,8 @@ public class SsfCalibrator private constructor(
     private var closed = false
 
     /** SHA-256 of the model files by their bases, lower-case hex: of "auto" two. */
-    public val modelHashes: Map<String, String> = Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
+    public val modelHashes: Map<String, String> =
+        Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
     /** SHA-256 of the model file, of "auto" that of phones. */
     @Deprecated("There may be two models. Goes with the next release.", ReplaceWith("modelHashes"))

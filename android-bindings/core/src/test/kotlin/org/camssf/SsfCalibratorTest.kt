@@ -106,7 +106,8 @@ class SsfCalibratorTest {
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val told = document.getValue("choice").jsonArray.map { it.jsonObject }
             val wanted = listOf("phones" to 1.0, "phones" to 2.0, "cameras" to 1.0, "cameras" to 2.0)
-            assertEquals(wanted, told.map { it.getValue("basis").jsonPrimitive.content to numbers(it, "prior_scale") })
+            val bases = told.map { it.getValue("basis").jsonPrimitive.content }
+            assertEquals(wanted, bases.zip(told.map { numbers(it, "prior_scale") }))
             assertEquals(found.ssf.choice.map { it.logEvidence }, told.map { numbers(it, "log_evidence") })
             assertEquals(1.0, told.sumOf { numbers(it, "probability") }, 1e-12)
             assertEquals(found.ssf.basis, document.getValue("basis").jsonPrimitive.content)

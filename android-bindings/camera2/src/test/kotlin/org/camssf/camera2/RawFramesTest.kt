@@ -31,6 +31,7 @@ import org.mockito.Mockito.`when`
 import org.robolectric.RobolectricTestRunner
 import org.robolectric.annotation.Config
 import org.robolectric.shadow.api.Shadow
+import org.robolectric.shadows.ShadowBuild
 import org.robolectric.shadows.ShadowCameraCharacteristics
 import org.robolectric.shadows.ShadowCaptureResult
 import java.nio.ByteBuffer
@@ -98,6 +99,13 @@ class RawFramesTest {
         assertNull(mosaic.colorMatrix2)
         // GRBG: R is position 1, the noisier green position 3, B position 2.
         assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), mosaic.noiseProfile!!, 1e-18)
+    }
+
+    /** By it the calibrator believes in phones or cameras before it looks. */
+    @Test
+    fun `the maker is the phone's own`() {
+        ShadowBuild.setManufacturer("Google")
+        assertEquals("Google", read(image()).mosaic.make)
     }
 
     @Test

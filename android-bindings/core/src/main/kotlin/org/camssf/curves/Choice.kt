@@ -67,7 +67,9 @@ internal object Choice {
      */
     fun choose(known: Known, answers: List<Ssf>, beliefs: List<Double>): Ssf {
         val likely = probabilities(answers.mapIndexed { i, each -> each.logEvidence!! + beliefs[i] })
-        val told = answers.mapIndexed { i, each -> Weight(each.basis, each.priorScale, each.logEvidence!!, likely[i]) }
+        val told = answers.mapIndexed { i, each ->
+            Weight(each.basis, each.priorScale, each.logEvidence!!, likely[i])
+        }
         val share = told.groupBy { it.basis }.mapValues { (_, own) -> own.sumOf { it.probability } }
         val winner = share.maxByOrNull { it.value }!!
         val clear = winner.value >= CLEAR * (1.0 - winner.value)
@@ -115,7 +117,7 @@ internal object Choice {
             .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
         val proof = Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, best.logEvidence)
         val predicted = respond(values, known.reflectance.values, lamp, white)
-        return best.mixed(values, std, predicted to lamp, proof)
+        return best.mixed(values, std, predicted, lamp, proof)
     }
 
     /** An answer at peak 1, and its weight. */

@@ -71,8 +71,9 @@ internal object Recover {
         val positive = penalties.nonnegative ?: paper
         val weight = penalties.l2 ?: if (paper) 0.0 else L2
         val shown = frames ?: bare(y)
+        val (error, known) = evidence.standardError to evidence.known
         fun run(gamma: Double): ModelOutputs =
-            engine.run(ModelInputs(shown, evidence.standardError, evidence.known, weight, gamma, positive, priorScale))
+            engine.run(ModelInputs(shown, error, known, weight, gamma, positive, priorScale))
         checkPenalties(weight, penalties.gamma, engine.basis)
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(evidence, positive, ::run).gammas() else DoubleArray(3) { GAMMA }

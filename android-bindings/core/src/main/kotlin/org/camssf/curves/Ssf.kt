@@ -152,8 +152,14 @@ public class Ssf internal constructor(
         Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
 
     /** The same but for curves and proof: a mixture of which this is the likeliest part. */
-    internal fun mixed(values: DoubleArray, std: DoubleArray?, seen: Pair<DoubleArray, DoubleArray>, proof: Proof): Ssf {
-        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, seen.first, seen.second)
+    internal fun mixed(
+        values: DoubleArray,
+        std: DoubleArray?,
+        predicted: DoubleArray,
+        lamp: DoubleArray,
+        proof: Proof,
+    ): Ssf {
+        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, predicted, lamp)
         return Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
     }
 

@@ -187,7 +187,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "choice" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "ssf", "ssf_std", "predicted", "gap",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "ssf", "ssf_std", "predicted",
+                "gap",
             ),
             "rivals" to setOf("gains"),
             "calibrate" to setOf(
