@@ -1,4 +1,4 @@
-"""The choice between phones and cameras: probabilities by hand, mixtures by Monte Carlo, and what the verdict makes."""
+"""The choice between phones and cameras: probabilities by hand, mixtures by Monte Carlo, and the verdict."""
 
 from __future__ import annotations
 
