@@ -487,8 +487,8 @@ def _choice_cases() -> Iterator[Case]:
     yield choice("undecided", "Between the two under one lamp: both answers are mixed, bands and all.", BETWEEN,
                  ["D55"], patches=TWELVE, noise="usual")  # fmt: skip
     for family, comment in (("cameras", "it answers alone"), ("phones", "it leads, but not by 20 : 1")):
-        yield choice(f"maker-{family}", f"The same, and the file's maker makes {family}: {comment}.", BETWEEN, ["D55"],
-                     {family: 20.0}, patches=TWELVE, noise="usual")  # fmt: skip
+        yield choice(f"maker-{family}", f"The same, and the file's maker makes {family}: {comment}.", BETWEEN,
+                     ["D55"], {family: 20.0}, patches=TWELVE, noise="usual")  # fmt: skip
     yield choice("maker-outweighed", "A phone whose file names a maker of cameras: the signals outweigh 20 : 1.",
                  PHONE, ["D55", "A"], {"cameras": 20.0}, noise="none")  # fmt: skip
     yield choice("wide", "Curves that neither knows: the prior twice as wide is the likelier.", ODD, ["D55", "A"])
@@ -646,7 +646,8 @@ def _calibrate_cases() -> Iterator[Case]:
                     truth=NIKON, rmse=0.08)  # fmt: skip
     yield calibrate("paper", "The paper's basis with a given γ; no band.", [shot], basis="gaussian", gamma=1.0,
                     truth=NIKON, rmse=0.15)  # fmt: skip
-    yield calibrate("auto-camera", "No basis told: the signals choose, and folds and rivals stand on what they chose.",
+    yield calibrate("auto-camera",
+                    "No basis told: the signals choose, and folds and rivals stand on what they chose.",
                     _frames(NIKON, ["D55", "A"]), ["D55", "A"], basis="auto", truth=NIKON, rmse=0.05)  # fmt: skip
     yield calibrate("auto-phone", "The same of a phone, whose file says so.", _frames(PHONE, ["D55", "A"]),
                     ["D55", "A"], basis="auto", make="Apple", truth=PHONE, rmse=0.06)  # fmt: skip

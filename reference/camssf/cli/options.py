@@ -74,7 +74,11 @@ LensShading: TypeAlias = Annotated[
     ),
 ]
 BasisName: TypeAlias = Annotated[
-    str, typer.Option(metavar="NAME", help="auto (phones or cameras, as the signals say), phones, cameras, gaussian (the paper's), or a file.")
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="auto (phones or cameras, as the signals say), phones, cameras, gaussian (the paper's), or a file.",
+    ),
 ]
 Gamma: TypeAlias = Annotated[
     float | None,
@@ -85,9 +89,7 @@ Gamma: TypeAlias = Annotated[
 ]
 L2: TypeAlias = Annotated[
     float | None,
-    typer.Option(
-        "--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0."
-    ),
+    typer.Option("--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0."),
 ]
 Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]
 Fit: TypeAlias = Annotated[

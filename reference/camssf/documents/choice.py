@@ -52,7 +52,7 @@ def choice_of(document: Json) -> Chosen | None:
 
 
 def odds_in_words(odds: float) -> str:
-    """"240 : 1", for people."""
+    """For people, such as 240 : 1."""
     if odds > LARGEST:
         return "more than a million : 1"
     return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
@@ -67,7 +67,8 @@ def _believed(weighed: list[Json], basis: str) -> float | None:
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
     # The widths' own odds cancel only between hypotheses of one width.
-    other = next((e for e in weighed if e["basis"] == other["basis"] and e["prior_scale"] == own["prior_scale"]), None)
+    alike = (each for each in weighed if each["prior_scale"] == own["prior_scale"])
+    other = next((each for each in alike if each["basis"] == other["basis"]), None)
     if other is None or not other["probability"] > 0:
         return None
     said = own["log_evidence"] - other["log_evidence"]
