@@ -1,7 +1,9 @@
-"""What does the verdict catch, and what does it miss? `python -m benchmarks.faults [--quick]`
+"""What does the verdict catch, and what does it miss? `python -m benchmarks.faults [--quick] [--phones CSV]`
 
 Every fault of `camssf.simulation.faults` in every severity, on captures of measured cameras under several lamps,
-solved with a basis learned without the camera's maker (as `benchmarks.accuracy`). Each capture has a real chart and
+solved as the product does it, `auto`, with a basis `cameras` learned without the camera's maker (as
+`benchmarks.accuracy`), or, with the phones' table that may not be passed on, on phones with a basis `phones` learned
+without the phone's maker. The files name no maker. Each capture has a real chart and
 a real lamp: a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the tolerance
 that the solver is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white frame is
 taken; the file's colour matrix is that of the camera's kin, 3 % off a channel. Poses are the true corners, 1 % of a
@@ -30,8 +32,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._common import console, one_thread, progress, save, table, versions
+from benchmarks._common import console, one_thread, progress, save, standing_in, table, versions
 from benchmarks.accuracy import SEEN, left_out
+from benchmarks.phones import PHONES, taught
 from camssf.calibration import calibrate as from_files
 from camssf.calibration import solve
 from camssf.curves.basis import Basis, interpolate
@@ -56,7 +59,7 @@ from camssf.photo.pose import Pose, agreement, find_chart, plain_signals
 from camssf.simulation.faults import FAULTS, SEVERITIES, strike
 from camssf.simulation.frames import Scene, Sensor, Setup, simulate, take, true_pose
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf.tools.learn import maker_of
+from camssf.tools.learn import HANDFUL, maker_of, read_curves
 
 SIZE = (720, 540)
 LAMPS = ("D55", "A", "LED-B3", "D65", "FL2", "3200K", "LED-B5", "D:5000")
@@ -137,6 +140,17 @@ class Tally:
             "rmse_accepted": float(np.mean(rmse)) if rmse else None,
             "codes": sorted(set(codes), key=lambda code: (-codes.count(code), code)),
         }
+
+
+def phones_left_out(path: Path) -> tuple[dict[str, Floats], dict[str, Basis]]:
+    """As `left_out`, of phones: by maker the basis learned from the others' phones."""
+    nodes = read_curves(path)
+    makers = {name: maker_of(name) for name in nodes}
+    bases = {
+        maker: taught(nodes, [name for name in nodes if makers[name] != maker], HANDFUL, PHONES)
+        for maker in sorted(set(makers.values()))
+    }
+    return {name: interpolate(curves) for name, curves in nodes.items()}, bases
 
 
 # captures
@@ -221,16 +235,17 @@ def shoot(staged: Staged, setup: Setup, *, search: bool) -> Shot:
 
 def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
     """Status, codes, RMSE and coverage; the curves of a refused verdict are judged all the same."""
-    capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(basis=basis, engine="reference")
-    try:
-        done = solve(capture, options=options)
-        verdict, ssf = done.verdict, done.ssf
-    except CalibrationError as error:
-        if not error.reasons:
-            return Outcome("refused", (error.code,), None, None, (error.message,))
-        verdict = Verdict("refused", error.reasons)
-        problem = pose_problem(capture, options)
-        ssf = problem.solve(problem.signals.used, None)
+    capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(engine="reference")
+    with standing_in(basis):
+        try:
+            done = solve(capture, options=options)
+            verdict, ssf = done.verdict, done.ssf
+        except CalibrationError as error:
+            if not error.reasons:
+                return Outcome("refused", (error.code,), None, None, (error.message,))
+            verdict = Verdict("refused", error.reasons)
+            problem = pose_problem(capture, options)
+            ssf = problem.solve(problem.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None
@@ -436,9 +451,10 @@ def through_files(
             )  # fmt: skip
             shot = done.shots[0]
             try:
-                result = from_files(
-                    shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(basis=basis)
-                )
+                with standing_in(basis):
+                    result = from_files(
+                        shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(engine="reference")
+                    )
                 status = result.verdict.status
             except CalibrationError:
                 status = "refused"
@@ -474,10 +490,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="two captures a fault instead of eight")
     parser.add_argument("--docs", action="store_true", help="write the numbers and the table into docs/")
     parser.add_argument("--half", choices=("tune", "report"), default="report", help="which makers' cameras")
+    parser.add_argument("--phones", type=Path, help="measured phones, CSV: these instead of the cameras")
     options = parser.parse_args(arguments)
     captures, clean, pairs = (2, 26, 4) if options.quick else (8, 208, 13)
-    cameras, bases = left_out()
-    names = [name for name in cameras if (maker_of(name) in TUNE) == (options.half == "tune")]
+    cameras, bases = phones_left_out(options.phones) if options.phones else left_out()
+    half = "report" if options.phones else options.half
+    names = [name for name in cameras if (maker_of(name) in TUNE) == (half == "tune")]
     out = console()
     total = (
         clean
@@ -493,7 +511,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         def advance() -> None:
             bar.advance(task)
 
-        good, tallies = clean_and_faulty(cameras, bases, options.half, captures, clean, advance)
+        good, tallies = clean_and_faulty(cameras, bases, half, captures, clean, advance)
         pair = two_shots(cameras, bases, names[:: max(1, len(names) // pairs)][:pairs], advance)
         outdoors = field_mode(cameras, bases, names, advance)
         files = through_files(good, bases, advance)
@@ -502,7 +520,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     accepted = [o.covered for o in outcomes if not o.caught]
     accepted += [o.covered for each in tallies.values() for t in each for o in t.outcomes if not o.caught]
     found: dict[str, Any] = {
-        "half": options.half,
+        "half": half,
         "cameras": len(names),
         "captures_a_fault_and_severity": captures,
         "clean": {
@@ -524,7 +542,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     show(found, out)
     if options.docs:
         document(found)
-    name = "faults" if options.half == "report" and not options.quick else f"faults-{options.half}"
+    name = "faults" if half == "report" and not options.quick else f"faults-{half}"
+    name = "faults-phones" if options.phones else name
     out.print(save(name, found | {"versions": versions("scipy", "colour-science")}))
     return 0 if all(each["met"] for each in found["bars"]) else 1
 

@@ -197,7 +197,7 @@ DRAWN = 300
 @cache
 def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
     """Family, true curves at peak 1 and answer, of captures drawn from the model itself: a family by a coin, a code
-    from its prior, what the rows are told may be off (noise, light that drifts), six patches so that few are clear."""
+    from its prior, what the rows are told may be off (noise, light that drifts), six patches; some stay open."""
     rng = np.random.default_rng(20)
     chart, lamp = TABLE.values[[14, 13, 12, 18, 15, 17]], read_lamp("D55").values
     found = []
