@@ -459,7 +459,7 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert run("add", folder, file) == 2
     assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--serial", "x") == 2
     (tmp_path / "revoked").write_text(drawn.id)
-    assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--revoked", tmp_path / "revoked") == 8
+    assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--revoked", tmp_path / "revoked") == 10
     assert not folder.exists()
     assert run("add", folder, file, "--key", tmp_path / PUBLIC) == 0
     (found,) = Registry(folder).query("SELECT * FROM rows")
