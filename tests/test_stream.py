@@ -24,7 +24,7 @@ from camssf.fleet.registry import Registry, connection
 from camssf.fleet.rows import Task
 from camssf.fleet.stream import Done, Summary, run_stream
 
-OPTIONS = {"basis": "cameras", "engine": "onnx", "lens_shading": "as-stored"}
+OPTIONS = {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"}
 HEADER = "name,photo,lamp,white,dark,chart,serial,site"
 HERE = Path(__file__).parent
 
