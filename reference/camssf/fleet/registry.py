@@ -78,13 +78,7 @@ class Registry:
     def __init__(self, folder: Path | str, *, new: bool = False) -> None:
         library()
         self.folder = Path(folder)
-        try:
-            mark = json.loads((self.folder / MARK).read_text("utf-8"))
-            found = mark.get("format") if isinstance(mark, dict) else None
-        except FileNotFoundError:
-            found = FORMAT if new and _empty(self.folder) else None
-        except (OSError, ValueError):
-            found = None
+        found = _format(self.folder, new)
         if found != FORMAT:
             raise InvalidArgument(f"{self.folder} is no registry that camssf knows.", "Name another folder.")
 
@@ -239,6 +233,20 @@ class Registry:
                         f"{path} is damaged.", "Move it away, and add its results again from their archive."
                     ) from error
             raise
+
+
+def _format(folder: Path, new: bool) -> str | None:
+    """What the folder's mark says. Where there is none: FORMAT for a new one with nothing in it, else None."""
+    for _ in range(2):  # another writer may have made it between the two looks: then its mark is there now
+        try:
+            mark = json.loads((folder / MARK).read_text("utf-8"))
+            return str(mark.get("format")) if isinstance(mark, dict) else None
+        except FileNotFoundError:
+            if _empty(folder):
+                return FORMAT if new else None
+        except (OSError, ValueError):
+            return None
+    return None
 
 
 def _empty(folder: Path) -> bool:
