@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from fractions import Fraction
 from importlib import resources
 from pathlib import Path
@@ -24,7 +25,7 @@ from camssf.curves.layers import DEPTH
 from camssf.curves.problem import Problem as Convex
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import LARGEST_GAP
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, Floats
 from tests.problems import random_sensing
 
 
@@ -291,18 +292,8 @@ def test_peers_solve_the_same_problem(nonnegative: bool, recwarn: pytest.Warning
     A, b = identity(12, 6)
     l2, gamma = 1.0, 0.2
     best = np.stack([soft(p, gamma, nonnegative) / 2.0 for p in np.einsum("cnr,cn->cr", A, b)])
-    tried = 0
-    for name, make in PEERS.items():
-        if name == "skglm":
-            continue  # its compiler alone takes longer than this file may
-        try:
-            run = make(A, b, l2, gamma, nonnegative)
-        except Missing:
-            continue
-        assert run() == pytest.approx(best, abs=1e-4), name
-        tried += 1
-    if not tried:
-        pytest.skip("no peer is installed")
+    # skglm's compiler alone takes longer than this file may.
+    _held((name for name in PEERS if name != "skglm"), (A, b, l2, gamma, nonnegative), best)
 
 
 def test_peers_solve_the_one_problem_from_fewer_rows() -> None:
@@ -312,17 +303,22 @@ def test_peers_solve_the_one_problem_from_fewer_rows() -> None:
     R, target = solver.reduced(A, b)
     assert R.shape == (1, 8, 8)
     best = solve(Sensing(A, b, np.eye(40)[None]), 1.0, np.array([0.2])).values
+    _held((*solver.COMPILED, "Clarabel, called directly"), (R, target, 1.0, 0.2, False), best)
+    assert solver.reduced(R, target)[0] is R
+
+
+def _held(names: Iterable[str], posed: tuple[Floats, Floats, float, float, bool], best: Floats) -> None:
+    """Those of the named peers that are installed find the best code; skips where none is."""
     tried = 0
-    for name in (*solver.COMPILED, "Clarabel, called directly"):
+    for name in names:
         try:
-            run = PEERS[name](R, target, 1.0, 0.2, False)
+            run = PEERS[name](*posed)
         except Missing:
             continue
         assert run() == pytest.approx(best, abs=1e-4), name
         tried += 1
     if not tried:
         pytest.skip("no peer is installed")
-    assert solver.reduced(R, target)[0] is R
 
 
 def _rows(**times: float) -> list[dict[str, object]]:

@@ -276,17 +276,6 @@ def test_a_layer_of_the_posterior_mean_halves_the_error(scale: float) -> None:
     assert all(after <= 0.5 * before + digits for before, after in pairwise(off))
 
 
-def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:
-    """M = ρ = g = 1, γ = 0.1, one atom: ISTA stands at the optimum 0.9 at once, z ← soft(W g + ρ W z) at 0.8."""
-    one = Problem(np.ones((1, 1)), np.ones(1), 0.0, 0.1, False)
-    assert ista(one).unroll(1) == pytest.approx([0.9])
-    z = 0.0
-    for _ in range(200):
-        z = max((1.0 + z) / 2.0 - 0.1, 0.0)
-    assert z == pytest.approx(0.8)
-    assert splitting(one).unroll(200) == pytest.approx([0.9])
-
-
 @pytest.mark.parametrize("layers", ["splitting", "ista"])
 def test_the_finish_is_exact_whatever_layers_began(layers: str) -> None:
     sensing = random_sensing(5, 20, 12)
