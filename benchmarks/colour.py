@@ -39,9 +39,9 @@ from camssf.colour.spaces import white_of, xyz_of
 from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import FOLDS, delta_e00, fit, signals_of, terms
 from camssf.curves.basis import Basis, interpolate
+from camssf.curves.choice import recover
 from camssf.curves.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
 from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import recover
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces

@@ -648,7 +648,7 @@ def test_the_command_says_no(calibrated: tuple[Path, dict[str, Any]], capsys: py
         ([*here, *white, "--lamp", "A"], 6, "not white under A"),
         ([*here, *white, "--lamp", "nonsense"], 2, "No lamp"),
         ([*here, *white, "--white-reflectance", "90"], 2, "reflectance"),
-        (["--region", place(document, 18), *dark, "--white-reflectance", "0.9"], 8, "Colour 1"),
+        (["--region", place(document, 18), *dark, "--white-reflectance", "0.9"], 9, "Colour 1"),
     ):
         assert cli.main([*base, *arguments]) == status, arguments
         assert words in capsys.readouterr().err, arguments
@@ -668,7 +668,7 @@ def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
     folder, document = calibrated
     arguments = ["--region", place(document, 18), "--region", place(document, 22)]
     white = ["--white-region", place(document, 22), "--white-reflectance", "0.9"]
-    assert cli.main(["colour", str(folder / "result.json"), str(folder / "chart-D55.dng"), *arguments, *white]) == 8
+    assert cli.main(["colour", str(folder / "result.json"), str(folder / "chart-D55.dng"), *arguments, *white]) == 9
     found = json.loads(capsys.readouterr().out)
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(found)
     assert [region["status"] for region in found["regions"]] == ["colour_out_of_reach", "ok"]

@@ -680,7 +680,7 @@ def test_the_private_key_is_nowhere(desk: Path) -> None:
         (["sign", "result.json", "--key", "broken.pem", "-o", "c.jws", "--debug"], 2),
         (["sign", "result.json", "--key", PRIVATE, "-o", "no/where.jws", "--debug"], 2),
         (["verify", "camera.jws", "--key", PRIVATE, "--debug"], 2),
-        (["show", PRIVATE, "--debug"], 8),
+        (["show", PRIVATE, "--debug"], 10),
     ):
         done = run(desk, *words)
         assert done.returncode == status, (words, done.stderr)
