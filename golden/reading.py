@@ -56,7 +56,12 @@ INPUTS: dict[str, set[str]] = {
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
                 "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
 }  # fmt: skip
-MAY: dict[str, set[str]] = {"ssf": {"prior_scale"}, "calibrate": {"make"}, "verdict": {"choice", "family"}}
+MAY: dict[str, set[str]] = {
+    "ssf": {"prior_scale"},
+    "calibrate": {"make", "model"},
+    "rivals": {"make", "model"},
+    "verdict": {"choice", "family", "code_variance"},
+}
 """Inputs that a case may leave out; README.md says what then holds."""
 _STATISTICS = {"mean", "standard_error", "count", "clipped", "dead", "gradient", "greens"}
 OUTPUTS: dict[str, set[str]] = {

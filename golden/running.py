@@ -414,9 +414,12 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     choice = tuple(Weight(basis, scale, 0.0, probability) for basis, scale, probability in given.get("choice", ()))
     basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
 
+    variance = given.get("code_variance")
+    spread = None if variance is None else np.diag(np.array(variance, float))
+
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
-            curves, std, code, None, predicted, np.zeros(3), np.zeros(1), np.zeros(1, np.int64), None, np.zeros(3),
+            curves, std, code, spread, predicted, np.zeros(3), np.zeros(1), np.zeros(1, np.int64), None, np.zeros(3),
             1.0, np.ones(3), basis, "golden", given["lamp"], choice=choice,
         )  # fmt: skip
 
@@ -453,7 +456,9 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
     corners = square * np.array([6.0, 4.0])
     pose = Pose("classic24", corners, places[:, None, :] + square, 0, "by hand", 1.0, ())
-    photo = Photo("golden", 600, 400, 1, None, None, False, given.get("make", "golden"), "golden", "")
+    photo = Photo(
+        "golden", 600, 400, 1, None, None, False, given.get("make", "golden"), given.get("model", "golden"), ""
+    )
     shots = tuple(
         Shot(
             Lamp("golden", values, float(tolerance), modes, "golden/spectra"),
@@ -479,7 +484,7 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
 
 
 def _rivals(given: dict[str, Any]) -> dict[str, Any]:
-    """`camssf.evidence.rivals.weigh_rivals` on the basis that the case names: gains of every lamp, shot by shot."""
+    """`camssf.evidence.rivals.weigh_rivals`, and of every lamp its gain, shot by shot."""
     capture, options = _capture(given, "reference")
     problem = pose_problem(capture, options)
     found = weigh_rivals(problem, problem.solve(problem.signals.used, options.gamma))

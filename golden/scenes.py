@@ -684,6 +684,10 @@ def _rivals_cases() -> Iterator[Case]:
     yield rivals("wrong", "D55 named A: daylight gains most.", _frames(), ["A"])
     yield rivals("phone", "On the basis of phones, two shots, the second named wrongly.",
                  _frames(PHONE, ["D55", "LED-B3"]), ["D55", "A"], basis="phones")  # fmt: skip
+    yield rivals("auto", "A phone's bulb named daylight: for a camera it may pass, the phones' basis sees it.",
+                 _frames(PHONE, ["A"]), ["D55"], basis="auto", make="samsung", model="SM-G991B")  # fmt: skip
+    yield rivals("auto-no-maker", "The same of a file that does not say who made it.",
+                 _frames(PHONE, ["A"]), ["D55"], basis="auto")  # fmt: skip
     yield rivals("kind", "Told by its kind alone: a rival has no modes.", _frames(), ["daylight"],
                  lamp_modes={"modes": ["daylight"]})  # fmt: skip
 

@@ -17,6 +17,8 @@ from golden.reading import Json, camera, chart, lamp
 CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
 """Black level and range of the white, DN; electrons at full range; samples a patch."""
+LEVEL = SPAN / (16383.0 - BLACK)
+"""Of the white, in parts of the sensor's range."""
 COLUMNS = 6
 MINOR = 0.022
 """Share of white of a veil that is not the whole story."""
@@ -42,6 +44,18 @@ def verdicts() -> Iterator[Json]:
     # rule 3
     yield case("veil", "3 % of white over the chart photo: glare.", 0.97 * y + 0.03)
     yield case("bright-dark", "3 % of white in the dark frame: frames_differ.", (y - 0.03) / 0.97)
+    yield case(
+        "black-level", "No dark frame, and the file's black 0.5 % of the range too low: frames_differ.",
+        y + 0.005 * (1 - y) / LEVEL, dark=False,
+    )  # fmt: skip
+    yield case("black-level-right", "No dark frame, and nothing wrong with the black.", y, dark=False)
+    yield case("black-level-slight", "A tenth of that is not enough.", y - 0.0008 * (1 - y) / LEVEL, dark=False)
+    yield case(
+        "black-level-high", "3 % of white too high without a dark frame: not the dark frame's fault.",
+        (y - 0.03) / 0.97, dark=False,
+    )  # fmt: skip
+    yield case("veil-no-dark", "3 % of white over the chart photo is glare without a dark frame, too.",
+               0.97 * y + 0.03, dark=False)  # fmt: skip
     yield case(
         "white-colour",
         "The white frame of another light: each channel by its own factor.",
@@ -89,9 +103,9 @@ def verdicts() -> Iterator[Json]:
     yield case("two-patches", "Two patches are not: nothing is suspected.", y, used=2)
     yield case("noiseless", "No row is believed better than 1e-4.", y * spike(3, 1.02), error=0.1)
     # rule 2
-    yield case("strange", "Curves unlike a camera's.", y, code=20.0)
-    yield case("strange-two-shots", "Two shots leave the code freer: 13 + 7.", predicted(k=2), k=2, code=25.0)
-    yield case("alien", "Curves that no camera has: refused.", y, code=80.0)
+    yield case("strange", "Curves unlike a camera's.", y, code=22.0, known=10)
+    yield case("strange-no-more", "The same code where the signals tell twice as much of it.", y, code=22.0, known=20)
+    yield case("alien", "Curves that no camera has: refused.", y, code=80.0, known=10)
     # rules 4 and 5
     yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", -12.0], [0, "A", 5.0]])
     yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", 3.0], [0, "FL2", -2.0]])
@@ -189,11 +203,14 @@ def case(
     error: float = 1.0,
     choice: list[list[Any]] | None = None,
     family: str | None = None,
+    known: int = 0,
+    dark: bool = True,
 ) -> Json:
     """The inputs of `judge`; what is not named is as in a clean capture.
 
     `code` is xᵀ x, all of it in one entry; `std` the band's, in parts of the peak, everywhere. `forgiven`: the
-    answers to each shot alone predict its signals exactly.
+    answers to each shot alone predict its signals exactly. `known`: so many directions of the code have a variance of
+    0.1, all others of 0.99. `dark`: whether there is a dark frame.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     told = predicted(k, white)
@@ -215,7 +232,8 @@ def case(
         chart_means["dead"] = np.where(np.arange(24)[:, None] == dead[0], dead[1], np.zeros((24, 3))).tolist()
         chart_means["clipped"] = np.where(np.arange(24)[:, None] >= used, clipped, np.zeros((24, 3))).tolist()
         rest = {role: {key: value[j].tolist() for key, value in frame[role].items()} for role in ("white", "dark")}
-        shots.append({"chart": chart_means, "white": rest["white"] if white is None else None, "dark": rest["dark"],
+        shots.append({"chart": chart_means, "white": rest["white"] if white is None else None,
+                      "dark": rest["dark"] if dark else None,
                       "black": [BLACK] * 3, "saturation": 16383.0})  # fmt: skip
     place = [[100.0 * (i % COLUMNS), 100.0 * (i // COLUMNS)] for i in range(24)]
     codes = [[0.0] * 3 for _ in range(24)]
@@ -254,6 +272,8 @@ def case(
         "rivals": rivals or [],
         "neutrals": [neutral] * k,
     }
+    if known:
+        inputs["code_variance"] = [0.1] * known + [0.99] * (72 - known)
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
     return {"case": f"verdict/{name}", "comment": comment, "expect": "success", "inputs": inputs, "truth": None}

@@ -125,14 +125,14 @@ def solve(
     problem = pose_problem(capture, options)
     signals = problem.signals
     ssf = problem.solve(signals.used, options.gamma)
-    problem = problem.settled(ssf)
+    asked, problem = problem, problem.settled(ssf)
     tell("validating", 0.95)
     predicted_std = problem.bands(signals.used, ssf)
     unseen = foretell(problem, ssf, predicted_std)
     scores = score(problem, ssf, unseen, known)
     alone = problem.solve_alone()
     uncertainty = budget(problem, ssf, alone)
-    verdict = weigh(problem, ssf, alone)
+    verdict = weigh(asked, ssf, alone)
     if verdict.status == "refused":
         raise refusal(verdict)
     return Calibration(

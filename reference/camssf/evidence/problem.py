@@ -48,8 +48,14 @@ class Problem:
     prior_scale: float = 1.0
 
     def settled(self, ssf: Ssf) -> Problem:
-        """The same problem on the basis that gave the answer: parts of it, and rivals, are held against that one."""
+        """The same problem on the basis that gave the answer: parts of it are held against that one."""
         return replace(self, basis=ssf.basis, prior_scale=ssf.prior_scale) if ssf.choice else self
+
+    @property
+    def believed(self) -> dict[str, float]:
+        """What the file's own words for maker and model say of the basis beforehand: odds, never a proof."""
+        photo = self.capture.shots[0].photo
+        return believed(photo.make, photo.model)
 
     @property
     def lamps(self) -> list[Lamp]:
@@ -68,7 +74,7 @@ class Problem:
         """`recover` on the used patches (k, n); the answer predicts all of them."""
         options, given = self.options, self.given(used)
         ssf = recover(
-            given, basis=self.basis, prior_scale=self.prior_scale, prior=believed(self.capture.shots[0].photo.make),
+            given, basis=self.basis, prior_scale=self.prior_scale, prior=self.believed,
             l2=options.l2, gamma=gamma, nonnegative=options.nonnegative, engine=options.engine,
         )  # fmt: skip
         return replace(
@@ -131,9 +137,9 @@ def pose_problem(capture: Capture, options: Options) -> Problem:
     return Problem(capture, signals, asked, options, options.basis)
 
 
-def believed(make: str) -> dict[str, float]:
-    """What a file's own word for the maker says of the basis beforehand: odds, never a proof."""
-    name = make.casefold()
+def believed(make: str, model: str) -> dict[str, float]:
+    """By basis the odds that maker and model speak for it; who makes both is told by the model's first letters."""
+    name = f"{make} {model}".casefold()
     return {
         basis: CLEAR for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
     }

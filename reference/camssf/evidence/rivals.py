@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from camssf.curves.basis import Basis, read_basis, widened
+from camssf.curves.choice import AUTO, FAMILIES
 from camssf.curves.code import log_evidence
 from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf
-from camssf.evidence.problem import Problem, believed
+from camssf.evidence.problem import Problem
 from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge
 from camssf.rules import rules
 from camssf.spectra import read_lamp
@@ -41,22 +42,39 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             for shot in shots
         ],
         alone=alone,
-        family=next(iter(believed(shots[0].photo.make)), None),
+        family=next(iter(problem.believed), None),
     )
 
 
 def weigh_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
-    """How much better the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md."""
+    """How much better the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md.
+
+    Where the signals choose the basis, every lamp has the same choice: a phone under a wrong lamp may look like a
+    camera, and its right lamp is then seen by the phones' basis alone.
+
+    Args:
+        problem: as it was asked, `auto` where the signals chose.
+        ssf: the answer.
+    """
     capture, used = problem.capture, problem.signals.used
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()
-    basis = problem.basis if isinstance(problem.basis, Basis) else read_basis(problem.basis)
-    basis = widened(basis, NARROW * problem.prior_scale)
-    named = log_evidence(sense(problem.given(used), basis))
+    scale = NARROW * ssf.prior_scale
+    asked = FAMILIES if problem.basis == AUTO else (problem.basis,)
+    bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in asked]
+    beliefs = [np.log(problem.believed.get(basis.name, 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
+
+    def weighed(posed: Problem) -> float:
+        given = posed.given(used)
+        return float(np.logaddexp.reduce([
+            log_evidence(sense(given, basis)) + belief for basis, belief in zip(bases, beliefs, strict=True)
+        ]))  # fmt: skip
+
+    named = weighed(problem)
     found = []
     for j, shot in enumerate(capture.shots):
         for name in RIVALS:
             shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
             other = replace(problem, capture=replace(capture, shots=shots))
-            found.append(Rival(j, name, log_evidence(sense(other.given(used), basis)) - named))
+            found.append(Rival(j, name, weighed(other) - named))
     return tuple(found)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from camssf.curves.covariance import EDGE, Seen, Tolerances, covariance, smooth_errors
 from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.photo.patches import PatchMeans
 from camssf.photo.pose import Pose
 from camssf.photo.signals import Signals
 from camssf.rules import rules
@@ -20,6 +21,7 @@ from camssf.spectra import ChartTable, Lamp
 _NUMBER = rules().number
 SURPRISE = _NUMBER("verdict.surprise")
 SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
+BLACK = _NUMBER("verdict.black")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
 
 
@@ -28,7 +30,7 @@ class Suspect:
     """One way in which a capture may be wrong, and what it would explain of T: rule 3.
 
     Attributes:
-        kind: "veil", "white", "light", "tone" or "patch".
+        kind: "veil", "black", "white", "light", "tone" or "patch".
         patch: 0-based; None where it is of no patch.
         gain: of T. amount: its size where d = 1, in units of D; 0 else.
     """
@@ -84,8 +86,12 @@ def surprise(
     white_tolerance: float,
     *,
     pose: Pose | None = None,
+    means: PatchMeans | None = None,
 ) -> Surprise:
-    """Rules 1 to 3; arguments as in `verdict.Weighed`. Suspects are questioned where a pose is given, of one shot."""
+    """Rules 1 to 3; arguments as in `verdict.Weighed`.
+
+    Suspects are questioned where pose and means are given, of one shot.
+    """
     used = signals.used
     y, off = signals.values[used], (signals.values - ssf.predicted)[used]  # (rows, 3)
     sigma = _covariance(signals, table, lamps, ssf, white_reflectance, white_tolerance)
@@ -94,7 +100,7 @@ def surprise(
     residual = float(off.T.ravel() @ e)
     prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
     found: list[Suspect] = []
-    if pose is not None:
+    if pose is not None and means is not None:
         X, Y = _places(pose, used[0])[used[0]].T[:, :, None]
         ways: dict[str, list[NDArray[np.floating[Any]]]] = {
             "veil": [1.0 - y],
@@ -102,7 +108,10 @@ def surprise(
             "light": [y * X, y * Y, y * (X**2 + Y**2)],
             "tone": [y * np.log(np.maximum(y, DARKEST_TONE))],
         }
-        if signals.white_is_patch[0]:
+        if means.dark is None:
+            level = (signals.white - signals.dark)[used] / (means.saturation - signals.dark[used])
+            ways["black"] = [(1.0 - y) / level]
+        if means.white is None:
             ways["light"].append(y)
             del ways["white"]
         found += [Suspect(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
@@ -175,9 +184,16 @@ def shot_answer(answer: Ssf, j: int) -> Ssf:
 
 
 def accused(one: Surprise) -> Suspect | None:
-    """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, else SUSPECT."""
+    """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, or SUSPECT. Else the black level.
+
+    Light over the chart only adds, so a veil that takes away is the black level, where that may be it.
+    """
     if not one.suspects:
         return None
-    strongest = max(one.suspects, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
+    black = next((suspect for suspect in one.suspects if suspect.kind == "black"), None)
+    others = [suspect for suspect in one.suspects if suspect is not black]
+    strongest = max(others, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
     enough = SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
-    return strongest if strongest.gain > enough else None
+    if strongest.gain > enough:
+        return black if black is not None and strongest.kind == "veil" and strongest.amount < 0 else strongest
+    return black if black is not None and black.gain > BLACK else None

@@ -59,7 +59,7 @@ from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
 
 __all__ = [
-    "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "FREER", "GREENS",
+    "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "GREENS",
     "HOPELESS", "MOST_RIVALLED", "POOR_POSE", "RIVAL", "RIVALS", "ROUGH", "SHARE", "SMOOTH", "STRANGE", "SURPRISE",
     "SUSPECT", "TINTED", "VAGUE", "VEIL", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect", "Verdict",
     "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer", "surprise",
@@ -67,7 +67,7 @@ __all__ = [
 
 _NUMBER = rules().number
 HOPELESS = _NUMBER("verdict.hopeless")
-STRANGE, ALIEN, FREER = _NUMBER("verdict.strange"), _NUMBER("verdict.alien"), _NUMBER("verdict.freer")
+STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
 FEWEST = rules().whole("verdict.fewest")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 UNUSUAL = _NUMBER("verdict.unusual")
@@ -102,7 +102,7 @@ class Weighed:
             return Surprise(0.0, 0.0, FEWEST, ())
         return surprise(
             only(self.signals, j), self.table, [self.lamps[j]], answer, self.white_reflectance,
-            self.white_tolerance, pose=self.poses[j],
+            self.white_tolerance, pose=self.poses[j], means=self.means[j],
         )  # fmt: skip
 
 
@@ -129,7 +129,7 @@ def judge(
     found = weighed.surprise(ssf)
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
     each = [weighed.surprise_of(j, answer) for j, answer in enumerate(answers)]
-    reasons = [*_surprised(found, each, table), *_strange(found.prior, len(each))]
+    reasons = [*_surprised(found, each, table), *_strange(ssf)]
     for j, (means, pose) in enumerate(zip(weighed.means, weighed.poses, strict=True)):
         name = f"shot {j + 1}"
         reasons += exposure(name, signals, j, means)
@@ -176,17 +176,26 @@ def _accusation(suspect: Suspect, table: ChartTable) -> tuple[str, dict[str, str
         return "patch", {"patch": table.patches[suspect.patch]}
     if suspect.kind == "veil":
         return "veil" if suspect.amount > 0 else "bright_dark", {"amount": abs(suspect.amount)}
+    if suspect.kind == "black":
+        return "black", {"amount": abs(suspect.amount)}
     return suspect.kind, {"exponent": 1 + suspect.amount} if suspect.kind == "tone" else {}
 
 
-def _strange(prior: float, shots: int) -> list[Reason]:
-    """Curves unlike a camera's, by the length of their code."""
-    strange, alien = (bound + FREER * (shots - 1) for bound in (STRANGE, ALIEN))
-    if not prior > strange:
+def _strange(ssf: Ssf) -> list[Reason]:
+    """Rule 8: curves unlike a camera's, by the length of their code.
+
+    Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a multiple of a χ² (Satterthwaite 1946).
+    """
+    if ssf.std is None or ssf.code_covariance is None:
         return []
-    fatal = prior > alien
-    bound = alien if fatal else strange
-    return [because("strange", prior, {"length": prior, "bound": strange}, fatal=fatal, threshold=bound)]
+    K = np.eye(len(ssf.code_covariance)) - ssf.code_covariance
+    expected = float(np.trace(K))
+    if expected <= 0:  # nothing was learned
+        return []
+    times = float(np.sum(ssf.code**2)) / expected
+    u = 2.0 * float(np.sum(K**2)) / (9.0 * expected**2)
+    size = (times ** (1.0 / 3.0) - (1.0 - u)) / u**0.5
+    return [because("strange", size, {"size": size}, fatal=size > ALIEN)] if size > STRANGE else []
 
 
 def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
