@@ -245,20 +245,23 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
 
 def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
     """Beginnings of names, any case; the odds it moves are 20, never more, whatever the signals say."""
-    assert believed("Apple") == believed("apple inc.") == {"phones": CLEAR}
-    assert believed("NIKON CORPORATION") == {"cameras": CLEAR}
+    assert believed("Apple", "") == believed("apple inc.", "") == {"phones": CLEAR}
+    assert believed("NIKON CORPORATION", "") == {"cameras": CLEAR}
+    # Who makes both is told by the model.
+    assert believed("samsung", "SM-G991B") == believed("Sony", "XQ-DQ72") == {"phones": CLEAR}
+    assert believed("SAMSUNG", "NX500") == believed("SONY", "ILCE-7M3") == {"cameras": CLEAR}
     for silent in ("", "samsung", "Sony", "A maker of whom nobody knows", "x apple"):
-        assert believed(silent) == {}
+        assert believed(silent, "") == {}
     names = [name for makers in rules().makers.values() for name in makers]
     assert len(set(names)) == len(names)
     assert set(rules().makers) == set(FAMILIES)
     for name in names:
-        (odds,) = believed(name).values()
+        (odds,) = believed(name, "").values()
         assert odds == CLEAR == 20.0
     given = between()
 
     def odds_of(make: str) -> float:
-        share = shares(recover(given, prior=believed(make)))
+        share = shares(recover(given, prior=believed(make, "")))
         return share["phones"] / share["cameras"]
 
     assert odds_of("Apple") / odds_of("") == pytest.approx(20.0)
@@ -377,6 +380,42 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
 
     for rival in found[::5]:
         assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D65"), abs=1e-6)
+
+
+@pytest.mark.parametrize("make", ["", "Apple", "Canon"])
+def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
+    """By hand: phones and cameras under each lamp, by the maker's odds; so the basis cannot follow the wrong name."""
+    shot = capture(resolve(PHONE), ["A"], ["D55"], make=make)
+    problem = pose_problem(shot, Options())
+    ssf = problem.solve(problem.signals.used, None)
+    found = weigh_rivals(problem, ssf)
+    narrow, odds = rules().number("verdict.narrow") * ssf.prior_scale, believed(make, "")
+
+    def evidence(name: str) -> float:
+        other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
+        given = pose_problem(other, Options()).given(problem.signals.used)
+        parts = []
+        for basis in FAMILIES:
+            found = answer(given, basis, prior_scale=narrow, engine="reference")
+            assert found.log_evidence is not None
+            parts.append(found.log_evidence + np.log(odds.get(basis, 1.0)))
+        return float(np.logaddexp(*parts))
+
+    for rival in found[::5]:
+        assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D55"), abs=1e-6)
+    best = max(found, key=lambda rival: rival.gain)
+    assert best.lamp in ("2300K", "2856K", "3500K", "LED-BH1")
+    assert best.gain > rules().number("verdict.condemned")
+
+
+def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
+    """Blue sky called noon: the signals are a camera's, for whom noon it was. The phones' basis sees better."""
+    shot = capture(resolve(PHONE), ["D:15000"], ["D55"])
+    problem = pose_problem(shot, Options())
+    ssf = problem.solve(problem.signals.used, None)
+    assert ssf.basis == "cameras"
+    narrower = max(rival.gain for rival in weigh_rivals(problem.settled(ssf), ssf))
+    assert max(rival.gain for rival in weigh_rivals(problem, ssf)) > narrower + 1.0
 
 
 def test_lamps_of_a_phone() -> None:

@@ -20,6 +20,7 @@ from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     CONDEMNED,
     RIVAL,
+    STRANGE,
     SUSPECT,
     Fatal,
     Neutral,
@@ -31,12 +32,14 @@ from camssf.evidence.verdict import (
     directions,
     judge,
     refusal,
+    strangeness,
     surprise,
 )
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.pose import LAYOUTS, Pose
 from camssf.photo.signals import Signals, normalise
+from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from tests.problems import chart_and_lamp, measured_cameras, theory
 
@@ -93,22 +96,22 @@ class Scene:
             found.append(replace(only.ssf, predicted=predicted, lamp=self.ssf.lamp))
         return found
 
-    def answer(self, lamps: list[Lamp]) -> Ssf:
+    def evidence(self, lamps: list[Lamp]) -> Evidence:
         used = self.signals.used[0]
-        power = np.stack([lamp.values for lamp in lamps])
-        ssf = recover(
-            Evidence(
-                self.signals.values[:, used],
-                TABLE.values[used],
-                power,
-                standard_error=self.signals.standard_error[:, used],
-                chart_tolerance=TABLE.tolerance[used],
-                white_reflectance=self.rho,
-                lamp_tolerance=[lamp.tolerance for lamp in lamps],
-            )
+        return Evidence(
+            self.signals.values[:, used],
+            TABLE.values[used],
+            np.stack([lamp.values for lamp in lamps]),
+            standard_error=self.signals.standard_error[:, used],
+            chart_tolerance=TABLE.tolerance[used],
+            white_reflectance=self.rho,
+            lamp_tolerance=[lamp.tolerance for lamp in lamps],
         )
+
+    def answer(self, lamps: list[Lamp]) -> Ssf:
+        ssf = recover(self.evidence(lamps))
         return replace(
-            ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in power])
+            ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.lamp])
         )
 
     def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> Surprise:
@@ -272,6 +275,29 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     assert max(strongest) < SUSPECT
 
 
+def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
+    """Cameras drawn from the basis; and by hand where K is a projection."""
+    rng = np.random.default_rng(6)
+    z = []
+    for _ in range(80):
+        scene = drawn(rng)
+        found = recover(scene.evidence(scene.lamps), basis="cameras", engine="reference")
+        z.append(strangeness(found))
+    # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.25, three standard errors each.
+    assert abs(np.mean(z)) < 0.34
+    assert abs(np.std(z) - 1.0) < 0.25
+    # Ten directions fully known, none of the others: χ² of ten degrees of freedom.
+    K = np.diag(np.repeat([1.0, 0.0], [10, 62]))
+    code = np.zeros(72)
+    for chance in (0.5, 0.02, 0.001):
+        code[0] = chi2.isf(chance, 10) ** 0.5
+        exact = replace(found, code=code.reshape(24, 3), code_covariance=np.eye(72) - K)
+        assert strangeness(exact) == pytest.approx(norm.isf(chance), abs=0.03)
+    assert strangeness(replace(found, code_covariance=np.eye(72))) is None  # nothing was learned
+    assert strangeness(replace(found, code_covariance=None)) is None
+    assert strangeness(replace(found, std=None)) is None
+
+
 def drawn(rng: np.random.Generator) -> Scene:
     """A capture in which everything is off just as it is told, under D55 with a white frame."""
     long, short, bent = (interpolate(smooth_errors(length)) for length in (100.0, 25.0, 60.0))
@@ -331,6 +357,32 @@ def test_a_bright_dark_frame() -> None:
     assert "dark frame" in reason.message
 
 
+def without_dark(off: float, *, dark: bool = False) -> Verdict:
+    """A file whose black level is too high by `off` of the range; the dark frame, if any, knows better."""
+    scene = Scene(clean(), white=False)
+    range_ = 16383.0 - BLACK
+    (shot,) = scene.shots
+    scene.shots = [replace(shot, dark=shot.dark if dark else None, black=shot.black + off * range_)]
+    scene.signals = normalise(scene.shots, TABLE)
+    scene.ssf = scene.answer(scene.lamps)
+    return scene.judged()
+
+
+def test_a_black_level_that_is_off() -> None:
+    """The greys tell, in either direction; with a dark frame nobody asks the file."""
+    assert without_dark(0.0).status == "accepted"
+    for off in (0.008, -0.008):
+        verdict = without_dark(off)
+        (reason,) = [reason for reason in verdict.reasons if reason.code == "frames_differ"]
+        assert "black level were off by 0." in reason.message
+        assert reason.threshold == rules().number("verdict.black")
+        assert verdict.status == "doubtful"
+        assert without_dark(off, dark=True).status == "accepted"
+    assert without_dark(0.0005).status == "accepted"
+    far = without_dark(0.03)
+    assert "black level" in far.reasons[0].message  # not: "as if the dark frame held ..."
+
+
 def test_a_white_frame_of_another_light() -> None:
     reason = named(clean() * np.array([1.25, 1.0, 0.8]))
     assert reason.code == "frames_differ"
@@ -368,7 +420,10 @@ def test_curves_that_no_camera_has() -> None:
     scene = Scene(clean())
     mix = np.array([[1.9, -0.7, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
     cooked = Scene(clean() @ mix.T)
-    assert scene.surprise().prior < 14.0 < cooked.surprise().prior
+    innocent, guilty = strangeness(scene.ssf), strangeness(cooked.ssf)
+    assert innocent is not None
+    assert guilty is not None
+    assert innocent < 1.0 < STRANGE < guilty
     assert "lamp_unfit" in codes(cooked.judged())
 
 

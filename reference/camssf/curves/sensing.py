@@ -246,8 +246,11 @@ def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[
 
     a is (R - ŷ ρ_w) L dλ / W, (3, k, n, v); white is ρ_w L dλ / W, (3, k, 1, v).
     """
-    relative = a / point.lamp[:, None]  # the modes are relative to the lamp as given
     curve, modes = point.curves[:, None, None], given.modes
+    if not modes.shape[1]:  # a lamp known by name, as most are
+        rows, r = a.size // a.shape[-1], given.atoms.shape[2]
+        return np.zeros((rows, 0)), np.zeros((rows, 0, 3 * r))
+    relative = a / point.lamp[:, None]  # the modes are relative to the lamp as given
     steps = np.einsum("cknv,kqv->cknq", relative * curve, modes)
     # ∂²y / ∂u ∂x, where y is a quotient N / D and D = 1: ∂²N - ∂D ∂y - ∂y ∂D
     bent = np.einsum("cknv,kqv,cvr->cknqr", relative, modes, given.atoms, optimize=True)

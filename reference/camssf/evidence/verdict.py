@@ -62,7 +62,8 @@ __all__ = [
     "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "GREENS",
     "HOPELESS", "MOST_RIVALLED", "POOR_POSE", "RIVAL", "RIVALS", "ROUGH", "SHARE", "SMOOTH", "STRANGE", "SURPRISE",
     "SUSPECT", "TINTED", "VAGUE", "VEIL", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect", "Verdict",
-    "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer", "surprise",
+    "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer",
+    "strangeness", "surprise",
 ]  # fmt: skip
 
 _NUMBER = rules().number
@@ -181,21 +182,27 @@ def _accusation(suspect: Suspect, table: ChartTable) -> tuple[str, dict[str, str
     return suspect.kind, {"exponent": 1 + suspect.amount} if suspect.kind == "tone" else {}
 
 
-def _strange(ssf: Ssf) -> list[Reason]:
-    """Rule 8: curves unlike a camera's, by the length of their code.
+def strangeness(ssf: Ssf) -> float | None:
+    """z(x) of rule 2: the length of the code as a standard normal number under the prior; None where there is none.
 
     Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a multiple of a χ² (Satterthwaite 1946).
     """
     if ssf.std is None or ssf.code_covariance is None:
-        return []
+        return None
     K = np.eye(len(ssf.code_covariance)) - ssf.code_covariance
     expected = float(np.trace(K))
     if expected <= 0:  # nothing was learned
-        return []
-    times = float(np.sum(ssf.code**2)) / expected
+        return None
     u = 2.0 * float(np.sum(K**2)) / (9.0 * expected**2)
-    size = (times ** (1.0 / 3.0) - (1.0 - u)) / u**0.5
-    return [because("strange", size, {"size": size}, fatal=size > ALIEN)] if size > STRANGE else []
+    return float((np.cbrt(np.sum(ssf.code**2) / expected) - (1.0 - u)) / np.sqrt(u))
+
+
+def _strange(ssf: Ssf) -> list[Reason]:
+    """Curves unlike a camera's."""
+    size = strangeness(ssf)
+    if size is None or size <= STRANGE:
+        return []
+    return [because("strange", size, {"size": size}, fatal=size > ALIEN)]
 
 
 def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
