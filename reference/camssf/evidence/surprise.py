@@ -102,18 +102,14 @@ def surprise(
     found: list[Suspect] = []
     if pose is not None and means is not None:
         X, Y = _places(pose, used[0])[used[0]].T[:, :, None]
-        ways: dict[str, list[NDArray[np.floating[Any]]]] = {
-            "veil": [1.0 - y],
-            "white": [y * np.eye(3)[c] for c in range(3)],
-            "light": [y * X, y * Y, y * (X**2 + Y**2)],
-            "tone": [y * np.log(np.maximum(y, DARKEST_TONE))],
-        }
+        ways: dict[str, list[NDArray[np.floating[Any]]]] = {"veil": [1.0 - y]}
         if means.dark is None:
             level = (signals.white - signals.dark)[used] / (means.saturation - signals.dark[used])
             ways["black"] = [(1.0 - y) / level]
-        if means.white is None:
-            ways["light"].append(y)
-            del ways["white"]
+        if means.white is not None:
+            ways["white"] = [y * np.eye(3)[c] for c in range(3)]
+        ways["light"] = [y * X, y * Y, y * (X**2 + Y**2)] + ([y] if means.white is None else [])
+        ways["tone"] = [y * np.log(np.maximum(y, DARKEST_TONE))]
         found += [Suspect(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
         patches = np.flatnonzero(used[0])
         found += [Suspect("patch", int(i), _own_gain(row, inverse, e), 0.0) for row, i in enumerate(patches)]

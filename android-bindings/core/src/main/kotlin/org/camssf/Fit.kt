@@ -14,6 +14,8 @@ import org.camssf.curves.respond
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
 import org.camssf.spectra.Lamp
+import kotlin.math.exp
+import kotlin.math.ln
 
 /**
  * One capture's rows to curves, by the model, again and again: with some patches left out, with another lamp, by one shot
@@ -36,6 +38,9 @@ internal class Fit(
     /** The paper's basis, which knows of no error in the chart and has no prior. */
     val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
 
+    /** What the file's own words for maker and model say of the basis beforehand: odds by basis. */
+    val believed: Map<String, Double> = capture.shots[0].photo.let { Choice.believed(it.make, it.model) }
+
     /** Whether the shots have white frames. */
     val framed: Boolean = capture.shots[0].means.white != null
 
@@ -54,7 +59,7 @@ internal class Fit(
         whiteTolerance = if (framed) WHITE_TOLERANCE else table.sharedTolerance[table.white]
     }
 
-    /** The same on the basis that gave the answer: parts of it, and rivals, are held against that one. */
+    /** The same on the basis that gave the answer: parts of it are held against that one. */
     fun settled(ssf: Ssf): Fit {
         if (ssf.choice.isEmpty()) return this
         return Fit(engines.filter { it.basis == ssf.basis }, capture, signals, settings, ssf.priorScale)
@@ -78,16 +83,22 @@ internal class Fit(
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         val given = evidence(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
-            ?: Choice.recover(engines, given, shown, penalties, Choice.believed(capture.shots[0].photo.make))
+            ?: Choice.recover(engines, given, shown, penalties, believed)
         return found.predicting(respond(found.sharedValues, table.sharedValues, found.sharedLamp, white))
     }
 
     /**
-     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, on the settled basis with its prior
-     * so many times as wide as the answer's.
+     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, each basis with its prior so many times
+     * as wide. Where there are several it is that of the mixture, by the maker's odds but for their common sum.
      */
-    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double =
-        Recover.logEvidence(engines.single(), evidence(used, lamps), scale * priorScale)
+    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double {
+        val given = evidence(used, lamps)
+        val each = engines.map { Recover.logEvidence(it, given, scale) }
+        if (each.size == 1) return each[0]
+        val weighed = engines.mapIndexed { i, engine -> each[i] + ln(believed[engine.basis] ?: 1.0) }
+        val most = weighed.max()
+        return most + ln(weighed.sumOf { exp(it - most) })
+    }
 
     /** Of values (k, n, 3) those of the taken patches. */
     private fun rows(values: DoubleArray, taken: IntArray): Tensor {

@@ -14,9 +14,9 @@ internal object Rivals {
 
     /**
      * How much better the same signals fit with other lamps, one shot at a time; none where the basis has no prior, or of
-     * many shots.
+     * many shots. Where the signals choose the basis, every lamp has the same choice.
      *
-     * @param fit settled on the basis that gave the answer.
+     * @param fit as it was asked, not settled on the basis that gave the answer.
      * @param used (k, n) patches that entered it.
      * @param tell called before each run of the model.
      */
@@ -24,7 +24,7 @@ internal object Rivals {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_RIVALLED) return emptyList()
         fun evidence(lamps: List<Lamp>): Double {
             tell()
-            return fit.logEvidence(used, lamps, Light.NARROW)
+            return fit.logEvidence(used, lamps, Light.NARROW * ssf.priorScale)
         }
         val named = evidence(fit.lamps)
         return fit.lamps.indices.flatMap { j ->

@@ -1,6 +1,5 @@
 package org.camssf
 
-import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Ssf
 import org.camssf.documents.Solution
@@ -45,10 +44,10 @@ internal class Solve(
             curves(fit, VALIDATING, own, gamma)
         }
         val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance)
-        val family = Choice.believed(capture.shots[0].photo.make).keys.firstOrNull()
+        val family = fit.believed.keys.firstOrNull()
         val verdict = Judge.judge(
             Case(told, capture.shots, alone, foretold(), family) {
-                Rivals.of(fit, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+                Rivals.of(asking, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
             },
         )
         val assumptions = signals.assumptions + Assumptions.of(capture, fit.paper)

@@ -32,9 +32,12 @@ internal object Choice {
     /** An answer of a smaller weight moves no curve. */
     private const val NEGLIGIBLE = 1e-6
 
-    /** What a file's own word for the maker says of the basis beforehand: odds by basis, never a proof. */
-    fun believed(make: String): Map<String, Double> {
-        val name = make.lowercase()
+    /**
+     * What a file's own words for maker and model say of the basis beforehand: odds by basis, never a proof. Who makes both
+     * is told by the model's first letters.
+     */
+    fun believed(make: String, model: String): Map<String, Double> {
+        val name = "$make $model".lowercase()
         return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { CLEAR }
     }
 

@@ -6,6 +6,7 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import kotlin.math.abs
+import kotlin.math.cbrt
 import kotlin.math.max
 import kotlin.math.sqrt
 
@@ -34,7 +35,7 @@ internal class Case(
             if (single[j].signals.sharedUsed.count { it } < fewest) {
                 Surprise(0.0, 0.0, fewest, emptyList())
             } else {
-                single[j].surprise(shot.pose, shot.means.white == null)
+                single[j].surprise(shot)
             }
         }
     }
@@ -52,7 +53,6 @@ internal object Judge {
     private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
     private val STRANGE get() = Rules.shipped.number("verdict.strange")
     private val ALIEN get() = Rules.shipped.number("verdict.alien")
-    private val FREER get() = Rules.shipped.number("verdict.freer")
     private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
     private val VAGUE get() = Rules.shipped.number("verdict.vague")
     private val UNUSUAL get() = Rules.shipped.number("verdict.unusual")
@@ -63,7 +63,7 @@ internal object Judge {
         val each = case.each()
         val reasons = ArrayList<Reason>()
         reasons += surprised(found, each, told.table)
-        reasons += strange(found.prior, each.size)
+        reasons += strange(told.ssf)
         case.shots.forEachIndexed { j, shot ->
             val name = "shot ${j + 1}"
             reasons += Samples(name, told.signals, j, shot.means, told.table).reasons()
@@ -106,19 +106,35 @@ internal object Judge {
 
     /** What fills that reason's words. */
     private fun words(suspect: Suspect, table: ChartTable): Map<String, Any> = when (suspect.cause) {
-        Cause.VEIL -> mapOf("amount" to abs(suspect.amount))
+        Cause.VEIL, Cause.BLACK -> mapOf("amount" to abs(suspect.amount))
         Cause.TONE -> mapOf("exponent" to 1 + suspect.amount)
         Cause.PATCH -> mapOf("patch" to table.patches[suspect.patch!!])
         Cause.WHITE, Cause.LIGHT -> emptyMap()
     }
 
-    /** Curves unlike a camera's, by the length of their code. */
-    private fun strange(prior: Double, shots: Int): List<Reason> {
-        val (strange, alien) = listOf(STRANGE, ALIEN).map { it + FREER * (shots - 1) }
-        if (!(prior > strange)) return emptyList()
-        val fatal = prior > alien
-        val words = mapOf("length" to prior, "bound" to strange)
-        return listOf(Reasons.because("strange", prior, words, fatal, if (fatal) alien else strange))
+    /**
+     * z(x) of rule 2: the length of the code as a standard normal number under the prior; null where there is none. Under
+     * the prior the posterior mean x ~ N(0, K), K = I - C: xᵀx is nearly a multiple of a χ² (Satterthwaite 1946).
+     */
+    fun strangeness(ssf: Ssf): Double? {
+        val covariance = ssf.sharedCodeCovariance.takeIf { ssf.sharedStd != null } ?: return null
+        val size = ssf.sharedCode.size
+        var expected = 0.0
+        var squares = 0.0
+        for (at in covariance.indices) {
+            val own = (if (at / size == at % size) 1.0 else 0.0) - covariance[at]
+            squares += own * own
+            if (at / size == at % size) expected += own
+        }
+        if (expected <= 0) return null // nothing was learned
+        val u = 2.0 * squares / (9.0 * expected * expected)
+        return (cbrt(ssf.sharedCode.sumOf { it * it } / expected) - (1.0 - u)) / sqrt(u)
+    }
+
+    /** Curves unlike a camera's. */
+    private fun strange(ssf: Ssf): List<Reason> {
+        val size = strangeness(ssf)?.takeIf { it > STRANGE } ?: return emptyList()
+        return listOf(Reasons.because("strange", size, mapOf("size" to size), size > ALIEN))
     }
 
     /** A camera that its basis does not know: wider than it, or of the other family than its maker. */

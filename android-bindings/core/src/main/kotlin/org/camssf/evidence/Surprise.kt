@@ -4,6 +4,7 @@ import org.camssf.LeastSquares
 import org.camssf.Rules
 import org.camssf.curves.Ssf
 import org.camssf.photo.ChartPose
+import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -15,6 +16,7 @@ import kotlin.math.sqrt
 /** What may be wrong with a capture: the suspects of rule 3, by the words of Python and rules.json. */
 internal enum class Cause(val word: String) {
     VEIL("veil"),
+    BLACK("black"),
     WHITE("white"),
     LIGHT("light"),
     TONE("tone"),
@@ -49,13 +51,20 @@ internal class Surprise(val residual: Double, val prior: Double, val count: Int,
             return ((total / count).pow(1.0 / 3.0) - (1.0 - spread)) / sqrt(spread)
         }
 
-    /** The strongest suspect, a veil's favoured, if it explains enough: a share of a surprise, else the bound. */
+    /**
+     * The strongest suspect, a veil's favoured, if it explains enough: a share of a surprise, or the bound. Else the black
+     * level. Light over the chart only adds, so a veil that takes away is the black level, where that may be it.
+     */
     fun accused(): Suspect? {
         val favour = Rules.shipped.number("verdict.veil_favour")
-        val strongest = suspects.maxByOrNull { it.gain * if (it.cause == Cause.VEIL) favour else 1.0 } ?: return null
+        val (levels, others) = suspects.partition { it.cause == Cause.BLACK }
+        val black = levels.singleOrNull()
+        val strongest = others.maxByOrNull { it.gain * if (it.cause == Cause.VEIL) favour else 1.0 } ?: return null
         val share = Rules.shipped.number("verdict.share")
         val enough = if (z > SURPRISE) share * (total - count) else Rules.shipped.number("verdict.suspect")
-        return strongest.takeIf { it.gain > enough }
+        val darker = strongest.cause == Cause.VEIL && strongest.amount < 0
+        if (strongest.gain > enough) return black.takeIf { darker } ?: strongest
+        return black?.takeIf { it.gain > Rules.shipped.number("verdict.black") }
     }
 
     companion object {
@@ -85,38 +94,37 @@ internal class Told(
         whiteTolerance,
     )
 
-    /** Suspects are questioned where the pose of one shot is given. */
-    fun surprise(pose: ChartPose? = null, whiteIsPatch: Boolean = false): Surprise {
+    /** Suspects are questioned where the one shot is given. */
+    fun surprise(shot: MeasuredShot? = null): Surprise {
         val covariance = Covariance(this, rows)
         val precision = Precision(covariance.blocks, covariance.shared)
         val off = rows.of(signals.sharedValues)
         for (row in off.indices) off[row] -= ssf.sharedPredicted[rows.at[row]]
         val residual = precision.weighed(off)
         val prior = if (ssf.sharedStd != null) ssf.sharedCode.sumOf { it * it } else 0.0
-        val suspects = if (pose ==
-            null
-        ) {
-            emptyList()
-        } else {
-            Questioning(precision, residual).suspects(pose, whiteIsPatch)
-        }
+        val suspects = shot?.let { Questioning(precision, residual, it).suspects() }.orEmpty()
         return Surprise(dot(residual, residual), prior, rows.size, suspects)
     }
 
     /** Rule 3: by Σ⁻¹, and what it makes of the residual. */
-    private inner class Questioning(private val precision: Precision, private val residual: DoubleArray) {
+    private inner class Questioning(
+        private val precision: Precision,
+        private val residual: DoubleArray,
+        private val shot: MeasuredShot,
+    ) {
         private val signal = rows.of(signals.sharedValues)
 
         /** One direction: how every signal would move. */
         private inline fun way(value: (Int) -> Double) = DoubleArray(rows.size) { value(it) }
 
-        fun suspects(pose: ChartPose, whiteIsPatch: Boolean): List<Suspect> {
+        fun suspects(): List<Suspect> {
             val ways = LinkedHashMap<Cause, List<DoubleArray>>()
             ways[Cause.VEIL] = listOf(way { 1.0 - signal[it] })
-            if (!whiteIsPatch) {
+            if (shot.means.dark == null) ways[Cause.BLACK] = listOf(blackLevel())
+            if (shot.means.white != null) {
                 ways[Cause.WHITE] = List(3) { own -> way { if (rows.channel(it) == own) signal[it] else 0.0 } }
             }
-            ways[Cause.LIGHT] = unevenness(pose, whiteIsPatch)
+            ways[Cause.LIGHT] = unevenness()
             val darkest = Rules.shipped.number("verdict.darkest_tone")
             ways[Cause.TONE] = listOf(way { signal[it] * ln(max(signal[it], darkest)) })
             return ways.map { (cause, directions) ->
@@ -127,13 +135,19 @@ internal class Told(
             }
         }
 
-        private fun unevenness(pose: ChartPose, whiteIsPatch: Boolean): List<DoubleArray> {
-            val (across, down) = places(pose)
+        /** A black level that is off, in parts of the sensor's range. */
+        private fun blackLevel(): DoubleArray {
+            val (white, dark) = listOf(signals.sharedWhite, signals.sharedDark).map { rows.of(it) }
+            return way { (1.0 - signal[it]) / ((white[it] - dark[it]) / (shot.means.saturation - dark[it])) }
+        }
+
+        private fun unevenness(): List<DoubleArray> {
+            val (across, down) = places(shot.pose)
             return listOfNotNull(
                 way { signal[it] * across[it] },
                 way { signal[it] * down[it] },
                 way { signal[it] * (across[it] * across[it] + down[it] * down[it]) },
-                if (whiteIsPatch) signal else null,
+                if (shot.means.white == null) signal else null,
             )
         }
 

@@ -13,6 +13,7 @@ import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import kotlin.math.exp
@@ -111,6 +112,25 @@ class JudgeTest {
         assertTrue("94%" in found.message && "the basis phones knows" in found.message, found.message)
         assertEquals(emptyList<Reason>(), judged(1.0, weights(0.06, 0.5, 0.04, 0.4), null).reasons)
         assertEquals(emptyList<Reason>(), judged(1.0, emptyList(), "phones").reasons)
+    }
+
+    @Test
+    fun `the length of the code is a normal number under the prior`() {
+        // Ten directions fully known, none of the others: the square root of χ² of ten degrees of freedom.
+        val covariance = DoubleArray(72 * 72) { if (it / 72 == it % 72 && it / 72 >= 10) 1.0 else 0.0 }
+        fun of(square: Double, covariance: DoubleArray?): Double? {
+            val code = DoubleArray(72).also { it[40] = sqrt(square) }
+            val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
+            val own = Ssf.Curves(curves, std, code, covariance, DoubleArray(72), lamp.sharedValues)
+            val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0)
+            return Judge.strangeness(Ssf(own, proof, DoubleArray(3), DoubleArray(3), 1.0, "phones"))
+        }
+        // Upper quantiles of χ² of 10 and of the normal distribution, from tables.
+        for ((square, normal) in listOf(9.342 to 0.0, 21.161 to 2.0537, 29.588 to 3.0902)) {
+            assertEquals(normal, of(square, covariance)!!, 0.03)
+        }
+        assertNull(of(10.0, null))
+        assertNull(of(10.0, DoubleArray(72 * 72) { if (it / 72 == it % 72) 1.0 else 0.0 }))
     }
 
     @Test

@@ -4,6 +4,11 @@ import org.camssf.Grid
 import org.camssf.Rules
 import org.camssf.curves.Ssf
 import org.camssf.photo.ChartPose
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -165,12 +170,21 @@ class SurpriseTest {
             return ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
         }
 
+    /** What is asked of a shot beyond its signals: its pose, and which frames there were. */
+    private fun shot(dark: Boolean = true): MeasuredShot {
+        val flat = DoubleArray(3 * n) { 1000.0 }
+        val frame = FrameMeans(flat, flat, LongArray(3 * n) { 400 }, flat, flat, flat, DoubleArray(2 * n))
+        val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
+        val means = PatchMeans(frame, frame, frame.takeIf { dark }, DoubleArray(3), 4000.0)
+        return MeasuredShot(lamps[0], photo, photo, photo.takeIf { dark }, pose, means, LensShading.AS_STORED)
+    }
+
     /** A patch's suspicion is what χ² loses when its three signals are left out. */
     @Test
     fun `a patch explains what is lost without it`() {
         val lamp = lamps.take(1)
         val all = BooleanArray(24) { it != 5 }
-        val whole = told(lamp, all).surprise(pose)
+        val whole = told(lamp, all).surprise(shot())
         assertEquals(3 * 23, whole.count)
         val patches = whole.suspects.filter { it.cause == Cause.PATCH }
         assertEquals((0 until n).filter { all[it] }, patches.map { it.patch })
@@ -183,18 +197,24 @@ class SurpriseTest {
     @Test
     fun `a suspect that is put in is found with its size`() {
         val clean = told(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
-        fun spoiled(value: (Int, Double) -> Double): Surprise {
+        fun spoiled(dark: Boolean = true, value: (Int, Double) -> Double): Surprise {
             val old = clean.signals
             val y = DoubleArray(72) { value(it, old.values[it]) }
             val signals = Signals(
                 1, n, y, old.standardError, old.chart, old.white, old.dark, old.used, emptyList(),
             )
-            return Told(signals, table, clean.lamps, clean.ssf, white, 0.01).surprise(pose)
+            return Told(signals, table, clean.lamps, clean.ssf, white, 0.01).surprise(shot(dark))
         }
         val veiled = spoiled { _, y -> y + 0.05 * (1 - y) }.accused()!!
         assertEquals(Cause.VEIL, veiled.cause)
         // (1 - 0.05) (1 - y) is what is left of 1 - y.
         assertEquals(0.05 / 0.95, veiled.amount, 1e-6)
+        // A white of a quarter of the range: 0.8 % of the range are 3.2 % of white. A dark frame leaves the veil alone.
+        val raised = spoiled(dark = false) { _, y -> y - 0.032 * (1 - y) }
+        assertEquals(Cause.BLACK, raised.accused()!!.cause)
+        assertEquals(-0.008 / 1.032, raised.accused()!!.amount, 1e-6)
+        assertEquals(Cause.VEIL, spoiled { _, y -> y - 0.032 * (1 - y) }.accused()!!.cause)
+        assertTrue(spoiled { _, y -> y }.suspects.none { it.cause == Cause.BLACK })
         val toned = spoiled { _, y -> Math.pow(y, 0.8) }.accused()!!
         assertEquals(Cause.TONE, toned.cause)
         val dirty = spoiled { at, y -> if (at / 3 == 9) 1.5 * y else y }.accused()!!

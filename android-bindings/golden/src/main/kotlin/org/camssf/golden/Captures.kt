@@ -62,7 +62,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
         val fit = Fit(engines, capture, signals, settings(case))
         val ssf = fit.curves(signals.used, settings(case).gamma?.let { doubleArrayOf(it) })
-        val found = Rivals.of(fit.settled(ssf), ssf, signals.used) { }
+        val found = Rivals.of(fit, ssf, signals.used) { }
         val k = capture.shots.size
         return mapOf("gains" to Tensor(found.map { it.gain }.toDoubleArray(), k, found.size / k))
     }
@@ -100,8 +100,8 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             1.0,
             emptyList(),
         )
-        val make = (case.inputs["make"] as? JsonPrimitive)?.content ?: "golden"
-        val photo = Photo("golden", 600, 400, 1, null, null, false, make, "golden", "")
+        val (make, model) = listOf("make", "model").map { (case.inputs[it] as? JsonPrimitive)?.content ?: "golden" }
+        val photo = Photo("golden", 600, 400, 1, null, null, false, make, model, "")
         val (lamp, modes, tolerance) = listOf("lamp", "lamp_modes", "lamp_tolerance").map { given(it) }
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
             val means = frames.means(entry.jsonObject)

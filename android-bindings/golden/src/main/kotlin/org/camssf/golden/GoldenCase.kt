@@ -143,8 +143,9 @@ internal class GoldenCase private constructor(val name: String, private val json
         /** Inputs that a case may leave out. */
         private val MAY = mapOf(
             "ssf" to setOf("prior_scale"),
-            "calibrate" to setOf("make"),
-            "verdict" to setOf("choice", "family"),
+            "calibrate" to setOf("make", "model"),
+            "rivals" to setOf("make", "model"),
+            "verdict" to setOf("choice", "family", "code_variance"),
         )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")

@@ -66,9 +66,13 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             Weight(basis.content, scale.double, 0.0, probability.double)
         }
         val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
+        val variance = inputs["code_variance"]?.let { forms.resolve(it).values }
+        val spread = variance?.let { own ->
+            DoubleArray(own.size * own.size) { if (it / own.size == it % own.size) own[it % own.size] else 0.0 }
+        }
         fun answer(of: JsonObject): Ssf {
             fun told(name: String) = forms.resolve(of.getValue(name)).values
-            val curves = Ssf.Curves(told("ssf"), std, told("code"), null, told("predicted"), lamp.values)
+            val curves = Ssf.Curves(told("ssf"), std, told("code"), spread, told("predicted"), lamp.values)
             return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
         }
         val told = Told(
@@ -102,8 +106,8 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             val quads = DoubleArray(8 * n) { centres[2 * (j * n + it / 8) + it % 2] + SQUARE[it % 8] }
             val pose = ChartPose("classic24", SQUARE, quads, 0, "by hand", scores[j], emptyList())
             val means = frames.means(entry.jsonObject)
-            val frame = photo.takeIf { means.white != null }
-            MeasuredShot(lamps[j], photo, frame, frame, pose, means, LensShading.AS_STORED)
+            val (bright, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
+            MeasuredShot(lamps[j], photo, bright, dark, pose, means, LensShading.AS_STORED)
         }
     }
 
