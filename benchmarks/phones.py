@@ -5,13 +5,16 @@ CAMSSF_PHONES; columns camera, wavelength_nm, R, G, B. `--foreign`, or CAMSSF_FO
 laboratory; nothing is ever fitted to them. Without a table the command says what is missing and ends with status 2.
 
 Each phone is solved on the same draws with `cameras` as shipped, with a basis learned from the other phones, and with
-one learned from the other makers' phones alone; joint reference, elastic net. Settings are those of
-benchmarks.accuracy; "low" noise is hypot(0.1 %, 0.0002), "off" lamps are off by a drawn temperature and a smooth 2 %,
-both declared. RMSE on peak-normalised curves, 400 to 700 nm; coverage of the 95 % bands, overall and of the phone
-that fares worst in that setting.
+one learned from the other makers' phones alone; joint reference, elastic net. "auto" lets the evidence choose between
+such a basis and `cameras`, no maker named; "apart" is `cameras` with each channel solved for itself, as before
+channels knew of each other. Settings are those of benchmarks.accuracy; "low" noise is hypot(0.1 %, 0.0002), "off"
+lamps are off by a drawn temperature and a smooth 2 %, both declared. RMSE on peak-normalised curves, 400 to 700 nm;
+coverage of the 95 % bands, overall and of the phone that fares worst in that setting.
 
 The choice: by how many nats the evidence of `phones` (the phone itself left out) is above that of `cameras` (the
 camera's maker left out; as shipped for phones and the other laboratory's). 20 : 1 is 3 nats.
+
+The lamp: told A ± 250 K where it is exactly A, how far off is the temperature that the answer takes it for?
 
 `--choose` compares enlargements instead: how HANDFUL in camssf.tools.learn was chosen. Coverage comes first (.93 to
 .98 in every setting, worst phone .88), then RMSE.
@@ -31,9 +34,27 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
-from benchmarks.accuracy import LOW, SEED, SEEN, SETTINGS, Setting, declared, left_out, photograph, score
+from benchmarks.accuracy import (
+    LOW,
+    SEED,
+    SEEN,
+    SETTINGS,
+    Found,
+    Setting,
+    answer_of,
+    apart,
+    declared,
+    left_out,
+    photograph,
+    power,
+)
+from benchmarks.accuracy import judge as against
 from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.choice import recover
+from camssf.curves.choice import SCALES, UNUSUAL
+from camssf.curves.choice import choose as chosen
+from camssf.curves.evidence import Evidence
+from camssf.curves.sensing import sense
+from camssf.curves.ssf import answer
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.spectra import read_chart
@@ -45,8 +66,13 @@ JUDGED = (
     Setting("exact, D55, 24, low", ("D55",), noise=LOW),
     *(setting for setting in SETTINGS if setting.ohta),
 )
+EVERY = (*SETTINGS[:2], JUDGED[1], *SETTINGS[2:])
+"""All settings; JUDGED chose the enlargement."""
 CAMERAS, OTHERS, OTHER_MAKER, PHONES = "cameras", "other phones", "other maker's phones", "phones"
 COVERED, WORST_COVERED = (0.93, 0.98), 0.88
+APART = "cameras, apart"
+DOUBT = 250.0
+"""Standard deviation of lamp A's temperature as it is told, K."""
 CLEAR = float(np.log(20.0))
 """Nats of odds of 20 : 1."""
 CANDIDATES = {
@@ -151,6 +177,52 @@ def foreign_cameras(path: Path) -> list[Device]:
     return [Device(name, interpolate(curves), bases) for name, curves in read_curves(path).items()]
 
 
+def auto(basis: str) -> str:
+    """The label of the choice between that basis and `cameras`."""
+    return f"auto: {basis}"
+
+
+def answers(device: Device, evidence: Evidence) -> dict[str, tuple[Found, float]]:
+    """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
+    scaled = {
+        name: [
+            replace(answer(evidence, basis, prior_scale=scale, engine="reference"), basis=name) for scale in SCALES
+        ]
+        for name, basis in device.bases.items()
+    }
+    found = {name: (each[0].peak(), float(each[0].log_evidence or 0.0)) for name, each in scaled.items()}
+    beliefs = np.log([1.0 - UNUSUAL, UNUSUAL] * 2)
+    for name in device.bases:
+        if name != CAMERAS:
+            found[auto(name)] = chosen(evidence, [*scaled[name], *scaled[CAMERAS]], beliefs).peak(), float("nan")
+    book = device.bases[CAMERAS]
+    found[APART] = answer_of(apart(sense(evidence, book)), evidence, book), float("nan")
+    return found
+
+
+def kelvin_off(devices: Sequence[Device], draws: int, bar: Progress) -> dict[str, dict[str, float]]:
+    """By basis and device how far from A the lamp is taken to be, K, mean over draws; Ohta's chart, low noise.
+
+    The change that the answer makes to the lamp, against that of a hot body: least squares over ln L.
+    """
+    setting = Setting("", ("A",), noise=LOW, ohta=True)
+    seen, rng = read_chart("classic24:ohta").values, np.random.default_rng(SEED)
+    step = (np.log(power("A", 2856.0 + DOUBT)) - np.log(power("A", 2856.0 - DOUBT))) / 2.0
+    off: dict[str, dict[str, list[float]]] = {name: {} for name in devices[0].bases}
+    task = bar.add_task("A ± 250 K", total=draws * len(devices))
+    for _ in range(draws):
+        for device in devices:
+            y, error = photograph(setting, device.curves, seen, rng)
+            told = replace(declared(setting, y, error), lamp_modes=step[None, None])
+            for name, basis in device.bases.items():
+                change = np.log(answer(told, basis, engine="reference").lamp[0] / told.lamp[0])
+                bend = step - step.mean()
+                kelvin = DOUBT * float((change - change.mean()) @ bend / (bend @ bend))
+                off[name].setdefault(device.name, []).append(kelvin)
+            bar.advance(task)
+    return {name: {device: float(np.mean(each)) for device, each in by.items()} for name, by in off.items()}
+
+
 def measure(
     devices: Sequence[Device], settings: Sequence[Setting], draws: int, bar: Progress | None = None, label: str = ""
 ) -> dict[str, dict[str, Runs]]:
@@ -161,16 +233,14 @@ def measure(
     for setting in settings:
         rng = np.random.default_rng(SEED)
         seen = (ohta if setting.ohta else chart())[slice(*setting.patches)]
-        kept: dict[str, list[tuple[float, float, float]]] = {basis: [] for basis in devices[0].bases}
+        kept: dict[str, list[tuple[float, float, float]]] = {}
         for _ in range(draws):
             for device in devices:
                 y, error = photograph(setting, device.curves, seen, rng)
-                for name, basis in device.bases.items():
-                    answer = recover(declared(setting, y, error), basis=basis, engine="reference")
-                    rmse, covered = score(answer, device.curves)
+                for name, (found_, nats) in answers(device, declared(setting, y, error)).items():
+                    rmse, covered = against(found_, device.curves)
                     assert covered is not None  # a learned basis has bands
-                    assert answer.log_evidence is not None
-                    kept[name].append((rmse.mean(), covered[:, SEEN].mean(), answer.log_evidence))
+                    kept.setdefault(name, []).append((rmse.mean(), covered[:, SEEN].mean(), nats))
                 if bar is not None and task is not None:
                     bar.advance(task)
         found[setting.name] = {
@@ -233,15 +303,16 @@ def _held(row: Mapping[str, Any]) -> str:
 def _accuracy(title: str, rows: Mapping[str, Mapping[str, Mapping[str, Any]]], beside: str) -> Any:
     """RMSE, coverage and worst coverage by basis, and the ratio of RMSE to that of `cameras`."""
     bases = list(next(iter(rows.values())))
+    choices = [basis for basis in bases if basis.startswith(auto(""))]
     lines = [
         [
             name,
             *(_held(row[basis]) for basis in bases),
-            *(f"{row[basis]['rmse'] / row[CAMERAS]['rmse']:.2f}" for basis in bases if basis != CAMERAS),
+            *(f"{row[basis]['rmse'] / row[APART]['rmse']:.2f}" for basis in choices),
         ]
         for name, row in rows.items()
     ]
-    head = ["setting", *bases, *(f"{basis} / cameras" for basis in bases if basis != CAMERAS)]
+    head = ["setting", *bases, *(f"{basis} / {APART}" for basis in choices)]
     return table(f"{title}: RMSE, coverage, worst {beside}", head, lines)
 
 
@@ -271,7 +342,8 @@ def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict
     for title, (devices, phones, count) in groups.items():
         names = [device.name for device in devices]
         with progress() as bar:
-            runs = measure(devices, JUDGED, count, bar, title)
+            runs = measure(devices, EVERY, count, bar, title)
+            kelvin = kelvin_off(devices, count, bar) if phones == OTHERS else {}
         rows = {setting: {key: run.row(names) for key, run in bases.items()} for setting, bases in runs.items()}
         choices = {phones: choice(odds(runs, phones), names)}
         if phones == OTHERS:
@@ -280,6 +352,10 @@ def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict
         for basis, found in choices.items():
             out.print(_choice(f"{title}, `phones` = {basis}", found))
         document[title] = {"draws": count, "settings": rows, "choice": choices}
+        if kelvin:
+            document[title]["kelvin_off"] = kelvin
+            lines = [[name, *(f"{kelvin[basis][name]:+.0f}" for basis in kelvin)] for name in names]
+            out.print(table("Told A ± 250 K, truly A: estimated less true, K", ["device", *kelvin], lines))
     if foreign is None:
         out.print("No cameras of another laboratory: name a table by --foreign or CAMSSF_FOREIGN to judge them, too.")
     return document

@@ -6,6 +6,7 @@ The phones' table may not be passed on. Who has it sets CAMSSF_PHONES to its pat
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 
 from benchmarks import _common, phones
 from benchmarks.accuracy import Setting
-from benchmarks.phones import CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs
+from benchmarks.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
 from camssf.curves.basis import NODES, read_basis
 from camssf.grid import Floats
 from camssf.tools.learn import HANDFUL, Enlargement, Statistics, learn, main, maker_of, read_curves, training_set_of
@@ -223,13 +224,17 @@ def test_the_benchmark_runs_on_any_table(
 ) -> None:
     """One setting, one draw, no cameras."""
     monkeypatch.setattr(_common, "RESULTS", tmp_path)
-    monkeypatch.setattr(phones, "JUDGED", (Setting("x", ("D55",)),))
+    for name in ("EVERY", "JUDGED"):
+        monkeypatch.setattr(phones, name, (Setting("x", ("D55",)),))
     monkeypatch.setattr(phones, "CANDIDATES", {"y": HANDFUL})
     monkeypatch.setattr(phones, "measured_cameras", lambda: phones.phones_left_out(toys())[:0] or stand_in())
     table = str(write_curves(tmp_path / "toys.csv", toys()))
     assert phones.main(["--table", table, "--draws", "1"]) == 0
     out = capsys.readouterr().out
-    assert "other phones / cameras" in out
+    assert "Told A ± 250 K, truly A" in out
+    found = json.loads((tmp_path / "phones.json").read_text("utf-8"))["phones, left out"]
+    assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} == set(found["settings"]["x"])
+    assert all(abs(kelvin) < 250 for kelvin in found["kelvin_off"][OTHERS].values())
     assert "--foreign or CAMSSF_FOREIGN" in out
     assert phones.main(["--table", table, "--draws", "1", "--choose"]) == 0
     assert {path.name for path in tmp_path.glob("*.json")} == {"phones.json", "phones-choose.json"}
