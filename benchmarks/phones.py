@@ -191,6 +191,8 @@ def answers(device: Device, evidence: Evidence) -> dict[str, tuple[Found, float]
         for name, basis in device.bases.items()
     }
     found = {name: (each[0].peak(), float(each[0].log_evidence or 0.0)) for name, each in scaled.items()}
+    if CAMERAS not in device.bases:  # where enlargements are compared nothing is chosen
+        return found
     beliefs = np.log([1.0 - UNUSUAL, UNUSUAL] * 2)
     for name in device.bases:
         if name != CAMERAS:
