@@ -1,9 +1,10 @@
-"""What is a lamp worth that is known only by kind? `python -m benchmarks.lamps [--draws 4]`
+"""What is a lamp worth that is known only by kind? `python -m benchmarks.lamps [--draws 4] [--phones CSV]`
 
 First the families themselves (camssf/families.py), one lamp left out at a time: by how much of the family's mean it
 differs from it (RMS, 400 to 700 nm, both of one mean power there), and how much of that its modes leave at best.
 
-Then the curves: measured cameras, each with a basis learned without its maker; patches simulated from Ohta's table
+Then the curves: measured cameras, each with a basis learned without its maker, or with `--phones` (CAMSSF_PHONES)
+measured phones, each with a basis of the others; patches simulated from Ohta's table
 and solved with BabelColor's, 24 of them, noise hypot(0.1 %, 0.0002). The true lamp is drawn: daylight 5,800 ± 900 K,
 a bulb 2,700 ± 250 K, or one of the family's CIE lamps, which the family then does not hold; bent by a smooth 2 %. It
 is told to the solver as measured ("known"), or by its kind alone ("kind"). RMSE of peak-normalised curves, 400 to
@@ -20,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
-from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, left_out, score
+from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, score
+from benchmarks.phones import asked, each_left_out
 from camssf.curves.basis import interpolate
 from camssf.curves.choice import recover
 from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
@@ -28,7 +30,6 @@ from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, Kind, principal_modes
-from camssf.tools.learn import maker_of
 
 SETTINGS = (
     ("daylight",),
@@ -109,6 +110,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=2, help="runs of every camera")
     parser.add_argument("--every", type=int, default=1, help="take every so manieth camera")
+    asked(parser)
     options = parser.parse_args(arguments)
     families = leave_one_out()
     out = console()
@@ -129,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
             ],
         )
     )
-    cameras, bases = left_out()
+    cameras, bases = each_left_out(options.phones)
     names = list(cameras)[:: options.every]
     ohta, given = read_chart("classic24:ohta").values, chart()
     rows: list[dict[str, Any]] = []
@@ -163,7 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
                                 lamp_tolerance=[tolerance(kind, how) for kind in kinds],
                                 lamp_modes=modes_,
                             ),
-                            basis=bases[maker_of(name)],
+                            basis=bases[name],
                             engine="reference",
                         )
                         runs[how].append(score(answer, cameras[name]))
@@ -198,7 +200,10 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     for name, value, limit in bars:
         out.print(f"{name}: {value:.3f} (bar {limit:g}): {'held' if value <= limit else 'MISSED'}")
-    path = save("lamps", {"families": families, "rows": rows, "bars": bars, "versions": versions()})
+    path = save(
+        "lamps-phones" if options.phones else "lamps",
+        {"families": families, "rows": rows, "bars": bars, "versions": versions()},
+    )
     out.print(f"written: {path}")
     return int(any(value > limit for _, value, limit in bars))
 

@@ -1,6 +1,7 @@
-"""Which penalties, how many components? `python -m benchmarks.penalties [--every 2]`
+"""Which penalties, how many components? `python -m benchmarks.penalties [--every 2] [--phones CSV]`
 
-Leave-one-maker-out cross-validation over five lamps and three noise levels, 24 patches, BabelColor's table told
+Leave-one-maker-out cross-validation on the measured cameras, or with `--phones` (CAMSSF_PHONES) leave-one-out on
+measured phones, over five lamps and three noise levels, 24 patches, BabelColor's table told
 exactly (tolerances 0) and, for the middle noise, told for Ohta's. Same draws for every candidate: λ₂ and γ from l1
 alone over the elastic net to the posterior mean, then the number of components at the product's penalties. RMSE of
 peak-normalised curves, 400 to 700 nm, mean of R, G, B, cameras and lamps; the best of each column is marked *.
@@ -17,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
-from benchmarks.accuracy import CHART, SEED, WHITE, Setting, left_out, photograph, score
+from benchmarks.accuracy import CHART, SEED, WHITE, Setting, photograph, score
+from benchmarks.phones import asked, each_left_out
 from camssf.curves.basis import Basis
 from camssf.curves.choice import recover
 from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
 from camssf.spectra import read_chart
-from camssf.tools.learn import maker_of
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 NOISES = {"0.1 %": (0.001, 0.0002), "0.5 %": (0.005, 0.001), "1 %": (0.01, 0.002)}
@@ -50,10 +51,11 @@ def truncated(basis: Basis, count: int) -> Basis:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=2, help="take every so manieth camera")
+    asked(parser)
     options = parser.parse_args(arguments)
     out = console()
-    cameras, bases = left_out()
-    names = list(cameras)[:: options.every]
+    cameras, bases = each_left_out(options.phones)
+    names = list(cameras)[:: 1 if options.phones else options.every]
     candidates = [(label, l2, gamma, 24) for label, l2, gamma in PENALTIES]
     candidates += [("elastic net (product)", 1.0, 0.05, count) for count in COMPONENTS[:-1]]
     columns = [(f"noise {level}", Setting(level, (name,), noise=noise)) for level, noise in NOISES.items()
@@ -74,7 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
                 for i, (_, l2, gamma, count) in enumerate(candidates):
                     answer = recover(
                         Evidence(y, chart(), light, standard_error=error, **told),
-                        basis=truncated(bases[maker_of(name)], count),
+                        basis=truncated(bases[name], count),
                         l2=l2,
                         gamma=gamma,
                         engine="reference",
@@ -84,9 +86,10 @@ def main(arguments: list[str] | None = None) -> int:
     heads = list(dict.fromkeys(column for column, _ in columns))
     means = np.array([[np.mean(errors[i, head]) for head in heads] for i in range(len(candidates))])
     best = means.argmin(axis=0)
+    who = "phones, each" if options.phones else "cameras, maker"
     out.print(
         table(
-            f"RMSE, {len(names)} cameras, maker left out, {len(LAMPS)} lamps",
+            f"RMSE, {len(names)} {who} left out, {len(LAMPS)} lamps",
             ["estimator", "λ₂", "γ", "components", *heads, "mean"],
             [
                 [label, f"{l2:g}", f"{gamma:g}", str(count)]
@@ -100,7 +103,10 @@ def main(arguments: list[str] | None = None) -> int:
     for i, (label, l2, gamma, count) in enumerate(candidates):
         found = dict(zip(heads, map(float, means[i]), strict=True))
         rows.append({"estimator": label, "l2": l2, "gamma": gamma, "components": count, "rmse": found})
-    path = save("penalties", {"cameras": len(names), "lamps": LAMPS, "rows": rows, "versions": versions()})
+    path = save(
+        "penalties-phones" if options.phones else "penalties",
+        {"cameras": len(names), "lamps": LAMPS, "rows": rows, "versions": versions()},
+    )
     out.print(f"written: {path}")
     return 0
 

@@ -164,11 +164,28 @@ def phones_left_out(nodes: Mapping[str, Floats], size: Enlargement = HANDFUL) ->
     return found
 
 
+def asked(parser: argparse.ArgumentParser) -> None:
+    """The option by which other benchmarks take phones in the place of the 52 cameras."""
+    parser.add_argument(
+        "--phones", type=Path, default=os.environ.get("CAMSSF_PHONES"),
+        help="the same of measured phones, CSV as in benchmarks.phones, each with a basis of the others",
+    )  # fmt: skip
+
+
+def each_left_out(table_: Path | str | None) -> tuple[dict[str, Floats], dict[str, Basis]]:
+    """By name curves (681, 3), and the basis of the other phones; without a table, of cameras of other makers."""
+    if table_ is not None:
+        phones = phones_left_out(read_curves(Path(table_)))
+        return {one.name: one.curves for one in phones}, {one.name: one.bases[OTHERS] for one in phones}
+    curves, bases = left_out()
+    return curves, {name: bases[maker_of(name)] for name in curves}
+
+
 def measured_cameras() -> list[Device]:
     """The 52 cameras with `cameras`, their maker left out, and `phones`."""
-    curves, bases = left_out()
+    curves, bases = each_left_out(None)
     phones = read_basis("phones")
-    return [Device(name, curve, {CAMERAS: bases[maker_of(name)], PHONES: phones}) for name, curve in curves.items()]
+    return [Device(name, curve, {CAMERAS: bases[name], PHONES: phones}) for name, curve in curves.items()]
 
 
 def foreign_cameras(path: Path) -> list[Device]:
