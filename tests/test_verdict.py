@@ -491,6 +491,16 @@ def test_the_raw_white_tells_the_lamp() -> None:
 # rule 6: samples
 
 
+def test_curves_that_foretell_no_white_are_not_held_against_the_matrix() -> None:
+    """No number comes out, and no warning: it is for other rules to refuse them."""
+    scene = Scene(clean())
+    scene.neutrals = [[neutral("A")]]
+    values = scene.ssf.values.copy()
+    values[:, 0] -= 2.0 * values[:, 0].mean()
+    scene.ssf = replace(scene.ssf, values=values)
+    assert all("colour matrix" not in reason.message for reason in scene.judged().reasons)
+
+
 def with_chart(scene: Scene, **changes: Any) -> Verdict:
     shot = scene.shots[0]
     return scene.judged(shots=[replace(shot, chart=replace(shot.chart, **changes))])

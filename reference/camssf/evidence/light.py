@@ -69,6 +69,8 @@ def tinted(name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: 
     offs = []
     for neutral in told:
         expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)
+        if not (expected > 0).all():
+            continue  # curves that foretell no white; other rules see to them
         ratio = np.log(raw / expected)
         offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
     if not offs or min(offs) <= TINTED:

@@ -64,14 +64,15 @@ internal object Light {
         }
         fun seen(light: DoubleArray, channel: Int) =
             (0 until Grid.SIZE).sumOf { light[it] * curves.sharedValues[3 * it + channel] }
-        val off = foretold.minOfOrNull { neutral ->
-            val ratio = DoubleArray(3) { channel ->
-                val expected =
-                    neutral.white[channel] * seen(curves.sharedLamp, channel) / seen(neutral.light, channel)
-                ln(raw[channel] / expected)
+        val off = foretold.mapNotNull { neutral ->
+            val expected = DoubleArray(3) { channel ->
+                neutral.white[channel] * seen(curves.sharedLamp, channel) / seen(neutral.light, channel)
             }
+            // Curves that foretell no white: other rules see to them.
+            if (expected.any { !(it > 0) }) return@mapNotNull null
+            val ratio = DoubleArray(3) { ln(raw[it] / expected[it]) }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
-        }
+        }.minOrNull()
         if (off == null || off <= TINTED) return emptyList()
         return listOf(Reasons.because("tint", off, mapOf("shot" to name, "share" to expm1(off), "lamp" to lamp)))
     }
