@@ -496,7 +496,11 @@ def test_curves_that_foretell_no_white_are_not_held_against_the_matrix() -> None
     scene = Scene(clean())
     scene.neutrals = [[neutral("A")]]
     values = scene.ssf.values.copy()
-    values[:, 0] -= 2.0 * values[:, 0].mean()
+    # White under D55, less than black under A.
+    short, long = (np.exp(-0.5 * ((WAVELENGTHS - centre) / 20.0) ** 2) for centre in (450.0, 650.0))
+    day, bulb = (read_lamp(name).values for name in ("D55", "A"))
+    values[:, 0] = short - 0.5 * ((short @ day) / (long @ day) + (short @ bulb) / (long @ bulb)) * long
+    assert values[:, 0] @ day > 0 > values[:, 0] @ bulb
     scene.ssf = replace(scene.ssf, values=values)
     assert all("colour matrix" not in reason.message for reason in scene.judged().reasons)
 
