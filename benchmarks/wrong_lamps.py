@@ -74,12 +74,13 @@ def taken(device: Device, light: str, chart: str, number: int) -> Shot:
         staged.setup, lamp=read_lamp(light), table=replace(read_chart(chart), name=CHARTS[0]), white_level=1.0
     )
     shot = shoot(staged, setup, search=False)
-    return replace(shot, photo=replace(shot.photo, make="", neutrals=()))
+    return replace(shot, photo=replace(shot.photo, neutrals=()))
 
 
 def judged(shot: Shot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:
-    """The verdict of the shot under that name of its lamp."""
-    told = replace(shot, lamp=read_lamp(lamp), photo=replace(shot.photo, make=maker))
+    """The verdict of the shot under that name of its lamp; a maker's file names the model, too, as phones do."""
+    model = device.name[len(maker) :].strip() if maker else ""
+    told = replace(shot, lamp=read_lamp(lamp), photo=replace(shot.photo, make=maker, model=model))
     return solved([told], basis, device.curves)
 
 
