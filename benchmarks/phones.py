@@ -219,27 +219,54 @@ def answers(device: Device, evidence: Evidence) -> dict[str, tuple[Found, float]
     return found
 
 
-def kelvin_off(devices: Sequence[Device], draws: int, bar: Progress) -> dict[str, dict[str, float]]:
-    """By basis and device how far from A the lamp is taken to be, K, mean over draws; Ohta's chart, low noise.
+def doubted_lamp(devices: Sequence[Device], draws: int, bar: Progress) -> dict[str, dict[str, Any]]:
+    """Lamp A told as A ± 250 K, and as A; by basis. Ohta's chart, low noise.
 
-    The change that the answer makes to the lamp, against that of a hot body: least squares over ln L.
+    Returns:
+        `kelvin`: by device how far from A the lamp is then taken to be, K, mean over draws: the change that the
+        answer makes to the lamp, against that of a hot body, by least squares over ln L. `doubted` and `exact`: RMSE
+        and coverage under either word.
     """
     setting = Setting("", ("A",), noise=LOW, ohta=True)
     seen, rng = read_chart("classic24:ohta").values, np.random.default_rng(SEED)
     step = (np.log(power("A", 2856.0 + DOUBT)) - np.log(power("A", 2856.0 - DOUBT))) / 2.0
+    bend = step - step.mean()
     off: dict[str, dict[str, list[float]]] = {name: {} for name in devices[0].bases}
+    scores: dict[str, dict[str, list[tuple[float, float]]]] = {name: {"doubted": [], "exact": []} for name in off}
     task = bar.add_task("A ± 250 K", total=draws * len(devices))
     for _ in range(draws):
         for device in devices:
             y, error = photograph(setting, device.curves, seen, rng)
-            told = replace(declared(setting, y, error), lamp_modes=step[None, None])
+            exact = declared(setting, y, error)
+            told = {"doubted": replace(exact, lamp_modes=step[None, None]), "exact": exact}
             for name, basis in device.bases.items():
-                change = np.log(answer(told, basis, engine="reference").lamp[0] / told.lamp[0])
-                bend = step - step.mean()
+                found = {word: answer(each, basis, engine="reference") for word, each in told.items()}
+                for word, each in found.items():
+                    rmse, covered = against(each.peak(), device.curves)
+                    assert covered is not None  # a learned basis has bands
+                    scores[name][word].append((float(rmse.mean()), float(covered[:, SEEN].mean())))
+                change = np.log(found["doubted"].lamp[0] / exact.lamp[0])
                 kelvin = DOUBT * float((change - change.mean()) @ bend / (bend @ bend))
                 off[name].setdefault(device.name, []).append(kelvin)
             bar.advance(task)
-    return {name: {device: float(np.mean(each)) for device, each in by.items()} for name, by in off.items()}
+    return {
+        name: {"kelvin": {device: float(np.mean(each)) for device, each in by.items()}}
+        | {
+            word: dict(zip(("rmse", "coverage"), map(float, np.mean(rows, axis=0)), strict=True))
+            for word, rows in scores[name].items()
+        }
+        for name, by in off.items()
+    }
+
+
+def _doubted(title: str, found: Mapping[str, Mapping[str, Any]]) -> Any:
+    lines = []
+    for basis, row in found.items():
+        off = np.array(list(row["kelvin"].values()))
+        words = (f"{row[word]['rmse']:.4f} {row[word]['coverage']:.3f}" for word in ("exact", "doubted"))
+        lines.append([basis, f"{off.min():+.0f} to {off.max():+.0f}", f"{np.abs(off).mean():.0f}", *words])
+    head = ["basis", "estimated less true, K", "mean size", "told A: RMSE, coverage", "told A ± 250 K"]
+    return table(f"{title}: lamp A, told A ± 250 K", head, lines)
 
 
 def measure(
@@ -362,7 +389,7 @@ def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict
         names = [device.name for device in devices]
         with progress() as bar:
             runs = measure(devices, EVERY, count, bar, title)
-            kelvin = kelvin_off(devices, count, bar) if phones == OTHERS else {}
+            lamp = doubted_lamp(devices, count, bar)
         rows = {setting: {key: run.row(names) for key, run in bases.items()} for setting, bases in runs.items()}
         choices = {phones: choice(odds(runs, phones), names)}
         if phones == OTHERS:
@@ -370,11 +397,8 @@ def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict
         out.print(_accuracy(f"{title} ({len(names)}, {count} draws)", rows, "device"))
         for basis, found in choices.items():
             out.print(_choice(f"{title}, `phones` = {basis}", found))
-        document[title] = {"draws": count, "settings": rows, "choice": choices}
-        if kelvin:
-            document[title]["kelvin_off"] = kelvin
-            lines = [[name, *(f"{kelvin[basis][name]:+.0f}" for basis in kelvin)] for name in names]
-            out.print(table("Told A ± 250 K, truly A: estimated less true, K", ["device", *kelvin], lines))
+        out.print(_doubted(title, lamp))
+        document[title] = {"draws": count, "settings": rows, "choice": choices, "lamp A ± 250 K": lamp}
     if foreign is None:
         out.print("No cameras of another laboratory: name a table by --foreign or CAMSSF_FOREIGN to judge them, too.")
     return document

@@ -231,10 +231,13 @@ def test_the_benchmark_runs_on_any_table(
     table = str(write_curves(tmp_path / "toys.csv", toys()))
     assert phones.main(["--table", table, "--draws", "1"]) == 0
     out = capsys.readouterr().out
-    assert "Told A ± 250 K, truly A" in out
+    assert "told A ± 250 K" in out
     found = json.loads((tmp_path / "phones.json").read_text("utf-8"))["phones, left out"]
     assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} == set(found["settings"]["x"])
-    assert all(abs(kelvin) < 250 for kelvin in found["kelvin_off"][OTHERS].values())
+    lamp = found["lamp A ± 250 K"][OTHERS]
+    assert set(lamp["kelvin"]) == set(toys())
+    assert all(abs(kelvin) < 250 for kelvin in lamp["kelvin"].values())
+    assert 0 < lamp["exact"]["rmse"] <= 1.2 * lamp["doubted"]["rmse"]
     assert "--foreign or CAMSSF_FOREIGN" in out
     assert phones.main(["--table", table, "--draws", "1", "--choose"]) == 0
     assert {path.name for path in tmp_path.glob("*.json")} == {"phones.json", "phones-choose.json"}
