@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_report import document
 
 import camssf
-from camssf.errors import CalibrationError, InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument, LampUnfit
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, lamp_names, read_camera, read_chart, read_lamp, shipped_cameras
@@ -21,7 +22,6 @@ from camssf.spectra.lamps import Lamp
 from camssf.spectra.spoken import FORMAT, spoken
 from camssf.spectra.tables import read_curves, read_spectrum
 from camssf.spectra.text import plain
-from tests.test_report import document
 
 ROOT = Path(__file__).parents[1]
 THEIRS = Path(colour_science().__file__).parent / "io" / "tests" / "resources"
