@@ -120,12 +120,7 @@ def colour(
     told = curves.lamps[0] if lamp is None else lamp
     colours = standard_colour(camera, told, y, error, reference=reference, view=view)
     about = {
-        "result": {
-            "camera": curves.camera,
-            "sha256": curves.sha256,
-            "verdict": curves.status,
-            "reasons": list(curves.reasons),
-        },
+        "result": curves.about,
         "photo": {"name": Path(photo).name, "sha256": mosaic.sha256},
         "lamp": told,
         "reference": {"reflectance": reflectance, "tolerance": reference.tolerance},
