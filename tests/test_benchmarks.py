@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ast
 import json
-import re
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -592,7 +592,7 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
 
 
 BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {"kotlin_variants", "penalties", "phones", "rules_table", "spectrograph"}
+WITHOUT_BARS = {"colour_story", "kotlin_variants", "nearest", "penalties", "phones", "rules_table", "spectrograph"}
 """Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
 
 

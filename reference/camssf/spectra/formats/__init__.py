@@ -10,8 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import camssf.spectra.formats.camspec as camspec
+import camssf.spectra.formats.rawtoaces as rawtoaces
+import camssf.spectra.formats.sekonic as sekonic
+import camssf.spectra.formats.spectacle as spectacle
+import camssf.spectra.formats.tm27 as tm27
+import camssf.spectra.formats.uprtek as uprtek
 from camssf.grid import Floats
-from camssf.spectra.formats import camspec, rawtoaces, sekonic, spectacle, tm27, uprtek
 
 
 class LampFormat(NamedTuple):

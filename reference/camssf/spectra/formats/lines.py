@@ -14,12 +14,12 @@ FEWEST = 6
 """Lines by which a file is known."""
 
 
-def claims(pattern: re.Pattern[str], text: str) -> bool:
+def enough(pattern: re.Pattern[str], text: str) -> bool:
     """Whether enough lines are of the pattern."""
     return len(pattern.findall(text)) >= FEWEST
 
 
-def read(pattern: re.Pattern[str], text: str, path: Path) -> tuple[Floats, Floats]:
+def finest(pattern: re.Pattern[str], text: str, path: Path) -> tuple[Floats, Floats]:
     """Wavelengths and power, (w,) each: the table with the finest steps.
 
     Args:
@@ -42,6 +42,6 @@ def read(pattern: re.Pattern[str], text: str, path: Path) -> tuple[Floats, Float
         if not tables or nm <= tables[-1][-1][0]:
             tables.append([])
         tables[-1].append(pair)
-    finest = min(tables, key=lambda table: (table[-1][0] - table[0][0] + 1.0) / len(table))
-    found = np.array(finest)
+    best = min(tables, key=lambda table: (table[-1][0] - table[0][0] + 1.0) / len(table))
+    found = np.array(best)
     return found[:, 0], found[:, 1]

@@ -6,16 +6,16 @@ import re
 from pathlib import Path
 
 from camssf.grid import Floats
-from camssf.spectra.formats import lines
+from camssf.spectra.formats.lines import enough, finest
 
 _LINE = re.compile(r"^\s*Spectral Data (\d{3,4})\[nm\][ \t]*,(.*)$", re.MULTILINE)
 
 
 def claims(text: str) -> bool:
     """By its lines."""
-    return lines.claims(_LINE, text)
+    return enough(_LINE, text)
 
 
 def read(text: str, path: Path) -> tuple[Floats, Floats]:
-    """Wavelengths and power, (w,) each, every 1 nm where the file has that; errors as `lines.read`."""
-    return lines.read(_LINE, text, path)
+    """Wavelengths and power, (w,) each, every 1 nm where the file has that; errors as `lines.finest`."""
+    return finest(_LINE, text, path)
