@@ -1,4 +1,4 @@
-"""What are the curves worth? `python -m benchmarks.colour [--cameras 13] [--phones phones.csv]`
+"""What are the curves worth? `python -m benchmarks.colour [--cameras 13] [--phones [phones.csv]]`
 
 Each measured camera is recovered with a basis learned without its maker (engine `reference`): a chart of Ohta's table
 is simulated and solved with BabelColor's, 24 patches, 3 %, low noise, from one shot (D55) and from two (D55, A). The
@@ -16,13 +16,15 @@ Between cameras: the median ΔE00 of two cameras' colours of the same surface, o
 Region: share of colours within their own 95 % region of Lab; the lamp is drawn off by its 2 % in calibration and in
 use, noise .5 %, the reference off by 1 %: lamp named (D55, D65, A, FL2, LED-B3), by kind, and `auto`.
 
-`--phones FILE` takes cameras of one's own, with the columns of data/ssf/rawtoaces.csv, instead of the shipped ones,
-each with a basis of the others. `--bars` makes a missed bar the exit status 1.
+`--phones FILE` takes measured phones of one's own instead of the shipped cameras, with the columns of
+data/ssf/rawtoaces.csv, `--phones` alone those that CAMSSF_PHONES names; each is recovered with a basis `phones`
+learned from the others, enlarged as the shipped one is. `--bars` makes a missed bar the exit status 1.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -33,6 +35,7 @@ import numpy as np
 
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LOW, left_out
+from benchmarks.phones import taught
 from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, lab, standard_colour
 from camssf.colour.camera import OwnWhite
 from camssf.colour.spaces import white_of, xyz_of
@@ -45,7 +48,7 @@ from camssf.curves.evidence import Evidence
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces
-from camssf.tools.learn import learn, maker_of, read_curves
+from camssf.tools.learn import HANDFUL, maker_of, read_curves
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}
@@ -84,13 +87,10 @@ def cases(count: int, phones: Path | None) -> list[Case]:
         names = list(cameras)[:: max(1, len(cameras) // count)][:count]
         return [Case(name, cameras[name], bases[maker_of(name)]) for name in names]
     found = read_curves(phones)
-    cases = []
-    for name, values in found.items():
-        others = [key for key in found if key != name]
-        mean, atoms = learn(np.stack([found[key] for key in others]), makers=[maker_of(key) for key in others])
-        basis = Basis("phones", interpolate(mean[..., None])[..., 0], interpolate(atoms), True, f"no {name}")
-        cases.append(Case(name, interpolate(values), basis))
-    return cases
+    return [
+        Case(name, interpolate(values), taught(found, [key for key in found if key != name], HANDFUL, "phones"))
+        for name, values in found.items()
+    ]
 
 
 def calibrate(case: Case, names: tuple[str, ...], rng: np.random.Generator, *, off: bool) -> Camera:
@@ -183,11 +183,17 @@ def main(arguments: list[str] | None = None) -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.colour", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--cameras", type=int, default=13, help="of the 52, evenly over their list")
-    parser.add_argument("--phones", type=Path, help="a CSV of measured cameras of one's own instead")
+    parser.add_argument(
+        "--phones", nargs="?", const=os.environ.get("CAMSSF_PHONES", ""), metavar="CSV",
+        help="measured phones instead; without a file that of CAMSSF_PHONES",
+    )  # fmt: skip
     parser.add_argument("--bars", action="store_true", help="exit with 1 where a bar is missed")
     told = parser.parse_args(arguments)
+    if told.phones == "":
+        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+        return 2
     rng = np.random.default_rng(SEED)
-    all_cases = cases(told.cameras, told.phones)
+    all_cases = cases(told.cameras, None if told.phones is None else Path(told.phones))
     seen: list[dict[str, dict[str, dict[str, Floats]]]] = []
     chi: dict[str, list[float]] = {}
     with progress() as bar:

@@ -227,6 +227,52 @@ def _curves() -> bytes:
     return "\n".join(["wavelength_nm,red,green,blue", *rows, ""]).encode()
 
 
+def _spdx() -> bytes:
+    samples = "".join(f'<SpectralData wavelength="{nm}.0">{50 + nm % 37}</SpectralData>' for nm in range(380, 731, 5))
+    return (
+        '<?xml version="1.0"?><IESTM2714 xmlns="iestm2714" version="1.0"><Header><Comments>x</Comments></Header>'
+        f"<SpectralDistribution><SpectralQuantity>relative</SpectralQuantity>{samples}</SpectralDistribution>"
+        "</IESTM2714>"
+    ).encode()
+
+
+def _argyll() -> bytes:
+    bands = range(380, 731, 10)
+    fields, values = " ".join(f"SPEC_{nm}" for nm in bands), " ".join(f"{50 + nm % 37}" for nm in bands)
+    return (
+        'SPECT\n\nMEAS_TYPE "EMISSION"\nSPECTRAL_BANDS "36"\nSPECTRAL_START_NM "380.0"\nSPECTRAL_END_NM "730.0"\n'
+        f"NUMBER_OF_FIELDS 36\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\nNUMBER_OF_SETS 1\nBEGIN_DATA\n{values}\n"
+        "END_DATA\n"
+    ).encode()
+
+
+def _sekonic() -> bytes:
+    lines = [f"Spectral Data {nm}[nm],{50 + nm % 37}" for step in (5, 2) for nm in range(380, 781, step)]
+    return "\n".join(["Date Saved,15/03/2021", "Tcp [K],3262", "", *lines, ""]).encode()
+
+
+def _uprtek() -> bytes:
+    return "\n".join(
+        ["Model Name\tCV600", "Memo", *(f"{nm}nm\t{50 + nm % 37}" for nm in range(380, 781, 2))]
+    ).encode()
+
+
+def _rawtoaces() -> bytes:
+    rows = {str(nm): [1.0 + nm % 5, 2 + nm % 7, 3.5] for nm in range(380, 731, 5)}
+    spectra = {"units": "relative", "index": {"main": ["R", "G", "B"]}, "data": {"main": rows}}
+    return json.dumps({"header": {"manufacturer": "M", "model": "m"}, "spectral_data": spectra}).encode()
+
+
+def _spectacle() -> bytes:
+    rows = [f"{nm}.0,{1 + nm % 5},{2 + nm % 7},3,{2 + nm % 6},.1,.1,nan,.1" for nm in range(380, 731, 5)]
+    return "\n".join(["# wavelength,R,G,B,G2,R_err,G_err,B_err,G2_err", *rows, ""]).encode()
+
+
+def _camspec() -> bytes:
+    line = "\t".join(f"0.{nm}" for nm in range(400, 721, 10))
+    return "\n".join(["Canon EOS 5D", line, line, line, ""]).encode()
+
+
 def _dngs() -> list[tuple[str, bytes]]:
     files = [path for path in sorted((GOLDEN / "dng").glob("*.dng")) if not path.name.startswith("error")]
     return [("dng", path.read_bytes()) for path in files if path.stat().st_size < 6000]
@@ -237,10 +283,22 @@ READERS: dict[str, tuple[Callable[[Path], None], Callable[[], list[tuple[str, by
     "dng": (_dng, _dngs),
     "lamp": (
         _lamp,
-        lambda: [("csv", _spectrum()), ("txt", _spectrum("\t")), ("spd", _spectrum(" ")), ("txt", _cgats(1))],
+        lambda: [
+            ("csv", _spectrum()),
+            ("txt", _spectrum("\t")),
+            ("spd", _spectrum(" ")),
+            ("txt", _cgats(1)),
+            ("sp", _argyll()),
+            ("spdx", _spdx()),
+            ("csv", _sekonic()),
+            ("xls", _uprtek()),
+        ],
     ),
     "chart": (_chart, lambda: [("csv", _table(24)), ("txt", _cgats(24)), ("cxf", _cxf(24))]),
-    "camera": (_camera, lambda: [("csv", _curves())]),
+    "camera": (
+        _camera,
+        lambda: [("csv", _curves()), ("json", _rawtoaces()), ("csv", _spectacle()), ("txt", _camspec())],
+    ),
     "patches": (_patches, lambda: [("json", _demo()["patches"])]),
     "result": (_result, lambda: [("json", _demo()["result"])]),
     "manifest": (_manifest, lambda: [("csv", MANIFEST), ("csv", MANIFEST.replace(b",", b";"))]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -591,7 +592,7 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
 
 
 BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {"kotlin_variants", "penalties", "phones", "rules_table", "spectrograph"}
+WITHOUT_BARS = {"colour_story", "kotlin_variants", "nearest", "penalties", "phones", "rules_table", "spectrograph"}
 """Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
 
 
@@ -625,6 +626,67 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
             assert 0.0 < row[how]["rmse"] < 0.2
             assert row[how]["coverage"] > 0.4
     assert status == ("MISSED" in capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_the_pictures_of_colour_and_their_numbers_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As docs/colour.md tells them; another kernel of the linear algebra may move a last digit."""
+    from benchmarks import colour_story
+
+    monkeypatch.setattr(_common, "RESULTS", tmp_path)
+    assert colour_story.main(["-o", str(tmp_path)]) == 0
+    capsys.readouterr()
+    found = json.loads((tmp_path / "colour-story.json").read_text("utf-8"))
+    page = (Path(__file__).parents[1] / "docs" / "colour.md").read_text("utf-8")
+    for name in ("story", "skin"):
+        assert (tmp_path / f"colour-{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert f"](images/colour-{name}.png)" in page
+    for name, row in found["ita"].items():
+        (cells,) = re.findall(
+            rf"^\| {name} \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \|$", page, re.MULTILINE
+        )
+        expected = [row[key] for key in ("matrix", "exact", "curves", "half_width")]
+        assert [float(cell) for cell in cells] == pytest.approx(expected, abs=0.11)
+        assert row["held"] == 1.0
+        assert f"{row['range_curves']:.1f}°" in page
+    raw, matrix, curves = found["chart"].values()
+    (told,) = re.findall(
+        r"as they are: ([\d.]+) to ([\d.]+) off, ([\d.]+) between the cameras\. Through a 3 × 3 matrix of a chart "
+        r"under D55: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through the curves: ([\d.]+) and ([\d.]+)\.",
+        page,
+    )
+    expected = [
+        *(f(row["cameras"]) for row in (raw, matrix) for f in (min, max)), raw["between"], matrix["between"],
+        float(np.mean(curves["cameras"])), curves["between"],
+    ]  # fmt: skip
+    order = [told[i] for i in (0, 1, 3, 4, 2, 5, 6, 7)]
+    assert [float(each) for each in order] == pytest.approx(expected, abs=0.06)
+
+
+@pytest.mark.slow
+def test_a_recovered_camera_is_near_its_own_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from benchmarks import nearest
+
+    monkeypatch.setattr(_common, "RESULTS", tmp_path)
+    assert nearest.main(["--cameras", "3"]) == 0
+    capsys.readouterr()
+    found = json.loads((tmp_path / "nearest.json").read_text("utf-8"))
+    for word in ("one", "two"):
+        assert 0.1 < found[word]["distance"]["own"] < 1.3
+        assert found[word]["distance"]["among_three"] >= 1 / 3
+
+
+@pytest.mark.slow
+def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from benchmarks import colour
+
+    monkeypatch.delenv("CAMSSF_PHONES", raising=False)
+    assert colour.main(["--phones"]) == 2
+    assert "CAMSSF_PHONES" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from camssf.colour import (
     camera_of_result,
     camera_of_ssf,
     choose,
+    convert,
     lab,
     quality_of,
     standard_colour,
@@ -38,6 +39,7 @@ from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import KINDS, fit, signals_of, terms
 from camssf.curves import Evidence, recover
 from camssf.curves.basis import read_basis
+from camssf.documents.nearest import nearest
 from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, LampUnfit, Overexposed
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
@@ -738,6 +740,14 @@ def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: t
             )
             assert np.isfinite(found.lab).all()
             assert np.isfinite(found.lab_covariance).all()
+        for pair in ((given, calibrated[1]), (calibrated[1], given)):
+            with suppress(CalibrationError):
+                ours, theirs = (camera_of_result(each) for each in pair)
+                got = convert(ours, theirs, told, np.full(3, 0.3), 0.01, reference=Reference(raw=np.ones(3)))
+                assert np.isfinite(got.signals).all()
+                assert np.isfinite(got.covariance).all()
+    with suppress(CalibrationError):
+        assert np.isfinite([each.distance for each in nearest(given)]).all()
     for to in FORMATS:
         with suppress(CalibrationError):
             assert b"nan" not in export(given, to).lower()

@@ -5,16 +5,19 @@ import json
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import typer
 from problems import theory, toy_camera
+from test_report import document
 
 import camssf
 from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app, main
 from camssf.curves.evidence import Evidence
+from camssf.documents.report import document_bytes
 from camssf.errors import CalibrationError, LampUnfit
 from camssf.spectra import read_chart, read_lamp
 
@@ -202,6 +205,50 @@ def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     assert main(wrong[:at] + wrong[at + 2 :]) == LampUnfit.exit_status
     assert "lamp_unfit" in (told := capsys.readouterr().err)
     assert "the light is more like 2856K" in told
+
+
+def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
+    """Where a sentence names both, as `passport_invalid` and exit status 10."""
+    kinds = [CalibrationError]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    told = 0
+    for page in PAGES:
+        for sentence in re.split(r"[.\n]\s", page.read_text("utf-8")):
+            codes = {kind.exit_status for kind in kinds if f"`{kind.code}`" in sentence}
+            statuses = {int(word) for word in re.findall(r"exit status(?: is)? (\d+)", sentence)}
+            if codes and statuses:
+                told += 1
+                assert statuses <= codes, (page.name, sentence)
+    assert told >= 4
+
+
+@pytest.mark.parametrize("wanted", ["standard_colour", "convert", "np.arctan2"])
+def test_the_python_of_colour_md_runs(
+    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As written, on results of that name."""
+    (block,) = [
+        block
+        for block in blocks((ROOT / "docs" / "colour.md").read_text("utf-8"), "python")
+        if wanted in block and ("np.arctan2" in block) == (wanted == "np.arctan2")
+    ]
+    for name in ("out/result.json", "a.json", "b.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(document_bytes(document("D55")))
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(block, "colour.md", "exec"), names)
+    said = capsys.readouterr().out
+    assert "nan" not in said
+    if wanted == "np.arctan2":
+        ita, error = map(float, re.fullmatch(r"ITA (-?\d+)° ± (\d+)°\n", said).groups())  # type: ignore[union-attr]
+        lab, covariance = names["skin"].lab[0], names["skin"].lab_covariance[0]
+        drawn = np.random.default_rng(1).multivariate_normal(lab, 1e-2 * covariance, 20_000)
+        angles = np.degrees(np.arctan((drawn[:, 0] - 50) / drawn[:, 2]))
+        assert abs(angles.mean() - ita) < 0.6
+        assert abs(1.96 * 10 * angles.std() - error) < 0.5 + 0.05 * error
+        assert ita > 0
 
 
 def test_cli_md_has_the_exit_statuses_of_the_code() -> None:

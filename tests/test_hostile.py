@@ -135,10 +135,10 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
         batch.read_manifest(large)
     from camssf.documents.report import LARGEST_DOCUMENT, read_document
     from camssf.spectra import read_lamp
-    from camssf.spectra.tables import _LARGEST_FILE
+    from camssf.spectra.text import LARGEST_FILE
 
     with large.open("r+b") as file:
-        file.truncate(_LARGEST_FILE + 1)
+        file.truncate(LARGEST_FILE + 1)
     with pytest.raises(InvalidArgument):
         read_lamp(str(large))
     with large.open("r+b") as file:

@@ -23,6 +23,7 @@ from camssf.spectra import (
     read_camera,
     read_chart,
     read_lamp,
+    shipped_cameras,
 )
 from camssf.spectra.families import FAMILIES, Kind
 
@@ -597,10 +598,10 @@ def test_another_number_of_patches(tmp_path: Path, count: int) -> None:
 # Cameras
 
 
-def test_named_cameras_are_colour_science_s() -> None:
+def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
     tables = colour_science().MSDS_CAMERA_SENSITIVITIES
-    assert camera_names() == tuple(tables)
-    for name in camera_names():
+    assert camera_names() == (*shipped_cameras(), *tables)
+    for name in tables:
         camera = read_camera(name.upper())
         assert camera.name == name
         assert camera.values.shape == (681, 3)
@@ -609,6 +610,19 @@ def test_named_cameras_are_colour_science_s() -> None:
         inside = np.isin(tables[name].wavelengths, WAVELENGTHS)
         np.testing.assert_allclose(camera.values[nodes], tables[name].values[inside], atol=1e-12)
         assert camera.values.min() >= 0
+
+
+def test_shipped_cameras_are_those_of_rawtoaces() -> None:
+    """The file that they were learned from, each channel's peak at 1; a name is read as the very camera."""
+    table = DATA / "ssf" / "rawtoaces.csv"
+    assert len(shipped_cameras()) == 52
+    for name, nodes in shipped_cameras().items():
+        camera = read_camera(name)
+        assert camera.name == name
+        np.testing.assert_allclose(camera.values[::10], nodes, atol=1e-12)
+        whole = read_camera(f"{table}:{name}").values[::10]
+        np.testing.assert_allclose(nodes, whole / whole.max(axis=0), atol=1e-12)
+    assert read_camera("nikon d5100").source == "Nikon D5100 (rawtoaces-data 1.1.0, Apache-2.0)"
 
 
 def test_a_camera_ends_where_its_measurement_does() -> None:
@@ -675,7 +689,7 @@ def test_rawtoaces() -> None:
 @pytest.mark.parametrize(
     ("spec", "advice"),
     [
-        ("Nikon 510", "Did you mean Nikon 5100 (NPL)"),
+        ("Nikon D510", "Did you mean Nikon D5100"),
         ("", "Cameras:"),
         (None, "Cameras:"),
         (r"C:\cameras.csv", "Check the path"),

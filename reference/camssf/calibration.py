@@ -15,7 +15,7 @@ from camssf.evidence.unseen import foretell, score
 from camssf.evidence.verdict import refusal
 from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera
+from camssf.spectra import CameraCurves, ChartTable, Lamp, MeasuredCurves, read_camera
 
 Product = TypeVar("Product")
 
@@ -28,7 +28,7 @@ def calibrate(
     dark: PathLike | Sequence[PathLike | None] | None = None,
     chart: str | ChartTable = "classic24",
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | None = None,
+    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
     progress: Progress | None = None,
     **former: Any,
 ) -> Calibration:
@@ -40,7 +40,7 @@ def calibrate(
         white, dark: DNG of each shot's white and dark frame; None where there is none.
         chart: name or file for `read_chart`, or a table.
         options: all else that can be said.
-        truth: measured curves of this camera (CSV or name), to compare with.
+        truth: measured curves of this camera, as `read_camera` takes them, to compare with.
         progress: called with a stage in words and the part done, 0 to 1.
         former: an option as an argument of its own, as in version 0.1; goes with the release after the next.
 
@@ -65,7 +65,7 @@ def attempt(
     dark: PathLike | Sequence[PathLike | None] | None = None,
     chart: str | ChartTable = "classic24",
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | None = None,
+    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
     progress: Progress | None = None,
 ) -> Calibration | Refusal:
     """`solve(measure(...))`, or what is known where one of them refuses; arguments as in `calibrate`.
@@ -102,7 +102,7 @@ def solve(
     capture: Capture,
     *,
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | None = None,
+    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
     progress: Progress | None = None,
     record: Record | None = None,
 ) -> Calibration:
@@ -120,7 +120,7 @@ def solve(
     tell = progress or (lambda stage, part: None)
     if record is not None:
         record.note(capture)
-    known = truth if isinstance(truth, CameraCurves) or truth is None else read_camera(str(truth))
+    known = None if truth is None else read_camera(truth)
     tell("solving", 0.9)
     problem = pose_problem(capture, options)
     signals = problem.signals

@@ -12,7 +12,8 @@ import typer
 
 from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
-from camssf.cli.exports import colour, export
+from camssf.cli.colour import colour
+from camssf.cli.exports import export
 from camssf.cli.others import cameras, charts, direct, lamps, parity
 from camssf.cli.passport import passport
 from camssf.cli.registry import registry

@@ -152,8 +152,31 @@ def charts() -> None:
     put("\n".join(chart_names()))
 
 
-def cameras() -> None:
-    """List the measured cameras known by name."""
-    from camssf.spectra import camera_names
+def cameras(
+    result: Annotated[
+        str | None,
+        typer.Option(
+            "--nearest", metavar="JSON", show_default=False, help="A result: which of them its curves are most like."
+        ),
+    ] = None,
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="How many, with --nearest.")] = 5,
+) -> None:
+    """List the measured cameras known by name.
 
-    put("\n".join(camera_names()))
+    Name, maker and source, between tabs. With --nearest those that a result is most like, as JSON: distances in units
+    of the result's own band.
+    """
+    if result is None:
+        from camssf.spectra import camera_names, read_camera
+
+        lines = [(name, name.split()[0], read_camera(name).source.rpartition(" (")[2]) for name in camera_names()]
+        put("\n".join("\t".join((*words, source.removesuffix(")"))) for *words, source in lines))
+        return
+    from camssf.documents.nearest import nearest, nearest_document
+    from camssf.exports import read_result as read_curves
+
+    document = read_result(result)
+    found, curves = nearest(document)[:count], read_curves(document)
+    emit(nearest_document(found, curves.about))
+    for each in found:
+        say("", f"{each.name}: {each.distance:.2f} bands off, {each.rms:.3f} of the peak")

@@ -92,6 +92,17 @@ def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]
     return x, y, w, h
 
 
+def parse_signal(text: str) -> tuple[float, float, float]:
+    """`r,g,b`, raw over that of white."""
+    try:
+        r, g, b = (float(number) for number in text.split(","))
+    except ValueError:
+        raise InvalidArgument(
+            f"--signal {text!r} is no signal.", "Write r,g,b, raw above black over that of white, as 0.41,0.32,0.25."
+        ) from None
+    return r, g, b
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """`4000x3000` → width and height, px."""
     found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())

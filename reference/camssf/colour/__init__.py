@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from camssf.colour.between import Conversion, Converted, convert
 from camssf.colour.camera import Camera, camera_of_result, camera_of_ssf
 from camssf.colour.indices import Quality, quality_of
 from camssf.colour.spaces import adapt, lab, white_of
-from camssf.colour.standard import PARTS, Colours, Reference, View, standard_colour
+from camssf.colour.spread import Reference
+from camssf.colour.standard import PARTS, Colours, View, standard_colour
 from camssf.colour.transforms import KINDS, Transform, choose, fit
 
 __all__ = [
@@ -13,6 +15,8 @@ __all__ = [
     "PARTS",
     "Camera",
     "Colours",
+    "Conversion",
+    "Converted",
     "Quality",
     "Reference",
     "Transform",
@@ -21,6 +25,7 @@ __all__ = [
     "camera_of_result",
     "camera_of_ssf",
     "choose",
+    "convert",
     "fit",
     "lab",
     "quality_of",

@@ -48,12 +48,14 @@ class Camera:
         modes: (q, 681, 3) directions in which they may be off, each one standard deviation long and independent of
             the others; (0, 681, 3) for curves that are taken to be exact.
         own: the calibration's white; None where it is not known.
+        whole: the modes give the whole covariance, and not the bands alone.
     """
 
     name: str
     values: Floats
     modes: Floats
     own: OwnWhite | None = None
+    whole: bool = True
 
     def __post_init__(self) -> None:
         m = WAVELENGTHS.size
@@ -110,7 +112,9 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
         return Camera(name, values, np.zeros((0, *values.shape)), own)
     band = _stack(std)
     modes = None if own is None else _modes_of_document(document, values, band, own.lamp.values)
-    return Camera(name, values, modes_of_bands(band) if modes is None else modes, own)
+    if modes is None:
+        return Camera(name, values, modes_of_bands(band), own, whole=False)
+    return Camera(name, values, modes, own)
 
 
 def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, white: Floats) -> Floats | None:

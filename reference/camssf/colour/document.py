@@ -1,4 +1,7 @@
-"""Colours → "camssf-colour/1": plain data, whose form is data/colour.schema.json."""
+"""Colours → "camssf-colour/1", conversions → "camssf-between/1": plain data.
+
+Their forms are data/colour.schema.json and data/between.schema.json.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from camssf import __version__
+from camssf.colour.between import Conversion, Converted
 from camssf.colour.indices import Quality
 from camssf.colour.reach import REACH
 from camssf.colour.regions import Region
@@ -15,6 +19,7 @@ from camssf.colour.standard import Colours
 from camssf.grid import Floats
 
 FORMAT = "camssf-colour/1"
+BETWEEN = "camssf-between/1"
 OBSERVERS = {"1931": "CIE 1931 2°", "1964": "CIE 1964 10°"}
 
 
@@ -73,6 +78,62 @@ def _region(colours: Colours, signals: Floats, errors: Floats, region: Region, i
         "lab": colours.lab[i].tolist(),
         "lab_covariance": colours.lab_covariance[i].tolist(),
         "parts": {name: np.sqrt(np.diagonal(part[1][i])).tolist() for name, part in colours.parts.items()},
+    }
+
+
+def between_document(found: Converted, signals: Floats, errors: Floats, about: dict[str, Any]) -> dict[str, Any]:
+    """The document of signals of one camera as another's.
+
+    Args:
+        found: m of them.
+        signals, errors: (m, 3) that they were made from.
+        about: `from`, `to` and `photo` as the schema has them, `lamp` as it was asked for, `regions` (m) or None.
+    """
+    return {
+        "format": BETWEEN,
+        "generator": {"name": "camssf", "version": __version__},
+        "from": about["from"],
+        "to": about["to"],
+        "photo": about["photo"],
+        "lamp": {
+            "asked": about["lamp"],
+            "weights": [{"name": name, "weight": weight} for name, weight in found.lamps],
+            "surprise": found.surprise,
+        },
+        "conversions": [_conversion(each) for each in found.conversions],
+        "signals": [_converted(found, signals, errors, rectangle, i) for i, rectangle in enumerate(about["regions"])],
+    }
+
+
+def _conversion(each: Conversion) -> dict[str, Any]:
+    whites = [white.tolist() if np.isfinite(white).all() else None for white in each.whites]
+    return {
+        "lamp": each.lamp,
+        "kind": each.kind,
+        "coefficients": each.coefficients.tolist(),
+        "matrix": each.matrix.tolist(),
+        "rms": each.rms,
+        "white": {"from": whites[0], "to": whites[1]},
+    }
+
+
+def _converted(
+    found: Converted, signals: Floats, errors: Floats, rectangle: list[float] | None, i: int
+) -> dict[str, Any]:
+    far = bool(found.reach[i] > REACH)
+    said: dict[str, Any] = {
+        "rectangle": rectangle,
+        "status": "colour_out_of_reach" if far else "ok",
+        "reach": None if np.isnan(found.reach[i]) else float(found.reach[i]),
+        "signal": signals[i].tolist(),
+        "standard_error": errors[i].tolist(),
+    }
+    if far:
+        return said
+    return said | {
+        "converted": found.signals[i].tolist(),
+        "covariance": found.covariance[i].tolist(),
+        "parts": {name: np.sqrt(np.diagonal(part[i])).tolist() for name, part in found.parts.items()},
     }
 
 

@@ -12,10 +12,10 @@ from camssf.colour.camera import Camera
 from camssf.colour.light import Light, see
 from camssf.colour.reach import distances
 from camssf.colour.spaces import adaptation, lab, lab_slopes, white_of, xyz_of
-from camssf.colour.transforms import KINDS, Transform, choose, fit, level, signals_of, terms
-from camssf.curves.covariance import CHART_CORRELATION, DRIFT, smooth_errors
+from camssf.colour.spread import Reference, checked_signals, metamers, of_reference, outer, signal_moves
+from camssf.colour.transforms import KINDS, Transform, choose, fit, terms
 from camssf.errors import InvalidArgument, LampUnfit
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import Floats
 from camssf.spectra import Lamp, read_lamp
 from camssf.spectra.families import FAMILIES
 from camssf.spectra.surfaces import observer, surfaces
@@ -24,12 +24,6 @@ PARTS = ("curves", "lamp", "noise", "reference", "metamers")
 """Where the covariance of a colour comes from."""
 AUTO = "auto"
 ADAPTED = ("lamp", "D50", "D65")
-REFERENCE_TOLERANCE = 0.01
-"""Relative error of a white or grey reference of which nothing else is said."""
-NEARBY = 0.25
-"""Surfaces whose ln r/g and ln b/g differ by so much are alike: what their colours miss tells of this one."""
-COMMON = 5.0
-"""Surfaces that stand for all others, where few are alike."""
 CONTRADICTED = 18.4
 """χ² of the reference's two ratios above which the lamp is not the one that was named: 1 in 10,000."""
 
@@ -54,21 +48,6 @@ class View:
             raise InvalidArgument(f"Colour is not stated for {self.white!r}.", f"Take one of {', '.join(ADAPTED)}.")
         if self.kind is not None and self.kind not in KINDS:
             raise InvalidArgument(f"There is no transform {self.kind!r}.", f"Take one of {', '.join(KINDS)}.")
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The white or grey surface, in the same light, that signals were divided by.
-
-    Attributes:
-        tolerance: relative error of its reflectance.
-        raw: (3,) its raw signals, black subtracted: what they say of the lamp. None to leave it unasked.
-        error: relative error of these.
-    """
-
-    tolerance: float = REFERENCE_TOLERANCE
-    raw: Floats | None = None
-    error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -126,15 +105,10 @@ def standard_colour(
         LampUnfit: the reference's raw ratios contradict the lamp.
     """
     given, view = reference or Reference(), view or View()
-    y = np.atleast_2d(np.asarray(signals, dtype=np.float64))
-    if y.ndim != 2 or y.shape[1] != 3 or not np.isfinite(y).all():
-        raise InvalidArgument(f"Signals of shape {y.shape} are no colours.", "Give finite signals (m, 3).")
-    error = np.broadcast_to(np.asarray(standard_error, dtype=np.float64), y.shape)
-    if not (np.isfinite(error).all() and (error >= 0).all()):
-        raise InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
+    y, error = checked_signals(signals, standard_error)
     try:
         with np.errstate(all="ignore"):  # what came out is checked
-            found = _answer(_lights(camera, lamp, given), y, error, given, view)
+            found = _answer(lights(camera, lamp, given), y, error, given, view)
     except np.linalg.LinAlgError as fault:
         raise _no_colour() from fault
     if not all(np.isfinite(each).all() for each in (found.lab, found.xyz_covariance, found.lab_covariance)):
@@ -156,7 +130,7 @@ def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference,
     return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
 
 
-def _lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:
+def lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:
     """The lamp, or the four kinds, conditioned on the reference's raw ratios where they can be used."""
     ratios = None
     if given.raw is not None and camera.own is not None:
@@ -203,14 +177,14 @@ def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: Vie
     steps_xyz, steps_lab = _steps(light, y, transform.kind, functions, aim)
     p = light.of_lamp
     parts = {
-        "curves": (_outer(steps_xyz[p:]), _outer(steps_lab[p:])),
-        "lamp": (_outer(steps_xyz[:p]), _outer(steps_lab[:p])),
-        "noise": of_xyz(_outer(_by_signal(transform, y, error[None] * np.eye(3)[:, None]))),
-        "reference": of_xyz(_outer(_by_signal(transform, y, y * _of_reference(light, given)[:, None]))),
-        "metamers": of_xyz(_metamers(transform, y)),
+        "curves": (outer(steps_xyz[p:]), outer(steps_lab[p:])),
+        "lamp": (outer(steps_xyz[:p]), outer(steps_lab[:p])),
+        "noise": of_xyz(outer(_by_signal(transform, y, error[None] * np.eye(3)[:, None]))),
+        "reference": of_xyz(outer(_by_signal(transform, y, y * of_reference(light, given)[:, None]))),
+        "metamers": of_xyz(metamers(transform.signals, transform.residual, y)),
     }
     total = [np.sum([part[i] for part in parts.values()], axis=0) for i in (0, 1)]
-    spread = np.einsum("kmc,kmd->mcd", *[_by_signal_error(y, error, light, given)] * 2)
+    spread = np.einsum("kmc,kmd->mcd", *[signal_moves(y, error, light, given)] * 2)
     return Colours(
         xyz, lab(xyz, white), total[0], total[1], parts, white, view, ((light.name, 1.0),), (transform,),
         distances(y, spread, light), light.surprise,
@@ -251,57 +225,6 @@ def _by_signal(transform: Transform, y: Floats, moves: Floats) -> Floats:
     return 0.5 * (transform.apply(y + moves) - transform.apply(y - moves))
 
 
-def _of_reference(light: Light, given: Reference) -> Floats:
-    """Relative moves (K, 3) of the signals: the reference's smooth error, and light that differs between places."""
-    seen = light.power[:, None] * light.curves
-    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS).T @ (seen / seen.sum(axis=0))
-    return np.concatenate([given.tolerance * smooth, np.full((1, 3), DRIFT)])
-
-
-def _by_signal_error(y: Floats, error: Floats, light: Light, given: Reference) -> Floats:
-    """Moves (K, m, 3) of the signals by noise, by the reference, and by what lamp and curves leave open."""
-    seen = light.power[:, None] * light.curves
-    moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
-    # of a surface like those of the set that look most like it: its signals answer to an error as theirs do
-    table = surfaces()
-    sensed = signals_of(table, light.power, light.curves)
-    nearest = _likeness(sensed, y)
-    nearest = nearest / nearest.sum(axis=1, keepdims=True)
-    shift = np.einsum("nm,kmc->knc", table, moved, optimize=True) / seen.sum(axis=0)
-    shift = shift - sensed * (moved.sum(axis=1) / seen.sum(axis=0))[:, None]  # (K, n, 3)
-    relative = shift / level(sensed)
-    of_light = np.einsum("yn,knc->kyc", nearest, relative) * level(y)
-    return np.concatenate([of_light, error[None] * np.eye(3)[:, None], y * _of_reference(light, given)[:, None]])
-
-
-def _metamers(transform: Transform, y: Floats) -> Floats:
-    """Covariance (m, 3, 3) of what the transform misses on surfaces that look alike.
-
-    From surfaces that the fit had not seen: those near in ln r/g and ln b/g count most, and all of them as much as
-    COMMON near ones; the errors grow with the level of the signals.
-    """
-    outer = transform.residual[:, :, None] * transform.residual[:, None]
-    weights = _likeness(transform.signals, y)
-    near = np.einsum("yn,ncd->ycd", weights, outer) + COMMON * outer.mean(axis=0)
-    near = near / (weights.sum(axis=1) + COMMON)[:, None, None]
-    return np.asarray(near * level(y)[..., None] ** 2)
-
-
-def _likeness(known: Floats, y: Floats) -> Floats:
-    """(m, n) weights, 1 for a surface of the very same ratios."""
-    apart = _ratios(y)[:, None] - _ratios(known)
-    return np.asarray(np.exp(-0.5 * np.sum((apart / NEARBY) ** 2, axis=2)) + 1e-12)
-
-
-def _ratios(y: Floats) -> Floats:
-    logs = np.log(np.maximum(y, 1e-3 * level(y)))
-    return np.asarray(logs[:, [0, 2]] - logs[:, 1:2])
-
-
-def _outer(steps: Floats) -> Floats:
-    return np.asarray(np.einsum("kmc,kmd->mcd", steps, steps))
-
-
 def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
     """One answer of several, by the law of total variance; what they differ by belongs to the lamp."""
     if len(answers) == 1:
@@ -312,7 +235,7 @@ def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
 
     xyz, colours = mean([a.xyz for a in answers]), mean([a.lab for a in answers])
     between = tuple(
-        mean([_outer((getattr(a, name) - middle)[None]) for a in answers])
+        mean([outer((getattr(a, name) - middle)[None]) for a in answers])
         for name, middle in (("xyz", xyz), ("lab", colours))
     )
     parts = {

@@ -118,7 +118,7 @@ def choose(
     y, target = signals_of(table, lamp, curves), xyz_of(table, lamp, functions)
     white = xyz_of(np.ones(lamp.shape), lamp, functions)
     try:
-        foretold = {each: _unseen(y, target, white, each) for each in (KINDS if kind is None else (kind,))}
+        foretold = {each: unseen(y, target, white, each) for each in (KINDS if kind is None else (kind,))}
     except np.linalg.LinAlgError as fault:
         raise InvalidArgument("Two of the curves are alike.", "Check that they are red, green and blue.") from fault
     delta = {
@@ -134,8 +134,8 @@ def delta_e00(one: Floats, other: Floats) -> Floats:
     return np.asarray(colour_science().delta_E(one, other, method="CIE 2000"), dtype=np.float64)
 
 
-def _unseen(y: Floats, target: Floats, white: Floats, kind: str) -> Floats:
-    """XYZ of every surface by a fit to the other folds, (n, 3)."""
+def unseen(y: Floats, target: Floats, white: Floats, kind: str) -> Floats:
+    """What the target (n, 3) is taken to be of every surface by a fit to the other folds, (n, 3)."""
     fold = np.arange(len(y)) % FOLDS
     found = np.empty_like(target)
     for each in range(FOLDS):

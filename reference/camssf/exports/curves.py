@@ -54,6 +54,16 @@ class Curves:
         return f"{self.make} {self.model}".strip()
 
     @property
+    def about(self) -> dict[str, Any]:
+        """What other documents say of the result that they were made from."""
+        return {
+            "camera": self.camera,
+            "sha256": self.sha256,
+            "verdict": self.status,
+            "reasons": list(self.reasons),
+        }
+
+    @property
     def verdict(self) -> str:
         """The verdict in one line."""
         why = f" ({', '.join(self.reasons)})" if self.reasons else ""

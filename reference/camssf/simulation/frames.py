@@ -36,7 +36,7 @@ from camssf.simulation.scene import (
 )
 from camssf.simulation.setup import Change, FileTags, Light, Samples, Setup
 from camssf.simulation.shot import Frames, photograph, take
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, ChartTable, Lamp, MeasuredCurves, read_camera, read_chart, read_lamp
 
 __all__ = [
     "CFA_ORDERS",
@@ -122,7 +122,7 @@ class Simulation:
 
 
 def simulate(
-    camera: CameraCurves | str,
+    camera: CameraCurves | MeasuredCurves | str,
     lamps: Sequence[Lamp | str] | Lamp | str,
     out: str | Path,
     *,
@@ -138,7 +138,7 @@ def simulate(
     One lamp gives `chart.dng white.dng dark.dng`, several `chart-<lamp>.dng` and so on. All files appear, or none.
 
     Args:
-        camera: curves, or a name or file that `camssf.spectra.read_camera` knows.
+        camera: as `camssf.spectra.read_camera` takes it.
         lamps: lamps, or what `read_lamp` knows, one a shot.
         out: folder; made where it is missing.
         chart: a table, or what `read_chart` knows; its layout becomes the scene's.
@@ -154,7 +154,7 @@ def simulate(
         TypeError: an argument that there is not.
     """
     scene, sensor = _with_former(scene or Scene(), sensor or Sensor(), former)
-    body = read_camera(camera) if isinstance(camera, str) else camera
+    body = read_camera(camera)
     table = read_chart(chart) if isinstance(chart, str) else chart
     wanted = [lamps] if isinstance(lamps, str | Lamp) else list(lamps)
     lights = [read_lamp(lamp) if isinstance(lamp, str) else lamp for lamp in wanted]

@@ -1,6 +1,6 @@
 """Ground floor: spectra by name or by file. Lamps, chart tables, measured cameras."""
 
-from camssf.spectra.cameras import CameraCurves, camera_names, read_camera
+from camssf.spectra.cameras import CameraCurves, MeasuredCurves, camera_names, read_camera, shipped_cameras
 from camssf.spectra.charts import ChartTable, chart_names, read_chart
 from camssf.spectra.lamps import Lamp, lamp_names, read_lamp, with_tolerance
 from camssf.spectra.sampled import colour_science
@@ -9,6 +9,7 @@ __all__ = [
     "CameraCurves",
     "ChartTable",
     "Lamp",
+    "MeasuredCurves",
     "camera_names",
     "chart_names",
     "colour_science",
@@ -16,5 +17,6 @@ __all__ = [
     "read_camera",
     "read_chart",
     "read_lamp",
+    "shipped_cameras",
     "with_tolerance",
 ]

@@ -1,6 +1,7 @@
-"""Measured cameras by name or by file.
+"""Measured cameras by name, by file, or as an object of colour-science.
 
-Those known by name are colour-science's. Curves are smooth: Sprague's interpolation, as for reflectances.
+Known by name are the 52 of rawtoaces-data that the basis `cameras` was learned from, and colour-science's two. Curves
+are smooth: Sprague's interpolation, as for reflectances.
 """
 
 from __future__ import annotations
@@ -8,14 +9,18 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
+from os import PathLike, fspath
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.sampled import check_wavelengths, colour_science, frozen, smooth, text_of
-from camssf.spectra.tables import is_file, looks_like_file, nearest, plain, read_curves
+from camssf.spectra.tables import read_curves
+from camssf.spectra.text import is_file, looks_like_file, nearest, plain
 
 
 @dataclass(frozen=True)
@@ -33,24 +38,59 @@ class CameraCurves:
     source: str
 
 
+class MeasuredCurves(Protocol):
+    """What colour-science's RGB_CameraSensitivities and MultiSpectralDistributions have; others serve likewise."""
+
+    @property
+    def wavelengths(self) -> Any:
+        """(w,) nm."""
+
+    @property
+    def values(self) -> Any:
+        """(w, 3)."""
+
+    @property
+    def labels(self) -> Any:
+        """Of the columns: red, green, blue or R, G, B, in any order."""
+
+
+SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
+"""Of the curves in data/cameras.npz; data/README.md has the file's hash."""
+
+
 def camera_names() -> tuple[str, ...]:
     """Names that `read_camera` knows, besides files."""
-    return tuple(str(name) for name in colour_science().MSDS_CAMERA_SENSITIVITIES)
+    return (*shipped_cameras(), *(str(name) for name in colour_science().MSDS_CAMERA_SENSITIVITIES))
 
 
-def read_camera(spec: str) -> CameraCurves:
-    """Measured sensitivities of a camera, by name or by file; 0 outside the measured range.
+@cache
+def shipped_cameras() -> dict[str, Floats]:
+    """The 52 cameras by name, the maker first: (69, 3) every 5 nm from 380 to 720 nm, each channel's peak = 1."""
+    place = files("camssf") / "data" / "cameras.npz"
+    with place.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        return {str(name): frozen(nodes) for name, nodes in zip(content["cameras"], content["curves"], strict=True)}
 
-    Names are colour-science's (`camera_names`). A file is a CSV with the header `wavelength_nm,red,green,blue` (or
-    `R,G,B`; further columns are ignored), or one of many cameras with a column `camera` more, of which
-    `cameras.csv:Canon EOS 5D` names one.
+
+def read_camera(spec: str | PathLike[str] | MeasuredCurves | CameraCurves | None) -> CameraCurves:
+    """Measured sensitivities of a camera, by name, by file or as an object; 0 outside the measured range.
+
+    Names are those of `camera_names`. A file is a CSV with the header `wavelength_nm,red,green,blue` (or `R,G,B`;
+    further columns are ignored), or one of many cameras with a column `camera` more, of which
+    `cameras.csv:Canon EOS 5D` names one; or a camera file of rawtoaces, SPECTACLE's spectral_response.csv, or the
+    list camspec_database.txt, `camspec_database.txt:Nikon D40` for one of it. An object has `wavelengths`,
+    `values` and `labels`, as colour-science's RGB_CameraSensitivities.
 
     Raises:
-        InvalidArgument: unknown name, or a file that is no such table of finite, positive curves.
+        InvalidArgument: unknown name, or a file or object that is no such table of finite, positive curves.
     """
-    text = text_of(spec)
-    known = {plain(alias): name for name in camera_names() for alias in (name, name.removesuffix(" (NPL)"))}
-    name = known.get(plain(text).replace("nikond5100", "nikon5100"))
+    if isinstance(spec, CameraCurves):
+        return spec
+    if spec is not None and not isinstance(spec, str | PathLike):
+        return _camera_of_object(spec)
+    text = text_of(None if spec is None else fspath(spec))
+    known = {plain(name): name for name in reversed(camera_names())}
+    words = plain(text)
+    name = known.get(words) or known.get(f"{words}(npl)") or known.get(words.replace("nikond5100", "nikon5100"))
     if name is not None:
         return _known_camera(name)
     match = re.fullmatch(r"(.+\.(?:csv|tsv|txt)):([^/\\]+)", text, re.IGNORECASE)
@@ -60,13 +100,17 @@ def read_camera(spec: str) -> CameraCurves:
         return _measured_camera(Path(text), None)
     raise InvalidArgument(
         f"No measured camera is called {text!r}." if text else "The camera is missing.",
-        f"{nearest(text, camera_names())}Cameras: {', '.join(camera_names())}; or a file of curves, "
-        "wavelength_nm,red,green,blue; or cameras.csv:NAME for one of many.",
+        f"{nearest(text, camera_names())}Cameras: `camssf cameras` lists those that are known; or give a file of "
+        "curves: CSV (wavelength_nm,red,green,blue), rawtoaces JSON, SPECTACLE CSV or camspec text; or "
+        "cameras.csv:NAME for one of many.",
     )
 
 
 @cache
 def _known_camera(name: str) -> CameraCurves:
+    nodes = shipped_cameras().get(name)
+    if nodes is not None:
+        return CameraCurves(name, _on_grid(WAVELENGTHS[::10], nodes), f"{name} ({SHIPPED_SOURCE})")
     table = colour_science().MSDS_CAMERA_SENSITIVITIES[name]
     values = _on_grid(np.asarray(table.wavelengths), np.asarray(table.values))
     return CameraCurves(name, values, f"{name} (colour-science)")
@@ -74,13 +118,38 @@ def _known_camera(name: str) -> CameraCurves:
 
 def _measured_camera(path: Path, name: str | None) -> CameraCurves:
     label, wavelengths, curves = read_curves(path, name)
+    return CameraCurves(label, _checked(wavelengths, curves, path), f"{label}, file {path.name}")
+
+
+def _camera_of_object(found: MeasuredCurves) -> CameraCurves:
+    label = str(getattr(found, "name", "") or type(found).__name__)
+    try:
+        letters = [str(each).strip().casefold()[:1] for each in found.labels]
+        wavelengths = np.asarray(found.wavelengths, dtype=np.float64)
+        curves = np.asarray(found.values, dtype=np.float64)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise _no_object(label) from error
+    if sorted(letters) != ["b", "g", "r"] or curves.shape != (wavelengths.size, 3) or wavelengths.ndim != 1:
+        raise _no_object(label)
+    curves = curves[:, [letters.index(channel) for channel in "rgb"]]
+    return CameraCurves(label, _checked(wavelengths, curves, Path(label)), f"{label}, an object of colour-science")
+
+
+def _no_object(label: str) -> InvalidArgument:
+    return InvalidArgument(
+        f"{label!r} is no camera.",
+        "Give a name, a file, or an object with wavelengths (w,), values (w, 3) and labels red, green, blue.",
+    )
+
+
+def _checked(wavelengths: Floats, curves: Floats, path: Path) -> Floats:
     check_wavelengths(wavelengths, path, InvalidArgument, whole=False)
     if not np.isfinite(curves).all() or np.abs(curves).max() > 1e100:
         raise InvalidArgument(f"{path} has a sensitivity that is not a number.", "Give measured curves.")
     values = _on_grid(wavelengths, curves)
     if (values.max(axis=0) <= 0).any():
         raise InvalidArgument(f"{path} has a curve without response from 380 to 720 nm.", "Give measured curves.")
-    return CameraCurves(label, values, f"{label}, file {path.name}")
+    return values
 
 
 def _on_grid(wavelengths: Floats, curves: Floats) -> Floats:

@@ -16,7 +16,8 @@ from camssf.errors import ChartUnfit, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, reflectances
 from camssf.spectra.sampled import check_wavelengths, frozen, held, smooth, text_of
-from camssf.spectra.tables import looks_like_file, nearest, read_spectra
+from camssf.spectra.tables import read_spectra
+from camssf.spectra.text import looks_like_file, nearest
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,9 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, daylight, illuminant, planck
 from camssf.spectra.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
 from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
-from camssf.spectra.tables import looks_like_file, nearest, plain, read_spectrum
+from camssf.spectra.spoken import understood
+from camssf.spectra.tables import read_spectrum
+from camssf.spectra.text import looks_like_file, nearest, plain
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ _LAMP_MENU = (
     "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
     "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
     "fluorescent; flat E, equal-energy (the paper's assumption); or a "
-    "file of wavelength and power (.csv .txt .spd .sp)."
+    "file of wavelength and power (two columns, .spdx, Argyll's .sp, a Sekonic's or UPRtek's export)."
 )
 
 
@@ -75,7 +77,10 @@ def read_lamp(spec: str) -> Lamp:
     - `equal-energy`: exactly 1 with tolerance 0, the paper's own assumption.
     - A family whose member is not known: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and
       modes in which it may be off.
-    - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most.
+    - What people call it: `halogen`, `TL84`, `sun` ... (data/lamp-names.json); the lamp has the name that it is read
+      as, and `source` says what was asked for. Names that leave it open, as `flash`, are refused with what to say.
+    - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most: two
+      columns, CGATS (Argyll's .sp), IES TM-27 (.spdx), Sekonic's CSV or UPRtek's text, known by their content.
       Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
       grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
       to 0.5 % of the peak, becomes 0.
@@ -99,8 +104,8 @@ def read_lamp(spec: str) -> Lamp:
         )
     if plain(text) == "equalenergy":
         return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
-    if key in FAMILIES:
-        return _family(key)
+    if kind := {plain(name): name for name in FAMILIES}.get(plain(text)):
+        return _family(kind)
     if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
         power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", NAMED_LAMP
     elif match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
@@ -110,7 +115,14 @@ def read_lamp(spec: str) -> Lamp:
     elif looks_like_file(text):
         power, source = _measured_lamp(Path(text))
         tolerance = MEASURED_LAMP
+    elif meant := understood(text):
+        lamp = read_lamp(meant)
+        return replace(lamp, source=f"{lamp.source}; {text!r} was asked for")
     else:
+        if re.fullmatch(r"\d{4,5}", key):
+            raise InvalidArgument(
+                f"The lamp {text!r} could be of two kinds.", f"Write {key}K for a bulb, D:{key} for daylight."
+            )
         daylight = re.fullmatch(r"d(\d{2})", key)
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, lamp_names())
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)

@@ -1,8 +1,10 @@
-"""Files of spectra → numbers: CSV, CGATS text and CxF. Knows formats, not physics: `spectra` judges the values."""
+"""Files of spectra → numbers: CSV, CGATS text and CxF here, each other format in `formats`.
+
+Which format it is, the content says. Knows formats, not physics: `spectra` judges the values.
+"""
 
 from __future__ import annotations
 
-import csv
 import re
 import warnings
 from pathlib import Path
@@ -12,9 +14,9 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-
-_LARGEST_FILE = 20_000_000
-_SUFFIXES = ("csv", "tsv", "txt", "spd", "sp", "cxf", "cgats", "ti3", "cie", "dat")
+from camssf.spectra.formats import CURVES, LAMPS
+from camssf.spectra.formats.cgats import exact_wavelengths, shows_light
+from camssf.spectra.text import nearest, numbers_of, read_bytes, read_text, rows_of, tokens_of, wavelength_of
 
 
 class Spectra(NamedTuple):
@@ -31,36 +33,31 @@ class Spectra(NamedTuple):
     values: Floats
 
 
-def looks_like_file(text: str) -> bool:
-    """True for a path of a file that is there, or that reads like one."""
-    if not text or "\0" in text:
-        return False
-    return bool(re.search(rf"\.({'|'.join(_SUFFIXES)})$|[/\\]", text, re.IGNORECASE)) or is_file(text)
-
-
-def is_file(text: str) -> bool:
-    """True for a file that is there; a path too long to exist is none."""
-    try:
-        return Path(text).is_file()
-    except (OSError, ValueError):
-        return False
-
-
 def read_spectrum(path: Path) -> tuple[Floats, Floats]:
-    """Wavelengths and values, (w,) each, of a file with one spectrum: two columns, or CGATS with one set.
+    """Wavelengths and values, (w,) each, of a file with one spectrum.
+
+    Two columns; CGATS with one set, as Argyll's `.sp`; one of `formats.LAMPS`.
 
     Raises:
         InvalidArgument: the file cannot be read, or is no such table.
     """
-    text = _read_text(path)
+    text = read_text(path)
+    for each in LAMPS:
+        if each.claims(text):
+            return each.read(text, path)
     if "BEGIN_DATA_FORMAT" in text:
         table = _cgats(text, path)
+        if not shows_light(text):
+            raise InvalidArgument(
+                f"{path} holds the spectrum of a surface, not of light.",
+                "Measure the lamp's emission (spotread -e or -a).",
+            )
         if len(table.values) != 1:
             raise InvalidArgument(f"{path} holds {len(table.values)} spectra.", "Give a file with one of them.")
         return table.wavelengths, table.values[0]
-    rows = _rows(text)
-    start = next((i for i, row in enumerate(rows) if _numbers(row) is not None), len(rows))
-    pairs = [_numbers(row) for row in rows[start:]]
+    rows = rows_of(text)
+    start = next((i for i, row in enumerate(rows) if numbers_of(row) is not None), len(rows))
+    pairs = [numbers_of(row) for row in rows[start:]]
     if not pairs or any(pair is None or len(pair) != 2 for pair in pairs):
         raise InvalidArgument(
             f"{path} is no table of one spectrum.",
@@ -79,21 +76,26 @@ def read_spectra(path: Path) -> Spectra:
     Raises:
         InvalidArgument: the file cannot be read, or is no such table.
     """
-    if path.suffix.casefold() == ".cxf":
-        return _cxf(_read_bytes(path), path)
-    text = _read_text(path)
+    text = read_text(path)
+    if path.suffix.casefold() == ".cxf" or text.lstrip().startswith("<"):
+        return _cxf(read_bytes(path), path)
     return _cgats(text, path) if "BEGIN_DATA_FORMAT" in text else _csv(text, path)
 
 
 def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
-    """Camera's name, wavelengths (w,) nm and curves (w, 3) from a CSV whose header names its columns.
+    """Camera's name, wavelengths (w,) nm and curves (w, 3) of a file.
 
-    The name is the column `camera`, else the file's own; `name` picks one of several cameras.
+    A CSV whose header names its columns, or one of `formats.CURVES`. The name is the column `camera`, else what the
+    file says, else the file's own; `name` picks one of several cameras.
 
     Raises:
         InvalidArgument: the file cannot be read or is no such table; no camera of that name, or several.
     """
-    header, *body = _rows(_read_text(path)) or [[]]
+    text = read_text(path)
+    for each in CURVES:
+        if each.claims(text):
+            return pick(each.read(text, path), path, name)
+    header, *body = rows_of(text) or [[]]
     fields = [field.casefold() for field in header]
     wanted = (("wavelength_nm", "wavelength", "nm"), ("red", "r"), ("green", "g"), ("blue", "b"))
     columns = [next((fields.index(word) for word in words if word in fields), -1) for words in wanted]
@@ -105,90 +107,38 @@ def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
     if "camera" in fields:
         at = fields.index("camera")
         names = tuple(dict.fromkeys(row[at] for row in body if len(row) > at))
-        wish = (name or (names[0] if len(names) == 1 else "")).casefold()
-        label = next((known for known in names if known.casefold() == wish), "")
-        if not label:
-            close = nearest(name or "", names) or f"One of them is {names[0]}. " if names else ""
-            raise InvalidArgument(
-                f"{path} has {len(names)} cameras" + (f", none called {name!r}." if name else "."),
-                f"{close}Name one as in {path.name}:NAME.",
-            )
+        label = one_of(names, path, name)
         body = [row for row in body if len(row) > at and row[at] == label]
     elif name is not None:
         raise InvalidArgument(f"{path} has no column camera.", f"Leave :{name} away, or add that column.")
-    rows = [_numbers([row[c] for c in columns]) if len(row) > max(columns) else None for row in body]
-    if not rows or any(row is None for row in rows):
+    lines = [numbers_of([row[c] for c in columns]) if len(row) > max(columns) else None for row in body]
+    if not lines or any(line is None for line in lines):
         raise InvalidArgument(f"{path} has a line that is no row of numbers.", "Write four numbers in each line.")
-    table = np.array(rows, dtype=np.float64)
+    table = np.array(lines, dtype=np.float64)
     return label, table[:, 0], table[:, 1:]
 
 
-def plain(name: str) -> str:
-    """A name without case, blanks, hyphens and underscores, for comparison."""
-    return re.sub(r"[\s_-]", "", name.casefold())
+def pick(cameras: dict[str, tuple[Floats, Floats]], path: Path, name: str | None) -> tuple[str, Floats, Floats]:
+    """One of a file's cameras; errors as `one_of`."""
+    label = one_of(tuple(cameras), path, name)
+    return label, *cameras[label]
 
 
-def nearest(text: str, names: tuple[str, ...]) -> str:
-    """'Did you mean ...? ', or nothing where no name is near."""
-    import difflib
+def one_of(names: tuple[str, ...], path: Path, name: str | None) -> str:
+    """The camera of that name, or the only one.
 
-    known = {plain(name): name for name in names}
-    close = [known[match] for match in difflib.get_close_matches(plain(text), known, n=3)]
-    return f"Did you mean {' or '.join(close)}? " if close else ""
-
-
-def _read_bytes(path: Path) -> bytes:
-    if not is_file(str(path)):
-        raise InvalidArgument(f"There is no file {path}.", "Check the path.")
-    try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise InvalidArgument(f"{path} is larger than 20 MB.", "Tables of spectra are small: is it another file?")
-        return path.read_bytes()
-    except OSError as error:
-        raise InvalidArgument(f"{path} cannot be read ({error.strerror}).", "Check its permissions.") from None
-
-
-def _read_text(path: Path) -> str:
-    data = _read_bytes(path)
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
-def _rows(text: str) -> list[list[str]]:
-    """Fields of every line that is neither empty nor a comment; between them ; or tab or comma or blanks."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    separator = next((mark for mark in ";\t," if lines and mark in lines[-1]), None)
-    if separator is None:
-        return [line.split() for line in lines]
-    try:
-        rows = [[field.strip() for field in row] for row in csv.reader(lines, delimiter=separator)]
-    except csv.Error:
-        return []
-    for row in rows:
-        while row and not row[-1]:  # separators at the end of a line
-            row.pop()
-    return [row for row in rows if row]
-
-
-def _numbers(fields: list[str]) -> list[float] | None:
-    """The fields as numbers, or None. A comma that is left is a decimal comma: half of Europe writes it."""
-    try:
-        return [float(field.replace(",", ".")) for field in fields]
-    except ValueError:
-        return None
-
-
-def _wavelength(field: str) -> float | None:
-    """380 of 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380, SPECTRAL_NM_380 ...; None of anything else."""
-    match = re.fullmatch(
-        r"(?:spectral_?|spec_?|reflectance_?|r_?)?(?:nm_?)?(\d{3,4}(?:[.,]\d+)?) ?(?:nm)?", field.casefold()
-    )
-    value = float(match[1].replace(",", ".")) if match else 0.0
-    return value if 200.0 <= value <= 2500.0 else None
+    Raises:
+        InvalidArgument: there is none of that name, or there are several and none was named.
+    """
+    wish = (name or (names[0] if len(names) == 1 else "")).casefold()
+    label = next((known for known in names if known.casefold() == wish), "")
+    if not label:
+        close = nearest(name or "", names) or f"One of them is {names[0]}. " if names else ""
+        raise InvalidArgument(
+            f"{path} has {len(names)} cameras" + (f", none called {name!r}." if name else "."),
+            f"{close}Name one as in {path.name}:NAME.",
+        )
+    return label
 
 
 def _no_chart(path: Path) -> InvalidArgument:
@@ -199,12 +149,12 @@ def _no_chart(path: Path) -> InvalidArgument:
 
 
 def _csv(text: str, path: Path) -> Spectra:
-    rows = _rows(text)
+    rows = rows_of(text)
     for i, row in enumerate(rows[:40]):  # instruments write a preamble
-        if sum(_wavelength(field) is not None for field in row) >= 10:
+        if sum(wavelength_of(field) is not None for field in row) >= 10:
             return _under_wavelengths(row, rows[i + 1 :], path)
-    start = next((i for i, row in enumerate(rows) if len(row) > 2 and _numbers(row) is not None), len(rows))
-    lines = [_numbers(row) for row in rows[start:]]
+    start = next((i for i, row in enumerate(rows) if len(row) > 2 and numbers_of(row) is not None), len(rows))
+    lines = [numbers_of(row) for row in rows[start:]]
     if not lines or any(line is None or len(line) != len(lines[0] or ()) for line in lines):
         raise _no_chart(path)
     table = np.array(lines, dtype=np.float64)
@@ -216,10 +166,10 @@ def _csv(text: str, path: Path) -> Spectra:
 
 def _under_wavelengths(header: list[str], body: list[list[str]], path: Path) -> Spectra:
     """Rows of patches under a header of which some fields are wavelengths, others names."""
-    nm = {i: w for i, field in enumerate(header) if (w := _wavelength(field)) is not None}
+    nm = {i: w for i, field in enumerate(header) if (w := wavelength_of(field)) is not None}
     if not body or any(len(row) != len(header) for row in body):
         raise _no_chart(path)
-    values = [_numbers([row[i] for i in nm]) for row in body]
+    values = [numbers_of([row[i] for i in nm]) for row in body]
     if any(row is None for row in values):
         raise _no_chart(path)
     words = [re.sub(r"[^a-z]", "", field.casefold()) for field in header]
@@ -237,23 +187,20 @@ def _cgats(text: str, path: Path) -> Spectra:
     for part in clean.split("BEGIN_DATA_FORMAT")[1:]:
         fields, _, rest = part.partition("END_DATA_FORMAT")
         data = rest.partition("BEGIN_DATA")[2].partition("END_DATA")[0]
-        header = _tokens(fields)
-        if sum(_wavelength(field) is not None for field in header) < 10:
+        header = tokens_of(fields)
+        if sum(wavelength_of(field) is not None for field in header) < 10:
             continue
         body = [
             [field.strip().strip('"') for field in line.split("\t")] for line in data.splitlines() if line.strip()
         ]
         if any(len(row) != len(header) for row in body):  # not one set a line between tabs: blanks count, too
-            words = _tokens(data)
+            words = tokens_of(data)
             body = [words[i : i + len(header)] for i in range(0, len(words), len(header))]
-        return _under_wavelengths(header, body, path)
+        found = _under_wavelengths(header, body, path)
+        return found._replace(wavelengths=exact_wavelengths(found.wavelengths, clean))
     raise InvalidArgument(
         f"{path} has no table of spectra.", "Export the spectral data (fields such as SPECTRAL_NM380), too."
     )
-
-
-def _tokens(text: str) -> list[str]:
-    return [token.strip('"') for token in re.findall(r'"[^"\n]*"|[^\s"]+', text)]
 
 
 def _cxf(data: bytes, path: Path) -> Spectra:

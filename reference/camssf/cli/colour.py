@@ -1,0 +1,245 @@
+"""The command that sees colour through a result, and converts between two cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from camssf.cli.options import LensShading
+from camssf.cli.reading import parse_rectangle, parse_share, parse_signal, read_result
+from camssf.cli.terminal import emit, say
+from camssf.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from camssf.colour.regions import Region
+    from camssf.colour.spread import Reference
+    from camssf.grid import Floats
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Of a photo: regions to measure, and how."""
+
+    photo: str
+    regions: Sequence[str]
+    white_region: str | None
+    white_reflectance: str | None
+    dark: str | None
+    lens_shading: str
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """What regions of a photo gave."""
+
+    signals: Floats
+    errors: Floats
+    regions: list[Region]
+    white: Region
+    reference: Reference
+    reflectance: float
+    photo: dict[str, str]
+
+
+def colour(
+    document: Annotated[
+        str | None, typer.Argument(metavar="JSON", help="The result: a file, or - for stdin. None with --from.")
+    ] = None,
+    photo: Annotated[str | None, typer.Argument(metavar="PHOTO", help="RAW photo (DNG) by the same camera.")] = None,
+    region: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y,W,H", show_default=False, help="What to measure, px; repeat it for more."),
+    ] = None,
+    white_region: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,W,H", show_default=False, help="A white or grey surface in the same light, px."),
+    ] = None,
+    white_reflectance: Annotated[
+        str | None,
+        typer.Option(metavar="SHARE", show_default=False, help="Reflectance of that surface; 1 unless given."),
+    ] = None,
+    lamp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SPEC",
+            show_default=False,
+            help="The light (see `camssf lamps`), or auto: what the white region's ratios say. "
+            "The lamp of the result's first shot unless given.",
+        ),
+    ] = None,
+    observer: Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")] = "1931",
+    adapt: Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")] = "lamp",
+    dark: Annotated[
+        str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
+    ] = None,
+    lens_shading: LensShading = "as-stored",
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="JSON", show_default=False, help="Convert from this camera's result ..."),
+    ] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar="JSON", show_default=False, help="... to this camera's signals.")
+    ] = None,
+    signal: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="R,G,B",
+            show_default=False,
+            help="With --from and --to: signals to convert, raw over that of white; repeat it for more.",
+        ),
+    ] = None,
+) -> None:
+    """Standard colour of regions of a photo, with its uncertainty.
+
+    CIE XYZ and Lab, and where their covariance comes from. With --from and --to no colour, but raw signals of one
+    camera as another would have given them: of a PHOTO's regions, of --signal, or the conversion alone. Exits with 9
+    where a colour is none that a surface has.
+    """
+    if source is None and to is None:
+        if document is None or photo is None or signal:
+            raise InvalidArgument(
+                "A colour is that of a photo's region through a result.",
+                "Name the result and the photo; or --from and --to to convert between two cameras.",
+            )
+        asked = _Asked(photo, region or (), white_region, white_reflectance, dark, lens_shading)
+        _standard(document, asked, lamp, observer, adapt)
+        return
+    if source is None or to is None:
+        raise InvalidArgument("A conversion is between two cameras.", "Give both --from and --to.")
+    if photo is not None or observer != "1931" or adapt != "lamp":
+        raise InvalidArgument(
+            "A conversion takes two results and at most one photo, and has no observer.",
+            "Write camssf colour photo.dng --from a.json --to b.json; leave --observer and --adapt away.",
+        )
+    if (document is None) != (not region) or (document is not None and signal):
+        raise InvalidArgument(
+            "Signals to convert come either from a photo or from --signal.",
+            "Give a photo with --region and --white-region, or --signal r,g,b, or neither.",
+        )
+    asked = _Asked(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
+    _between(source, to, asked, signal or [], lamp)
+
+
+def _standard(document: str, asked: _Asked, lamp: str | None, observer: str, adapt: str) -> None:
+    from camssf.colour.camera import camera_of_result
+    from camssf.colour.document import colour_document
+    from camssf.colour.reach import REACH, check_reach
+    from camssf.colour.standard import View, standard_colour
+    from camssf.exports import read_result as read_curves
+
+    if not asked.regions or asked.white_region is None:
+        raise _no_region()
+    view, result = View(observer, adapt), read_result(document)
+    camera, curves = camera_of_result(result), read_curves(result)
+    found = _measured(asked, result["camera"], curves.camera)
+    told = curves.lamps[0] if lamp is None else lamp
+    colours = standard_colour(camera, told, found.signals, found.errors, reference=found.reference, view=view)
+    about = {
+        "result": curves.about,
+        "photo": found.photo,
+        "lamp": told,
+        "reference": {"reflectance": found.reflectance, "tolerance": found.reference.tolerance},
+    }
+    emit(colour_document(colours, found.signals, found.errors, found.regions, found.white, about))
+    for number, (lab, spread) in enumerate(zip(colours.lab, colours.lab_covariance, strict=True), 1):
+        if not colours.reach[number - 1] > REACH:  # NaN: so many that nobody asked
+            words = " ".join(
+                f"{name} {value:.1f} ± {1.96 * size:.1f}"
+                for name, value, size in zip(("L*", "a*", "b*"), lab, spread.diagonal() ** 0.5, strict=True)
+            )
+            say("", f"region {number}: {words}")
+    check_reach(colours.reach)
+
+
+def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str | None) -> None:
+    import numpy as np
+
+    from camssf.colour.between import convert
+    from camssf.colour.camera import camera_of_result
+    from camssf.colour.document import between_document
+    from camssf.colour.reach import REACH, check_reach
+    from camssf.exports import read_result as read_curves
+
+    given = [parse_signal(text) for text in signal]
+    if source == to == "-":
+        raise InvalidArgument("Standard input holds one result.", "Name a file for --from or for --to.")
+    results = [read_result(each) for each in (source, to)]
+    ours, theirs = (camera_of_result(result) for result in results)
+    one, other = (read_curves(result) for result in results)
+    found = _measured(asked, results[0]["camera"], one.camera) if asked.photo else None
+    y = np.array(given, dtype=np.float64).reshape(-1, 3) if found is None else found.signals
+    error = np.zeros(y.shape) if found is None else found.errors
+    told = one.lamps[0] if lamp is None else lamp
+    converted = convert(ours, theirs, told, y, error, reference=None if found is None else found.reference)
+    about: dict[str, Any] = {
+        "from": one.about,
+        "to": other.about,
+        "lamp": told,
+        "photo": None if found is None else found.photo,
+        "regions": [None] * len(y) if found is None else [list(each.rectangle) for each in found.regions],
+    }
+    emit(between_document(converted, y, error, about))
+    likely = converted.conversions[int(np.argmax([weight for _, weight in converted.lamps]))]
+    say(
+        "",
+        f"{one.camera} to {other.camera} under {likely.lamp}: {likely.kind}, misses {likely.rms[likely.kind]:.4f} of "
+        "white on surfaces unseen",
+    )
+    for number, (values, spread) in enumerate(zip(converted.signals, converted.covariance, strict=True), 1):
+        if not converted.reach[number - 1] > REACH:
+            words = " ".join(
+                f"{name} {value:.4f} ± {1.96 * size:.4f}"
+                for name, value, size in zip("RGB", values, spread.diagonal() ** 0.5, strict=True)
+            )
+            say("", f"signal {number}: {words}")
+    check_reach(converted.reach)
+
+
+def _no_region() -> InvalidArgument:
+    return InvalidArgument(
+        "A colour needs a region, and a white or grey surface in the same light.",
+        "Add --region x,y,w,h and --white-region x,y,w,h; without a reference nobody knows how much light falls "
+        "on the surface.",
+    )
+
+
+def _measured(asked: _Asked, camera: dict[str, str], name: str) -> _Measured:
+    """Signals of the photo's regions in units of a perfect diffuser.
+
+    Args:
+        asked: what was asked of it.
+        camera: make and model of the result.
+        name: of that camera.
+    """
+    from camssf.colour.regions import against, measure_regions
+    from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
+    from camssf.errors import FramesDiffer
+    from camssf.photo.mosaic import read_dng
+
+    if asked.white_region is None:
+        raise _no_region()
+    rectangles = [
+        parse_rectangle("--white-region", asked.white_region),
+        *(parse_rectangle("--region", each) for each in asked.regions),
+    ]
+    mosaic = read_dng(asked.photo)
+    if any(
+        ours and theirs and ours != theirs
+        for ours, theirs in ((camera["make"], mosaic.make), (camera["model"], mosaic.model))
+    ):
+        raise FramesDiffer(
+            f"{asked.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
+            "Calibrate that camera; each has its own curves.",
+        )
+    dark = None if asked.dark is None else read_dng(asked.dark)
+    white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=asked.lens_shading)
+    share = parse_share(asked.white_reflectance)
+    reflectance = 1.0 if share is None else share
+    y, error = against(found, white, reflectance)
+    reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
+    about = {"name": Path(asked.photo).name, "sha256": mosaic.sha256}
+    return _Measured(y, error, found, white, reference, reflectance, about)
