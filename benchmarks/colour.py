@@ -16,6 +16,10 @@ Between cameras: the median ΔE00 of two cameras' colours of the same surface, o
 Region: share of colours within their own 95 % region of Lab; the lamp is drawn off by its 2 % in calibration and in
 use, noise .5 %, the reference off by 1 %: lamp named (D55, D65, A, FL2, LED-B3), by kind, and `auto`.
 
+Converted: each camera's signals of the samples as the next one's (`camssf.colour.convert`), both recovered from two
+shots of one chart, drawn off likewise: root mean square error before and after, white is 1, and the share within the
+95 % region, lamp named.
+
 `--phones FILE` takes measured phones of one's own instead of the shipped cameras, with the columns of
 data/ssf/rawtoaces.csv, `--phones` alone those that CAMSSF_PHONES names; each is recovered with a basis `phones`
 learned from the others, enlarged as the shipped one is. `--bars` makes a missed bar the exit status 1.
@@ -36,7 +40,7 @@ import numpy as np
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LOW, left_out
 from benchmarks.phones import taught
-from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, lab, standard_colour
+from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, convert, lab, standard_colour
 from camssf.colour.camera import OwnWhite
 from camssf.colour.spaces import white_of, xyz_of
 from camssf.colour.standard import of_surfaces
@@ -179,6 +183,27 @@ def coverage(case: Case, rng: np.random.Generator) -> dict[str, list[float]]:
     return found
 
 
+def converted(one: Case, other: Case, rng: np.random.Generator) -> tuple[float, float, list[float]]:
+    """Mean square error of the signals as they are and converted, and χ² of true less converted, lamp named."""
+    cameras = [calibrate(case, SHOTS["two"], rng, off=True) for case in (one, other)]
+    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
+    before, after, found = [], [], list[float]()
+    for name in LAMPS:
+        power = drawn(lamp(name), rng)
+        white = 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
+        raw = (power * white) @ one.curves
+        y = ((power * unseen()) @ one.curves) / raw * (1.0 + 0.01 * rng.normal())
+        error = 0.005 * y
+        y = y + error * rng.normal(size=y.shape)
+        truth = signals_of(unseen(), power, other.curves)
+        answer = convert(*cameras, name, y, error, reference=Reference(WHITE, raw))
+        off = truth - answer.signals
+        found += np.einsum("mc,mc->m", off, np.linalg.solve(answer.covariance, off[..., None])[..., 0]).tolist()
+        before.append(float(np.mean((truth - y) ** 2)))
+        after.append(float(np.mean(off**2)))
+    return float(np.mean(before)), float(np.mean(after)), found
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.colour", description=(__doc__ or "").split("\n")[0])
@@ -203,13 +228,26 @@ def main(arguments: list[str] | None = None) -> int:
             for way, values in coverage(case, rng).items():
                 chi.setdefault(way, []).extend(values)
             bar.advance(task)
+        task = bar.add_task("conversions", total=len(all_cases))
+        pairs = []
+        for one, other in zip(all_cases, [*all_cases[1:], all_cases[0]], strict=True):
+            pairs.append(converted(one, other, rng))
+            bar.advance(task)
+    between = {
+        "before": float(np.sqrt(np.mean([pair[0] for pair in pairs]))),
+        "after": float(np.sqrt(np.mean([pair[1] for pair in pairs]))),
+        "inside": float(np.mean(np.concatenate([pair[2] for pair in pairs]) < INSIDE)),
+    }
     mean = {word: means([each[word] for each in seen]) for word in seen[0]}
     inside = {way: float(np.mean(np.array(values) < INSIDE)) for way, values in chi.items()}
     show(len(all_cases), mean, inside)
+    row = [f"{between[key]:.4f}" for key in ("before", "after")]
+    head = ("error before", "after", "inside 95 %")
+    console().print(table("signals as the next camera's", head, [(*row, f"{between['inside']:.3f}")]))
     made = bars(mean, inside)
     console().print(table("bars", ("what", "samples", "surfaces", "bar", "met"), made))
     content: dict[str, Any] = {
-        "cameras": [case.name for case in all_cases], "delta_e00": mean, "inside": inside,
+        "cameras": [case.name for case in all_cases], "delta_e00": mean, "inside": inside, "converted": between,
         "versions": versions("colour-science"),
     }  # fmt: skip
     print(save("colour", content))

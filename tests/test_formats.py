@@ -143,6 +143,14 @@ def test_a_header_that_contradicts_the_names_is_not_believed(bands: int, last: f
     assert np.array_equal(wavelengths, [round(each) for each in nm])
 
 
+def test_a_cgats_file_that_breaks_off_is_refused(tmp_path: Path) -> None:
+    """Its last number may have lost digits where nothing says that the table has ended."""
+    text = argyll()[0]
+    for length in (text.index("END_DATA\n", text.index("BEGIN_DATA\n")), text.rindex("END_DATA") - 4):
+        with pytest.raises(InvalidArgument, match="breaks off"):
+            read_lamp(write(tmp_path / "cut.sp", text[:length]))
+
+
 @pytest.mark.parametrize("kind", ["REFLECTIVE", "TRANSMISSIVE"])
 def test_a_surface_is_no_lamp(kind: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="not of light"):

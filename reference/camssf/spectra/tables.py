@@ -186,10 +186,12 @@ def _cgats(text: str, path: Path) -> Spectra:
     clean = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("#"))
     for part in clean.split("BEGIN_DATA_FORMAT")[1:]:
         fields, _, rest = part.partition("END_DATA_FORMAT")
-        data = rest.partition("BEGIN_DATA")[2].partition("END_DATA")[0]
+        data, ended, _ = rest.partition("BEGIN_DATA")[2].partition("END_DATA")
         header = tokens_of(fields)
         if sum(wavelength_of(field) is not None for field in header) < 10:
             continue
+        if not ended:
+            raise InvalidArgument(f"{path} breaks off: its table has no END_DATA.", "Export it again.")
         body = [
             [field.strip().strip('"') for field in line.split("\t")] for line in data.splitlines() if line.strip()
         ]
