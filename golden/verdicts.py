@@ -130,6 +130,10 @@ def verdicts() -> Iterator[Json]:
     )
     yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
     yield case("tint-other-matrix", "One of two matrices agrees: that is enough.", y, tint=1.3, second=True)
+    yield case(
+        "rival-and-tint", "A rival that would be doubtful, and the raw white says the same: refused.", y, tint=1.3,
+        rivals=[[0, "FL2", -12.0], [0, "A", 5.0]],
+    )  # fmt: skip
     # rule 7
     apart = [["phones", 1.0, 0.93], ["phones", 2.0, 0.03], ["cameras", 1.0, 0.03], ["cameras", 2.0, 0.01]]
     yield case("choice-maker-agrees", "The maker makes phones, and so the signals say.", y, choice=apart,

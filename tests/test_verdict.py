@@ -16,6 +16,7 @@ from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import anchor, sense
 from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
+from camssf.evidence.light import rivalled as rule_4
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
     CONDEMNED,
@@ -464,6 +465,21 @@ def test_the_probability_of_another_lamp(gains: tuple[float, ...], said: float) 
     (reason,) = scene.judged().reasons
     assert f"with a probability of {said:.0f}% the lamp is not the one named" in reason.message
     assert isinstance(reason, Fatal) == (gains[0] > CONDEMNED)
+
+
+def test_two_witnesses_against_a_lamp_refuse_it() -> None:
+    """A rival that alone would be doubtful, and the raw white of the same shot; of another shot it is not enough."""
+    scene = Scene(clean())
+    scene.rivals = (Rival(0, "A", RIVAL + 1.0),)
+    assert scene.judged().status == "doubtful"
+    found = rule_4(scene.rivals, scene.lamps, [0])
+    (reason,) = found
+    assert isinstance(reason, Fatal)
+    assert reason.threshold == RIVAL
+    assert not isinstance(rule_4(scene.rivals, scene.lamps, [1])[0], Fatal)
+    (reason,) = rule_4([Rival(0, "A", CONDEMNED + 1.0)], scene.lamps, [0])
+    assert reason.threshold == CONDEMNED
+    assert rule_4([Rival(0, "A", RIVAL)], scene.lamps, [0]) == []
 
 
 def test_the_right_lamp_has_no_rival() -> None:

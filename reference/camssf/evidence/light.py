@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +46,14 @@ class Neutral:
     white: Floats
 
 
-def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp]) -> list[Reason]:
-    """Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong."""
+def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Collection[int] = ()) -> list[Reason]:
+    """Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong.
+
+    Args:
+        rivals: of all shots.
+        lamps: as told.
+        tinted_shots: 0-based, those whose raw white contradicts the lamp, too: with two witnesses it is refused.
+    """
     best = max(rivals, key=lambda rival: rival.gain, default=None)
     if best is None or best.gain <= RIVAL:
         return []
@@ -60,6 +66,8 @@ def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp]) -> list[Reason]:
         "lamp": lamps[best.shot].name,
         "probability": float(1.0 / (1.0 + np.exp(-odds))),
     }
+    if best.shot in tinted_shots and best.gain <= CONDEMNED:
+        return [because("rival", best.gain, words, fatal=True, threshold=RIVAL)]
     return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
 
 

@@ -138,13 +138,17 @@ def judge(
         reasons += samples(name, means, signals.used[j], table)
         if pose.score < POOR_POSE:
             reasons.append(because("pose", pose.score, {"shot": name, "score": pose.score}))
-    for j, lamp in enumerate(lamps):
-        reasons += tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
+    whites = [
+        tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
+        for j, lamp in enumerate(lamps)
+    ]
+    reasons += [reason for white in whites for reason in white]
     reasons += _vague(ssf)
     reasons += _unusual(ssf, family)
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
-        reasons += rivalled(rivals() if callable(rivals) else rivals, lamps)
+        doubted = [j for j, white in enumerate(whites) if white]
+        reasons += rivalled(rivals() if callable(rivals) else rivals, lamps, doubted)
     if any(isinstance(reason, Fatal) for reason in reasons):
         return Verdict("refused", tuple(reasons))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons))

@@ -71,13 +71,15 @@ internal object Judge {
                 reasons += Reasons.because("pose", shot.pose.score, mapOf("shot" to name, "score" to shot.pose.score))
             }
         }
-        case.shots.forEachIndexed { j, shot ->
-            reasons += Light.tinted("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
+        val whites = case.shots.mapIndexed { j, shot ->
+            Light.tinted("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
         }
+        whites.forEach { reasons += it }
         reasons += vague(told.ssf)
         reasons += unusual(told.ssf, case.family)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.accused() != null })) {
-            reasons += Light.rivalled(case.rivals(), case.shots.map { it.lamp.name })
+            val doubted = whites.indices.filter { whites[it].isNotEmpty() }
+            reasons += Light.rivalled(case.rivals(), case.shots.map { it.lamp.name }, doubted)
         }
         return Verdict(Status.of(reasons), reasons)
     }

@@ -37,8 +37,12 @@ internal object Light {
     /** Shots of a capture beyond which rivals are not tried. */
     val MOST_RIVALLED: Int get() = Rules.shipped.whole("verdict.most_rivalled")
 
-    /** Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong. */
-    fun rivalled(rivals: List<Rival>, lamps: List<String>): List<Reason> {
+    /**
+     * Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong.
+     *
+     * @param tintedShots those whose raw white contradicts the lamp, too: with two witnesses it is refused.
+     */
+    fun rivalled(rivals: List<Rival>, lamps: List<String>, tintedShots: List<Int> = emptyList()): List<Reason> {
         val best = rivals.maxByOrNull { it.gain } ?: return emptyList()
         if (best.gain <= RIVAL) return emptyList()
         val own = rivals.filter { it.shot == best.shot }
@@ -50,7 +54,9 @@ internal object Light {
             "lamp" to lamps[best.shot],
             "probability" to rest / (rest + exp(-best.gain)),
         )
-        return listOf(Reasons.because("rival", best.gain, words, best.gain > CONDEMNED))
+        val alone = best.gain > CONDEMNED
+        val fatal = alone || best.shot in tintedShots
+        return listOf(Reasons.because("rival", best.gain, words, fatal, if (fatal && !alone) RIVAL else null))
     }
 
     /** Rule 5, by the answer to that shot alone. */
