@@ -90,6 +90,11 @@ def colours() -> Iterator[Json]:
         expect="invalid_argument",
     )  # fmt: skip
     refused = {"verdict": {"reasons": [{"advice": "Take it again."}]}}
+    twins = channels(curves()[:, [0, 0, 2]])
+    yield case(
+        "error-alike", "Red and green are one curve.", base | {"but": {"ssf": twins}}, "D65",
+        signals=[[0.3, 0.3, 0.3]], expect="invalid_argument",
+    )  # fmt: skip
     yield case("error-refused", "A result that was refused.", refused, "D65", expect="invalid_argument")
 
 

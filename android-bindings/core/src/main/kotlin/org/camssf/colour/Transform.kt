@@ -124,25 +124,19 @@ internal class Transform private constructor(
          */
         inline fun fit(told: Learned, kind: Kind, asked: (Int) -> Boolean = { true }): DoubleArray? {
             val p = kind.terms
+            val rows = (0 until told.xyz.size / 3).filter { asked(it) }
             val terms = DoubleArray(p)
-            val row = DoubleArray(p - 1)
-            val normal = Array(p - 1) { DoubleArray(p - 1) }
-            val pull = Array(p - 1) { DoubleArray(3) }
-            for (i in 0 until told.xyz.size / 3) {
-                if (!asked(i)) continue
+            // The directions in which coefficients may move, and behind them what the fixed part leaves of X, Y, Z.
+            val columns = Array(p + 2) { DoubleArray(rows.size) }
+            rows.forEachIndexed { row, i ->
                 kind.terms(told.signals, 3 * i, terms)
                 val middle = terms.sum() / p
-                for (a in row.indices) {
-                    row[a] = dot(kind.free[a], terms)
-                    for (b in 0..a) normal[a][b] += row[a] * row[b]
-                    for (c in 0..2) pull[a][c] += row[a] * (told.xyz[3 * i + c] - middle * told.white[c])
-                }
+                for (a in 0 until p - 1) columns[a][row] = dot(kind.free[a], terms)
+                for (c in 0..2) columns[p - 1 + c][row] = told.xyz[3 * i + c] - middle * told.white[c]
             }
-            val root = Symmetric.root(normal) ?: return null
-            Symmetric.forward(root, pull)
-            Symmetric.backward(root, pull)
+            val free = Columns.solve(columns, p - 1) ?: return null
             return DoubleArray(3 * p) { at ->
-                told.white[at % 3] / p + row.indices.sumOf { kind.free[it][at / 3] * pull[it][at % 3] }
+                told.white[at % 3] / p + free.indices.sumOf { kind.free[it][at / 3] * free[it][at % 3] }
             }
         }
 

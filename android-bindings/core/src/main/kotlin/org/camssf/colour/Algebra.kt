@@ -30,14 +30,6 @@ internal object Symmetric {
         }
     }
 
-    /** L⁻ᵀ times the rows of a matrix (n, m), in place. */
-    fun backward(root: Array<DoubleArray>, right: Array<DoubleArray>) {
-        for (i in root.indices.reversed()) {
-            for (j in i + 1 until root.size) add(right[i], -root[j][i], right[j])
-            for (q in right[i].indices) right[i][q] /= root[i][i]
-        }
-    }
-
     /**
      * Eigenvalues, the largest first, each with its unit vector, by Jacobi's rotations: small ones beside large ones have
      * their digits, too.
@@ -92,6 +84,43 @@ internal object Symmetric {
     }
 
     private const val ROUNDING = 1e-17
+}
+
+/** Least squares with several right sides, by columns. */
+internal object Columns {
+    /** Columns that have less than this share of their length for themselves depend on the others. */
+    private const val DEPENDENT = 1e-10
+
+    /**
+     * X (unknowns) of (sides), least ‖A X - B‖, by Gram and Schmidt's modified orthogonalisation, which spoils the columns;
+     * null where those of A depend on each other.
+     *
+     * @param columns of A, then of B.
+     */
+    fun solve(columns: Array<DoubleArray>, unknowns: Int): Array<DoubleArray>? {
+        val lengths = DoubleArray(unknowns) { sqrt(dot(columns[it], columns[it])) }
+        val r = Array(unknowns) { DoubleArray(columns.size) }
+        for (j in 0 until unknowns) {
+            val length = sqrt(dot(columns[j], columns[j]))
+            if (!(length > DEPENDENT * lengths[j])) return null
+            r[j][j] = length
+            for (m in columns[j].indices) columns[j][m] /= length
+            for (k in j + 1 until columns.size) {
+                r[j][k] = dot(columns[j], columns[k])
+                add(columns[k], -r[j][k], columns[j])
+            }
+        }
+        val sides = columns.size - unknowns
+        val x = Array(unknowns) { DoubleArray(sides) }
+        for (j in unknowns - 1 downTo 0) {
+            for (c in 0 until sides) {
+                var value = r[j][unknowns + c]
+                for (k in j + 1 until unknowns) value -= r[j][k] * x[k][c]
+                x[j][c] = value / r[j][j]
+            }
+        }
+        return x
+    }
 }
 
 /** into += factor · values. */
