@@ -27,15 +27,19 @@ import org.camssf.spectra.Lamp
 
 /** The stages colour, from a result document on, and regions, from a DNG on. */
 internal class Colours(private val files: GoldenFiles, private val forms: Forms, private val photos: Photos) {
-    fun colour(case: GoldenCase): Map<String, Any?> {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name)).values
+    /** As a case has it; its reference's raw signals are asked only where it says so. */
+    fun standardiser(case: GoldenCase): Standardiser {
         val told = case.inputs.getValue("reference").jsonObject
         val raw = told.getValue("raw").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
         val white = Reference(raw ?: DoubleArray(3) { 1.0 }, tolerance = number(told.getValue("tolerance"))!!)
         val lamp = case.inputs.text("lamp").takeIf { it != "auto" }?.let { Lamp.read(it) }
         val camera = ColourCamera.parse(result(case.inputs.getValue("result").jsonObject).toString())
-        val error = number(told.getValue("error"))!!
-        val standardiser = Standardiser.of(camera, lamp, white, view(case), raw, error)
+        return Standardiser.of(camera, lamp, white, view(case), raw, number(told.getValue("error"))!!)
+    }
+
+    fun colour(case: GoldenCase): Map<String, Any?> {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name)).values
+        val standardiser = standardiser(case)
         val (signals, errors) = given("signals") to given("standard_error")
         val m = signals.size / 3
         fun row(of: DoubleArray, i: Int) = of.copyOfRange(3 * i, 3 * i + 3)
