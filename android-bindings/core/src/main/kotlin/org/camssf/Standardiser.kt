@@ -98,6 +98,7 @@ public class Standardiser private constructor(
         if (raw.size != 3 || standardError.size != 3) {
             throw InvalidArgument("A colour has three signals, not ${raw.size}.", "Give R, G, B.")
         }
+        check(standardError)
         val y = DoubleArray(3) { raw[it] * scale[it] }
         val error = DoubleArray(3) {
             hypot(standardError[it] * scale[it], y[it] * reference.sharedError[it] / reference.sharedRaw[it])
@@ -118,9 +119,7 @@ public class Standardiser private constructor(
     /** The colour of signals (3) in units of a perfect white, however far out of reach. */
     internal fun seen(y: DoubleArray, error: DoubleArray): StandardColour {
         if (!y.all { it.isFinite() }) throw InvalidArgument("A signal is not finite.", "Give finite signals.")
-        if (!error.all { it.isFinite() && it >= 0 }) {
-            throw InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
-        }
+        check(error)
         val found = mixed(lit.map { it.colour(y, error) })
         val numbers = found.parts.flatMap { it.xyz.asList() + it.lab.asList() } + found.sharedLab.asList()
         if (!numbers.all { it.isFinite() }) throw NoColour.error()
@@ -183,6 +182,12 @@ public class Standardiser private constructor(
             own.found.copyInto(into, i)
         }
         return into
+    }
+
+    private fun check(error: DoubleArray) {
+        if (!error.all { it.isFinite() && it >= 0 }) {
+            throw InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
+        }
     }
 
     private fun check(size: Int, into: Int) {
