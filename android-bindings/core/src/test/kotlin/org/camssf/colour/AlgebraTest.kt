@@ -31,7 +31,7 @@ class AlgebraTest {
         for (a in given.indices) {
             for (b in given.indices) {
                 val built = parts.sumOf { (size, axis) -> size * axis[a] * axis[b] }
-                assertEquals(given[a][b], built, 1e-15)
+                assertEquals(given[a][b], built, 1e-14)
             }
         }
     }
