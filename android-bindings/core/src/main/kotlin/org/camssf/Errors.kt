@@ -1,7 +1,8 @@
 package org.camssf
 
 /**
- * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON.
+ * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON. Python has two more, of
+ * what Kotlin does not do: `colour_out_of_reach` and `passport_invalid`.
  *
  * ```
  * CalibrationException
@@ -200,7 +201,10 @@ public class NotConverged @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CalibrationException("not_converged", message, advice, value, threshold, cause)
 
-/** A camera unlike all that the bases were learned from, or not of the kind that its maker makes. */
+/**
+ * A camera unlike all that the bases were learned from, or not of the kind that its maker makes. By the rules of this version
+ * that makes a result doubtful, by a reason of this code, and refuses none.
+ */
 public class CameraUnusual @JvmOverloads constructor(
     message: String,
     advice: String,

@@ -43,7 +43,7 @@ internal object Choice {
      *
      * @param engines of [FAMILIES], in this order.
      * @param prior the odds of each family beforehand; equal where nothing is said.
-     * @throws org.camssf.InvalidArgument as [Recover.recover], and the rest.
+     * @throws org.camssf.CalibrationException as [Recover.recover] does, of any of the four answers.
      */
     fun recover(
         engines: List<Engine>,
@@ -126,27 +126,4 @@ internal object Choice {
         val curves = DoubleArray(3 * Grid.SIZE) { of.sharedValues[it] / peak[it % 3] }
         val bands = of.sharedStd?.let { std -> DoubleArray(std.size) { std[it] / peak[it % 3] } }
     }
-}
-
-/** Signals (k, n, 3) that curves (681, 3) of any scale give of patches (n, 681) under lamps (k, 681): Eq. (5). */
-internal fun respond(
-    values: DoubleArray,
-    reflectance: DoubleArray,
-    lamp: DoubleArray,
-    white: DoubleArray,
-): DoubleArray {
-    val n = reflectance.size / Grid.SIZE
-    val predicted = DoubleArray(3 * n * (lamp.size / Grid.SIZE))
-    for (j in 0 until lamp.size / Grid.SIZE) {
-        for (c in 0..2) {
-            val seen = DoubleArray(Grid.SIZE) { lamp[j * Grid.SIZE + it] * values[3 * it + c] }
-            val level = (0 until Grid.SIZE).sumOf { white[it] * seen[it] }
-            for (i in 0 until n) {
-                val from = i * Grid.SIZE
-                predicted[3 * (j * n + i) + c] =
-                    (0 until Grid.SIZE).sumOf { reflectance[from + it] * seen[it] } / level
-            }
-        }
-    }
-    return predicted
 }

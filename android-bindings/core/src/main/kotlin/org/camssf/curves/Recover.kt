@@ -49,7 +49,7 @@ internal object Recover {
      * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
      *
      * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
-     * @param priorScale how much wider the cameras spread than those that the basis was learned from; 1 on the paper's.
+     * @param priorScale how many times as wide the cameras spread as those that the basis was learned from; 1 on the paper's.
      * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
@@ -71,9 +71,9 @@ internal object Recover {
         val positive = penalties.nonnegative ?: paper
         val weight = penalties.l2 ?: if (paper) 0.0 else L2
         val shown = frames ?: bare(y)
-        val (error, known) = evidence.standardError to evidence.known
-        fun run(gamma: Double): ModelOutputs =
-            engine.run(ModelInputs(shown, error, known, weight, gamma, positive, priorScale))
+        fun run(gamma: Double): ModelOutputs = engine.run(
+            ModelInputs(shown, evidence.standardError, evidence.known, weight, gamma, positive, priorScale),
+        )
         checkPenalties(weight, penalties.gamma, engine.basis)
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(evidence, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
@@ -87,16 +87,18 @@ internal object Recover {
     }
 
     /**
-     * ln of the marginal likelihood of the signals alone, but for a constant; on a basis with a prior. No penalty has a
+     * ln of the marginal likelihood of the signals alone, nats, but for a constant; on a basis with a prior. No penalty has a
      * part in it, and it needs no proof: it is a closed form.
      *
-     * @throws InvalidArgument as [recover], and the rest.
+     * @throws InvalidArgument shapes or values that do not fit.
+     * @throws LampUnfit a lamp without power on the grid.
      */
     fun logEvidence(engine: Engine, evidence: Evidence, priorScale: Double): Double {
         check(evidence, engine.basis)
         checkScale(priorScale, engine.basis)
-        val (y, error, known) = Triple(evidence.signals, evidence.standardError, evidence.known)
-        return engine.run(ModelInputs(bare(y), error, known, L2, GAMMA, false, priorScale))["evidence"][0]
+        val shown = bare(evidence.signals)
+        val inputs = ModelInputs(shown, evidence.standardError, evidence.known, L2, GAMMA, false, priorScale)
+        return engine.run(inputs)["evidence"][0]
     }
 
     /** Frames of a sensor without black level whose white is 1. */

@@ -6,10 +6,11 @@ import org.camssf.frozen
 /**
  * One hypothesis among those that were weighed.
  *
- * @property basis of which family the camera is.
- * @property priorScale how much wider than its basis the prior was taken.
- * @property logEvidence ln of the marginal likelihood of the signals under it, but for a constant common to all.
- * @property probability its weight among them, with what was believed beforehand.
+ * @property basis of which family the camera is, "phones" or "cameras".
+ * @property priorScale how many times as wide as its basis the prior was taken, 1 for a camera like those in it.
+ * @property logEvidence ln of the marginal likelihood of the signals under it, nats, but for a constant common to all: only
+ *   differences say something, and those of one capture alone.
+ * @property probability 0 to 1, 1 in all: its weight among them, with what was believed beforehand.
  */
 public class Weight internal constructor(
     public val basis: String,
@@ -25,9 +26,14 @@ public class Weight internal constructor(
  *
  * On a basis with a prior the three channels are one problem, on the paper's each is one: p = 1 or 3.
  *
+ * Where the signals chose and no hypothesis was clear, this is a mixture: [values], [std], [predicted] and [lamp] are mixed
+ * by the probabilities in [choice]; [gap], [layersGap] and [finishSteps] are the largest of its parts; all else, [code] too,
+ * is the likeliest part's, and [values] do not follow from it.
+ *
  * @property l2 the quadratic penalty.
  * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture the likeliest one's.
- * @property priorScale how much wider than its basis the prior was taken, 1.
+ * @property priorScale how many times as wide as its basis the prior was taken, 1 where the basis was told; of a mixture the
+ *   likeliest part's.
  */
 public class Ssf internal constructor(
     private val curves: Curves,
@@ -39,7 +45,7 @@ public class Ssf internal constructor(
     public val priorScale: Double = 1.0,
     choice: List<Weight> = emptyList(),
 ) {
-    /** What was weighed where the signals chose the basis; empty where it was told. */
+    /** What was weighed where the signals chose the basis, in the order of phones and cameras; empty where it was told. */
     public val choice: List<Weight> = choice.frozen()
 
     /** The answer; shapes and units as of the properties of their names. */
@@ -98,8 +104,8 @@ public class Ssf internal constructor(
     public val finishSteps: IntArray get() = sharedFinishSteps.copyOf()
 
     /**
-     * ln of the marginal likelihood of the signals under basis and lamps, but for a constant that the rows alone decide;
-     * null where the basis has no prior.
+     * ln of the marginal likelihood of the signals under basis and lamps, nats, but for a constant that the rows alone
+     * decide; null where the basis has no prior.
      */
     public val logEvidence: Double? get() = proof.logEvidence
 
@@ -169,4 +175,27 @@ public class Ssf internal constructor(
             val bands = List(3) { band(it) ?: return 0.0 }
             return (40..640).sumOf { m -> bands.sumOf { it[m] } } / (3 * 601)
         }
+}
+
+/** Signals (k, n, 3) that curves (681, 3) of any scale give of patches (n, 681) under lamps (k, 681): Eq. (5). */
+internal fun respond(
+    values: DoubleArray,
+    reflectance: DoubleArray,
+    lamp: DoubleArray,
+    white: DoubleArray,
+): DoubleArray {
+    val n = reflectance.size / Grid.SIZE
+    val predicted = DoubleArray(3 * n * (lamp.size / Grid.SIZE))
+    for (j in 0 until lamp.size / Grid.SIZE) {
+        for (c in 0..2) {
+            val seen = DoubleArray(Grid.SIZE) { lamp[j * Grid.SIZE + it] * values[3 * it + c] }
+            val level = (0 until Grid.SIZE).sumOf { white[it] * seen[it] }
+            for (i in 0 until n) {
+                val from = i * Grid.SIZE
+                predicted[3 * (j * n + i) + c] =
+                    (0 until Grid.SIZE).sumOf { reflectance[from + it] * seen[it] } / level
+            }
+        }
+    }
+    return predicted
 }

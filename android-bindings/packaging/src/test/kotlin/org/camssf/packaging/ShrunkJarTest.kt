@@ -51,7 +51,7 @@ class ShrunkJarTest {
         val main = listOf(MAINS[2], CHART, CORNERS, suspended.path)
         val (end, words) = java(listOf(jar, natives), main)
         assertEquals(0, end, words)
-        assertEquals(calibrate(listOf(jar), CALIBRATIONS.getValue("accepted")), suspended.readText())
+        assertEquals(calibrate(listOf(jar), CALIBRATIONS.getValue("chosen")), suspended.readText())
         println(said.trim().lines().last())
     }
 
@@ -184,9 +184,9 @@ class ShrunkJarTest {
         const val CORNERS = "22.44,17.44,156.56,22.44,162.56,116.56,16.44,109.56"
         const val FLAT = "19.44,19.44,160.56,19.44,160.56,112.56,19.44,112.56"
 
-        /** Arguments of the command; the last one's white frame is of another light. */
+        /** Arguments of the command by who chose the basis; the last one's white frame is of another light. */
         val CALIBRATIONS = mapOf(
-            "accepted" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS),
+            "chosen" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS),
             "told" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS, "--basis", "phones"),
             "paper" to listOf(CHART, "--lamp", "daylight", "--corners", CORNERS, "--basis", "gaussian"),
             "refused" to listOf(

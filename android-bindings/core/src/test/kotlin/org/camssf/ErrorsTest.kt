@@ -1,0 +1,42 @@
+package org.camssf
+
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import java.lang.reflect.Modifier
+
+/** One vocabulary of refusals in both languages. */
+class ErrorsTest {
+    private val root = System.getProperty("camssf.root")
+
+    /** Every class of this package that can be thrown as a [CalibrationException]. */
+    private val kinds = File(CalibrationException::class.java.protectionDomain.codeSource.location.toURI())
+        .resolve("org/camssf").listFiles()!!
+        .filter { it.extension == "class" }
+        .map { Class.forName("org.camssf.${it.nameWithoutExtension}", false, javaClass.classLoader) }
+        .filter { CalibrationException::class.java.isAssignableFrom(it) && !Modifier.isAbstract(it.modifiers) }
+
+    private val codes = kinds.associate { kind ->
+        val made = kind.getConstructor(String::class.java, String::class.java).newInstance("What.", "How.")
+        kind.simpleName to (made as CalibrationException).code
+    }
+
+    /** Those of what only Python does: colours by the curves, and passports. */
+    private val pythons = setOf("colour_out_of_reach", "passport_invalid")
+
+    @Test
+    fun `the codes are Python's but for what Kotlin does not do`() {
+        val text = File(root, "reference/camssf/errors.py").readText()
+        val known = Regex("""(?m)^ {4}code(?:: ClassVar\[str])? = "(\w+)"$""").findAll(text).map { it.groupValues[1] }
+        assertEquals((known.toSet() - "calibration_error" - pythons).sorted(), codes.values.sorted())
+        assertTrue(known.toSet().containsAll(pythons))
+    }
+
+    @Test
+    fun `the tree in the documentation names each with its code`() {
+        val tree = File(root, "android-bindings/core/src/main/kotlin/org/camssf/Errors.kt").readText()
+        val leaves = Regex("""(?m)^ \* [^\w\n]*── (\w+) {1,20}([a-z_]+)\b""").findAll(tree)
+        assertEquals(codes, leaves.associate { it.groupValues[1] to it.groupValues[2] })
+    }
+}
