@@ -5,8 +5,8 @@ import org.camssf.colour.Kind
 import org.camssf.colour.Light
 import org.camssf.colour.Lit
 import org.camssf.colour.NoColour
-import org.camssf.colour.Reach
 import org.camssf.colour.RawRegion
+import org.camssf.colour.Reach
 import org.camssf.colour.Reference
 import org.camssf.colour.Spaces
 import org.camssf.colour.Spread
@@ -72,7 +72,14 @@ public class Standardiser private constructor(
 
     private inline fun mean(size: Int, of: (Lit) -> DoubleArray): DoubleArray {
         val found = DoubleArray(size)
-        lit.forEachIndexed { i, each -> of(each).let { own -> for (at in found.indices) found[at] += weights[i] * own[at] } }
+        lit.forEachIndexed { i, each ->
+            of(each).let { own ->
+                for (at in found.indices) {
+                    found[at] +=
+                        weights[i] * own[at]
+                }
+            }
+        }
         return found
     }
 
@@ -106,8 +113,8 @@ public class Standardiser private constructor(
         val found = seen(y, error)
         if (found.reach > Reach.FARTHEST) {
             throw ColourOutOfReach(
-                "This colour is none that a surface has under this lamp: ${fixed(found.reach, 1)} standard deviations " +
-                    "from the nearest.",
+                "This colour is none that a surface has under this lamp: ${fixed(found.reach, 1)} standard " +
+                    "deviations from the nearest.",
                 "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
                 found.reach,
                 Reach.FARTHEST,
@@ -131,7 +138,14 @@ public class Standardiser private constructor(
         if (answers.size == 1) return answers[0]
         fun mean(size: Int, of: (StandardColour) -> DoubleArray): DoubleArray {
             val found = DoubleArray(size)
-            answers.forEachIndexed { i, each -> of(each).let { for (at in 0 until size) found[at] += weights[i] * it[at] } }
+            answers.forEachIndexed { i, each ->
+                of(each).let {
+                    for (at in 0 until size) {
+                        found[at] +=
+                            weights[i] * it[at]
+                    }
+                }
+            }
             return found
         }
         val xyz = mean(3) { it.sharedXyz }
@@ -162,7 +176,11 @@ public class Standardiser private constructor(
      * @throws InvalidArgument arrays that do not fit.
      */
     @JvmOverloads
-    public fun standardise(raw: FloatArray, into: FloatArray = FloatArray(raw.size), space: Space = Space.LAB): FloatArray {
+    public fun standardise(
+        raw: FloatArray,
+        into: FloatArray = FloatArray(raw.size),
+        space: Space = Space.LAB,
+    ): FloatArray {
         check(raw.size, into.size)
         val own = Pixel(space)
         for (i in raw.indices step 3) {
@@ -174,7 +192,11 @@ public class Standardiser private constructor(
 
     /** [standardise] in full precision. */
     @JvmOverloads
-    public fun standardise(raw: DoubleArray, into: DoubleArray = DoubleArray(raw.size), space: Space = Space.LAB): DoubleArray {
+    public fun standardise(
+        raw: DoubleArray,
+        into: DoubleArray = DoubleArray(raw.size),
+        space: Space = Space.LAB,
+    ): DoubleArray {
         check(raw.size, into.size)
         val own = Pixel(space)
         for (i in raw.indices step 3) {
@@ -192,7 +214,7 @@ public class Standardiser private constructor(
 
     private fun check(size: Int, into: Int) {
         if (size % 3 != 0 || into != size) {
-            throw InvalidArgument("$size numbers into $into are no pixels.", "Give three numbers a pixel, in and out.")
+            throw InvalidArgument("$size numbers into $into are no pixels.", "Give three a pixel, in and out.")
         }
     }
 
@@ -304,7 +326,8 @@ public class Standardiser private constructor(
             val surprise = light.surprise
             if (surprise != null && surprise > CONTRADICTED) {
                 throw LampUnfit(
-                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = ${fixed(surprise, 0)}.",
+                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
+                        "${fixed(surprise, 0)}.",
                     "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
                     surprise,
                     CONTRADICTED,

@@ -140,7 +140,9 @@ class StandardiserTest {
         assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), found.lamps.map { it.name })
         assertEquals(1.0, found.lamps.sumOf { it.weight }, 1e-12)
         assertTrue(found.lamps[1].weight > 0.8)
-        assertThrows(LampUnfit::class.java) { Standardiser.read(text, d55, lit) }.let { assertTrue(it.value!! > 18.4) }
+        assertThrows(LampUnfit::class.java) {
+            Standardiser.read(text, d55, lit)
+        }.let { assertTrue(it.value!! > 18.4) }
         Standardiser.read(text, bulb, lit)
     }
 

@@ -189,7 +189,9 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
         }
 
         private fun curves(of: JsonObject): Three = Array(3) { c ->
-            of.numbers(listOf("red", "green", "blue")[c]).also { check(it.size == Grid.SIZE) { "${it.size} numbers" } }
+            of.numbers(listOf("red", "green", "blue")[c]).also {
+                check(it.size == Grid.SIZE) { "${it.size} numbers" }
+            }
         }
 
         private val none = emptyList<Three>()

@@ -76,7 +76,9 @@ public class RawRegion internal constructor(
                 val night = means.dark
                 RawRegion(
                     area,
-                    DoubleArray(3) { means.chart.mean[3 * i + it] - (night?.mean?.get(3 * i + it) ?: means.black[it]) },
+                    DoubleArray(3) {
+                        means.chart.mean[3 * i + it] - (night?.mean?.get(3 * i + it) ?: means.black[it])
+                    },
                     DoubleArray(3) {
                         hypot(means.chart.standardError[3 * i + it], night?.standardError?.get(3 * i + it) ?: 0.0)
                     },
@@ -100,7 +102,10 @@ public class RawRegion internal constructor(
             val right = area.right - 1.0
             val bottom = area.bottom - 1.0
             val corners = doubleArrayOf(left, top, right, top, right, bottom, left, bottom)
-            val centre = DoubleArray(2) { ((corners[it] + corners[2 + it]) + (corners[4 + it] + corners[6 + it])) * 0.25 }
+            val centre = DoubleArray(2) {
+                ((corners[it] + corners[2 + it]) + (corners[4 + it] + corners[6 + it])) *
+                    0.25
+            }
             val shrink = Rules.shipped.number("patches.shrink")
             return DoubleArray(8) { centre[it % 2] + (corners[it] - centre[it % 2]) / shrink }
         }

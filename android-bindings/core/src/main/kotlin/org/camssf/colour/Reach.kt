@@ -19,8 +19,9 @@ internal object Reach {
      */
     fun distance(y: DoubleArray, spread: DoubleArray, matrix: Array<DoubleArray>): Double {
         val floor = 1e-12 + 1e-6 * (spread[0] + spread[4] + spread[8]) / 3
-        val root = Symmetric.root(Array(3) { a -> DoubleArray(3) { spread[3 * a + it] + if (a == it) floor else 0.0 } })
-            ?: throw NoColour.error()
+        val root =
+            Symmetric.root(Array(3) { a -> DoubleArray(3) { spread[3 * a + it] + if (a == it) floor else 0.0 } })
+                ?: throw NoColour.error()
         val whitened = Array(3) { matrix[it].copyOf() + y[it] }
         Symmetric.forward(root, whitened)
         val atoms = List(matrix[0].size) { i -> DoubleArray(3) { whitened[it][i] } }

@@ -162,7 +162,15 @@ public enum class Kind(
     /** (p - 1, p) orthonormal directions in which coefficients may move while their sum stays. */
     internal val free: Array<DoubleArray> = Array(terms - 1) { a ->
         val size = sqrt((a + 1.0) * (a + 2.0))
-        DoubleArray(terms) { if (it <= a) 1 / size else if (it == a + 1) -(a + 1) / size else 0.0 }
+        DoubleArray(terms) {
+            if (it <= a) {
+                1 / size
+            } else if (it == a + 1) {
+                -(a + 1) / size
+            } else {
+                0.0
+            }
+        }
     }
 
     /** The terms of the signals (3) from there on. Below black is black. */

@@ -77,7 +77,10 @@ public class Reference @JvmOverloads constructor(
         if (sharedRaw.size != 3 || sharedError.size != 3) {
             throw InvalidArgument("A reference has three signals, not ${sharedRaw.size}.", "Give R, G, B.")
         }
-        if (!(0..2).all { sharedRaw[it] > 10 * sharedError[it] && sharedRaw[it].isFinite() && sharedError[it] >= 0 }) {
+        if (!(0..2).all {
+                sharedRaw[it] > 10 * sharedError[it] && sharedRaw[it].isFinite() && sharedError[it] >= 0
+            }
+        ) {
             throw InvalidArgument("The reference lies in the dark.", "Choose a lit white or grey surface.")
         }
     }

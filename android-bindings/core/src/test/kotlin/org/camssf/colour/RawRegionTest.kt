@@ -36,7 +36,8 @@ class RawRegionTest {
     @Test
     fun `regions of every filter order have their signals above black`() {
         for (cfa in Mosaic.CFA_ORDERS) {
-            val (top, bottom) = RawRegion.measure(photo(cfa = cfa), listOf(Region(3, 2, 40, 28), Region(10, 32, 30, 58)))
+            val areas = listOf(Region(3, 2, 40, 28), Region(10, 32, 30, 58))
+            val (top, bottom) = RawRegion.measure(photo(cfa = cfa), areas)
             fun level(colour: Char) = cfa.indices.filter { cfa[it] == colour }.map { black[it] }.average()
             val dark = "RGB".map { level(it) }.toDoubleArray()
             val known = doubleArrayOf(1000.0, 2000.0, 500.0)

@@ -108,7 +108,8 @@ class TransformTest {
     @Test
     fun `real surfaces lie in reach, and no light does`() {
         val seen = Learned.lit(light, curves)
-        val matrix = Array(3) { c -> Nodes.fold(seen[c]).let { row -> DoubleArray(row.size) { row[it] / seen[c].sum() } } }
+        val matrix =
+            Array(3) { c -> Nodes.fold(seen[c]).let { row -> DoubleArray(row.size) { row[it] / seen[c].sum() } } }
         val spread = DoubleArray(9) { if (it % 4 == 0) 1e-6 else 0.0 }
         val signals = Learned.signals(light, curves)
         for (i in signals.indices step 3) {

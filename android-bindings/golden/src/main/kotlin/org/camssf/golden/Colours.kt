@@ -53,7 +53,12 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             "lab" to Tensor(each(3) { found[it].lab }, m, 3),
             "xyz_covariance" to Tensor(each(9) { found[it].xyzCovariance }, m, 3, 3),
             "lab_covariance" to Tensor(each(9) { found[it].labCovariance }, m, 3, 3),
-            "parts" to Tensor(DoubleArray(parts.size * 3 * m) { parts[it / (3 * m)][it % (3 * m)] }, parts.size, m, 3),
+            "parts" to Tensor(
+                DoubleArray(parts.size * 3 * m) {
+                    parts[it / (3 * m)][it % (3 * m)]
+                },
+                parts.size, m, 3,
+            ),
             "white" to Tensor(standardiser.white, 3),
             "lamps" to words(standardiser.lamps.map { it.name }),
             "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
