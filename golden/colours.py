@@ -38,9 +38,7 @@ def colours() -> Iterator[Json]:
         "The reference's raw ratios say what light it is: the lamp, known by kind, and the curves are conditioned.",
         base, "daylight", true="D65", asked=True,
     )  # fmt: skip
-    yield case(
-        "auto", "The four kinds, weighed by the reference's ratios.", base, "auto", true="LED-B3", asked=True
-    )
+    yield case("auto", "The four kinds, weighed by the reference's ratios.", base, "auto", true="LED-B3", asked=True)
     yield case("auto-bulb", "The same under a bulb.", base, "auto", true="A", asked=True)
     yield case(
         "modes", "A kind of lamp with modes, and no reference asked.", base, "white-led", true="LED-B3", white="D65"
@@ -61,7 +59,12 @@ def colours() -> Iterator[Json]:
         signals=[[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]],
     )  # fmt: skip
     yield case(
-        "wide", "The basis cameras, with a prior twice as wide.", stored("cameras", 2.0), "D65", true="D65", asked=True
+        "wide",
+        "The basis cameras, with a prior twice as wide.",
+        stored("cameras", 2.0),
+        "D65",
+        true="D65",
+        asked=True,
     )
     yield case(
         "bands", "No covariance: errors are smooth over 10 nm within the bands.",
@@ -145,7 +148,9 @@ def case(name: str, comment: str, result: Json, lamp: str, **more: Any) -> Json:
             "standard_error": rounded(np.hypot(noise * np.array(y), 0.1 * noise)),
             "reference": {
                 "tolerance": more.get("tolerance", 0.01),
-                "raw": rounded(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if more.get("asked") else None,
+                "raw": rounded(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first)
+                if more.get("asked")
+                else None,
                 "error": 0.002,
             },
             "view": {name: more.get(name, usual) for name, usual in VIEW.items()},

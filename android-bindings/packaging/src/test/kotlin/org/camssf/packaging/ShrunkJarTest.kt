@@ -173,7 +173,7 @@ class ShrunkJarTest {
     private companion object {
         const val NATIVE = "ai/onnxruntime/native/"
 
-        /** kB; docs/android.md states them. Colour takes 60 of the first; of the second three models 541, colour's surfaces 156. */
+        /** kB; docs/android.md states them. Colour is 60 of the first and 156 of the second, three models are 541. */
         const val CODE = 780
         const val DATA = 800
         const val PACKAGE = "org/camssf/packaging/"
