@@ -62,7 +62,7 @@ public class SsfCalibrator private constructor(
 
     /**
      * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
-     * measures the patches and solves (about thirty runs of a model for one shot). Blocks: not for the main thread.
+     * measures the patches and solves (a few dozen runs of a model for one shot). Blocks: not for the main thread.
      *
      * @param progress called on this thread.
      * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].
