@@ -192,10 +192,19 @@ class StandardiserTest {
             JsonObject(result + ("channel_gain" to JsonPrimitive("no"))).toString(),
             JsonObject(result + ("ssf" to JsonObject(result.getValue("ssf").jsonObject - "red"))).toString(),
             JsonObject(result + ("basis" to JsonArray(emptyList()))).toString(),
+            JsonObject(result + ("channel_gain" to JsonArray(List(2) { JsonPrimitive(1.0) }))).toString(),
+            band("-0.5"),
+            band("1e999"),
         )
         for (each in broken) {
             assertThrows(InvalidArgument::class.java, { Standardiser.read(each, d55, white) }, each.take(80))
         }
+    }
+
+    /** The result with another first number of the red band. */
+    private fun band(first: String): String {
+        val place = Regex(""""ssf_std":\{"red":\[([^,]*)""").find(text)!!.groups[1]!!.range
+        return text.replaceRange(place, first)
     }
 
     @Test

@@ -78,6 +78,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             }
             val own = own(result, values, lamp)
             val std = (result["ssf_std"] as? JsonObject)?.let { curves(it) } ?: return ColourCamera(values, none, own)
+            check(std.all { band -> band.all { it >= 0 && it.isFinite() } }) { "a band is no band" }
             return ColourCamera(values, own?.let { ofCode(result, values, std, it) } ?: ofBands(std), own)
         }
 
@@ -87,7 +88,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             } catch (_: InvalidArgument) {
                 return null // a lamp that was measured into a file: what ties the channels is not known
             }
-            val raw = result.numbers("channel_gain")
+            val raw = result.numbers("channel_gain").also { check(it.size == 3) { "${it.size} gains" } }
             val seen = List(3) { dot(light.sharedValues, values[it]) }
             return if (raw.all { it > 0 } && seen.all { it > 0 }) OwnWhite(raw, light) else null
         }
