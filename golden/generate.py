@@ -80,6 +80,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     from rich.console import Console
     from rich.progress import track
 
+    from golden.colours import colours, regions
     from golden.mosaics import mosaics
     from golden.poses import poses
     from golden.scenes import cases
@@ -91,7 +92,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     yield from spectra.items()
     entries: dict[str, str] = {}
     faults: list[str] = []
-    scenes = [*mosaics(), *poses(), *cases(), *verdicts()]
+    scenes = [*mosaics(), *poses(), *cases(), *verdicts(), *colours(), *regions()]
     photos = {name: content for scene in scenes for name, content in scene.get("files", {}).items()}
     reading.PENDING.update(photos)
     yield from sorted(photos.items())
@@ -243,6 +244,11 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                     ("named", "exact", 0.0), ("values", "relative", 1e-8), ("thresholds", "relative", 1e-15),
                     ("residual", "relative", 1e-8), ("prior", "relative", 1e-12), ("count", "exact", 0.0),
                     ("z", "norm", 1e-8), ("gains", "norm", 1e-8)],
+        "colour": [("xyz", "norm", 1e-12), ("lab", "norm", 1e-12), ("xyz_covariance", "norm", 1e-12),
+                   ("lab_covariance", "norm", 1e-12), ("parts", "norm", 1e-12), ("white", "norm", 1e-14),
+                   ("lamps", "exact", 0.0), ("weights", "norm", 1e-12), ("kinds", "exact", 0.0),
+                   ("surprise", "relative", 1e-12), ("far", "exact", 0.0), ("reach", "norm", 1e-9)],
+        "regions": [("raw", "norm", 1e-14), ("standard_error", "norm", 1e-13)],
     }  # fmt: skip
     found = [limit(v, "outputs", m, bound) for v, m, bound in port[stage] if outputs[v] is not None]
     if stage == "mosaic":
@@ -300,8 +306,10 @@ _ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_sh
 
 
 def _requires(stage: str, inputs: Json) -> list[str]:
-    if stage in ("mosaic", "pose", "patches", "signals", "verdict"):
+    if stage in ("mosaic", "pose", "patches", "signals", "verdict", "colour"):
         return [stage]
+    if stage == "regions":
+        return ["patches"]
     if stage in ("calibrate", "rivals"):
         return ["signals", "model"]
     if stage == "layers":

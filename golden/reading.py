@@ -25,7 +25,7 @@ FIELDS = (
 )  # fmt: skip
 CAPABILITIES = (
     "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate", "jpeg-strips",
-    "scattered-strips", "jpeg-restart", "point-transform", "metadata",
+    "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour",
 )  # fmt: skip
 """What a runner may have; README.md explains each."""
 _PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
@@ -55,6 +55,8 @@ INPUTS: dict[str, set[str]] = {
     "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
                 "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
+    "colour": {"result", "lamp", "signals", "standard_error", "reference", "view"},
+    "regions": {"photo", "areas", "dark", "lens_shading"},
 }  # fmt: skip
 MAY: dict[str, set[str]] = {
     "ssf": {"prior_scale"},
@@ -135,6 +137,21 @@ OUTPUTS: dict[str, set[str]] = {
         "gains",
         "messages",
     },
+    "colour": {
+        "xyz",
+        "lab",
+        "xyz_covariance",
+        "lab_covariance",
+        "parts",
+        "white",
+        "lamps",
+        "weights",
+        "kinds",
+        "surprise",
+        "far",
+        "reach",
+    },
+    "regions": {"raw", "standard_error"},
 }
 ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}
 AGAINST = ("outputs", "oracle", "truth")

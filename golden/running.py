@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
+from camssf.colour import PARTS, Reference, View, camera_of_result, standard_colour
+from camssf.colour.reach import REACH
+from camssf.colour.regions import measure_regions
 from camssf.curves.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.curves.choice import recover
 from camssf.curves.code import DEPTH, solve
@@ -31,7 +34,7 @@ from camssf.photo.pose import Pose, find_chart
 from camssf.photo.signals import Signals, normalise
 from camssf.spectra import ChartTable, Lamp, read_chart
 from golden.compare import METRICS, optimality, peak
-from golden.reading import CAPABILITIES, GoldenError, Json, digest, dng, resolve
+from golden.reading import CAPABILITIES, GoldenError, Json, digest, dng, resolve, sibling
 
 ENGINES = ("reference", "onnx")
 VERDICT_NUMBERS = {
@@ -65,7 +68,14 @@ def basis_of(spec: Any) -> Basis:
 
 def arrays(case: Json) -> dict[str, Any]:
     """The case's inputs with every form resolved."""
-    plain_numbers = {"mosaic": set(), "pose": {"corners"}, "patches": {"quads"}, "verdict": VERDICT_NUMBERS}
+    plain_numbers = {
+        "mosaic": set(),
+        "pose": {"corners"},
+        "patches": {"quads"},
+        "verdict": VERDICT_NUMBERS,
+        "colour": {"signals", "standard_error"},
+        "regions": set(),
+    }
     numbers = plain_numbers.get(case["stage"])
     if numbers is not None:
         return {key: resolve(value) if key in numbers else value for key, value in case["inputs"].items()}
@@ -89,6 +99,8 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
         "weights": _weights,
         "solve": _solve,
         "verdict": _verdict,
+        "colour": _colour,
+        "regions": _regions,
     }
     if case["stage"] in stages:
         return stages[case["stage"]](given)
@@ -481,6 +493,44 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
         engine=engine,
     )
     return Capture(shots, table, given["white_reflectance"]), options
+
+
+def _colour(given: dict[str, Any]) -> dict[str, Any]:
+    """`camssf.colour.standard_colour`, from a result document on. What is in reach has no distance."""
+    camera = camera_of_result(_result(given["result"]))
+    told = given["reference"]
+    reference = Reference(told["tolerance"], None if told["raw"] is None else np.array(told["raw"]), told["error"])
+    found = standard_colour(
+        camera,
+        given["lamp"],
+        given["signals"],
+        given["standard_error"],
+        reference=reference,
+        view=View(**given["view"]),
+    )
+    far = found.reach > REACH
+    return {
+        **{name: getattr(found, name) for name in ("xyz", "lab", "xyz_covariance", "lab_covariance", "white")},
+        "parts": np.stack([np.sqrt(np.diagonal(found.parts[name][1], axis1=1, axis2=2)) for name in PARTS]),
+        "lamps": [name for name, _ in found.lamps],
+        "weights": np.array([weight for _, weight in found.lamps]),
+        "kinds": [transform.kind for transform in found.transforms],
+        "surprise": found.surprise,
+        "far": far.tolist(),
+        "reach": found.reach[far] if far.any() else None,
+    }
+
+
+def _result(given: Json) -> Json:
+    """A result, or that of another case, but for some fields."""
+    return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
+
+
+def _regions(given: dict[str, Any]) -> dict[str, Any]:
+    photo, dark = (None if given[role] is None else _read(given[role]) for role in ("photo", "dark"))
+    assert photo is not None
+    found = measure_regions(photo, given["areas"], dark=dark, lens_shading=given["lens_shading"])
+    return {"raw": np.stack([each.raw for each in found]), "standard_error": np.stack([each.error for each in found])}
 
 
 def _rivals(given: dict[str, Any]) -> dict[str, Any]:

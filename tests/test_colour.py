@@ -201,6 +201,14 @@ def test_curves_that_do_not_see_the_lamp_are_refused() -> None:
         choose(curves, power("D55"))
 
 
+def test_a_curve_that_the_others_make_up_is_refused() -> None:
+    """Else the coefficients are rounding, hundreds of units large, and so are the colours."""
+    curves = toy_camera()
+    curves[:, 2] = 0.5 * curves[:, 0] + 0.25 * curves[:, 1]
+    with pytest.raises(InvalidArgument, match="alike"):
+        choose(curves, power("D55"))
+
+
 # -- standard colour --------------------------------------------------------------------------------------------
 
 

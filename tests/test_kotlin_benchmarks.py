@@ -1,4 +1,5 @@
-"""The commands that set Kotlin's DNG reader beside LibRaw, and its calibrator beside Python's, judge rightly.
+"""The commands that set Kotlin's DNG reader beside LibRaw, its calibrator beside Python's, and time its colour, judge
+rightly.
 
 No JVM starts, no speed is judged.
 """
@@ -7,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import kotlin_calibrate, kotlin_decode, kotlin_variants
+from benchmarks import kotlin_calibrate, kotlin_colour, kotlin_decode, kotlin_variants
 from golden.dngs import LONG, Dng
 
 
@@ -82,3 +84,20 @@ def test_the_calibrator_s_benchmark_refuses_other_curves(tmp_path: Path, monkeyp
         kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)  # type: ignore[arg-type]
     (tmp_path / "kotlin.json").write_text(json.dumps(curves))
     assert kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)["ratio"] == 0.5  # type: ignore[arg-type]
+
+
+def test_the_colour_s_benchmark_reads_its_times_and_judges_reading_and_lab(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    java = tmp_path / "java"
+    java.write_text("#!/bin/sh\necho 80 0.5 0.25 4.0 10000\n")
+    java.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setattr(kotlin_colour, "class_path", lambda: "")
+    found = kotlin_colour.measure("colour/named", 3)
+    assert found == {"make": 80.0, "read": 0.5, "xyz": 0.25, "lab": 4.0}
+    assert kotlin_colour.holds({"named": found})
+    assert not kotlin_colour.holds({"named": found, "auto": found | {"read": 1.0}})
+    java.write_text("#!/bin/sh\necho 80 0.5 0.25 4.0 9999\n")
+    with pytest.raises(kotlin_colour.Unavailable, match="colour/named"):
+        kotlin_colour.measure("colour/named", 3)

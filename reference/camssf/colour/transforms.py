@@ -22,6 +22,8 @@ from camssf.spectra.surfaces import observer, surfaces
 KINDS = {"matrix": 3, "root-polynomial": 6}
 """Coefficients a row."""
 FOLDS = 5
+DEPENDENT = 1e-10
+"""Signals that have less than this share of their length for themselves depend on the others."""
 
 
 @dataclass(frozen=True)
@@ -77,14 +79,21 @@ def fit(signals: Floats, xyz: Floats, white: Floats, kind: str) -> Floats:
         xyz: (..., n, 3) of the same surfaces.
         white: (..., 3).
         kind: of KINDS.
+
+    Raises:
+        LinAlgError: signals that depend on each other.
     """
     p = KINDS[kind]
     rows, free = terms(signals, kind), _free(p)
     start = np.broadcast_to(np.asarray(white)[..., None, :] / p, (*np.shape(white)[:-1], p, 3))
     reduced = rows @ free
-    normal = np.swapaxes(reduced, -1, -2) @ reduced
-    pull = np.swapaxes(reduced, -1, -2) @ (xyz - rows @ start)
-    return np.asarray(start + free @ np.linalg.solve(normal, pull))
+    # By QR, not by normal equations: covariances are differences of fits, and need the digits that squaring loses.
+    q, r = np.linalg.qr(reduced)
+    own = np.abs(np.diagonal(r, axis1=-2, axis2=-1))
+    if not (own > DEPENDENT * np.linalg.norm(reduced, axis=-2)).all():
+        raise np.linalg.LinAlgError("signals depend on each other")
+    pull = np.swapaxes(q, -1, -2) @ (xyz - rows @ start)
+    return np.asarray(start + free @ np.linalg.solve(r, pull))
 
 
 @cache

@@ -23,7 +23,8 @@ package org.camssf
  * │   └── Glare              glare
  * ├── LampUnfit              lamp_unfit          the light
  * ├── NotConverged           not_converged       the solver's own proof failed
- * └── CameraUnusual          camera_unusual      no basis knows such a camera
+ * ├── CameraUnusual          camera_unusual      no basis knows such a camera
+ * └── ColourOutOfReach       colour_out_of_reach a colour that no surface has
  * ```
  *
  * @property code the word of the vocabulary, the same in every language.
@@ -211,3 +212,12 @@ public class CameraUnusual @JvmOverloads constructor(
     threshold: Double? = null,
     cause: Throwable? = null,
 ) : CalibrationException("camera_unusual", message, advice, value, threshold, cause)
+
+/** A colour that no surface has under this lamp, so that the curves cannot carry it. */
+public class ColourOutOfReach @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("colour_out_of_reach", message, advice, value, threshold, cause)

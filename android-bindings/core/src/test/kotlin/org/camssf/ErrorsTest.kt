@@ -22,8 +22,8 @@ class ErrorsTest {
         kind.simpleName to (made as CalibrationException).code
     }
 
-    /** Those of what only Python does: colours by the curves, and passports. */
-    private val pythons = setOf("colour_out_of_reach", "passport_invalid")
+    /** That of what only Python does: passports. */
+    private val pythons = setOf("passport_invalid")
 
     @Test
     fun `the codes are Python's but for what Kotlin does not do`() {

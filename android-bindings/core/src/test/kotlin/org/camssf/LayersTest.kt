@@ -76,8 +76,9 @@ class LayersTest {
             "photo" to setOf("ground", "spectra"),
             "curves" to setOf("ground", "spectra"),
             "evidence" to setOf("ground", "spectra", "photo", "curves"),
+            "colour" to setOf("ground", "spectra", "photo", "evidence"),
             "documents" to setOf("ground", "spectra", "photo", "curves", "evidence"),
-            "face" to setOf("ground", "spectra", "photo", "curves", "evidence", "documents"),
+            "face" to setOf("ground", "spectra", "photo", "curves", "evidence", "colour", "documents"),
         )
     }
 }

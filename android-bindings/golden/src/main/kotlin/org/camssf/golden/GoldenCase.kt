@@ -120,7 +120,7 @@ internal class GoldenCase private constructor(val name: String, private val json
         /** What a runner may have; golden/README.md explains each. */
         val CAPABILITIES = setOf(
             "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate",
-            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata",
+            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour",
         )
         private val PROBLEM = setOf("matrix", "target", "covariance", "l2", "gamma", "nonnegative")
         private val ROWS = setOf(
@@ -167,6 +167,8 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
                 "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals",
             ),
+            "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
+            "regions" to setOf("photo", "areas", "dark", "lens_shading"),
         )
         private val OUTPUTS = mapOf(
             "mosaic" to setOf(
@@ -200,6 +202,11 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "gains",
                 "messages",
             ),
+            "colour" to setOf(
+                "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights", "kinds",
+                "surprise", "far", "reach",
+            ),
+            "regions" to setOf("raw", "standard_error"),
         )
         private val ORACLE = setOf("solver", "polished", "x", "objective", "gap", "ssf")
 

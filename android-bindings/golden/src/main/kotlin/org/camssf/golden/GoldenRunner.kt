@@ -60,6 +60,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private val photos = Photos(files, forms)
     private val frames = Statistics(forms)
     private val captures = Captures(forms, frames)
+    private val colours = Colours(files, forms, photos)
     private val engines = HashMap<String, Engine>()
 
     /**
@@ -166,6 +167,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "calibrate" -> captures.calibrate(case, engines(case))
         "rivals" -> captures.rivals(case, engines(case))
         "verdict" -> Weighing(forms, frames).verdict(case)
+        "colour" -> colours.colour(case)
+        "regions" -> colours.regions(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }
 

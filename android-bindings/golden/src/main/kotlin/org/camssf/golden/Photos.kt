@@ -21,7 +21,7 @@ import java.security.MessageDigest
 
 /** The stages that begin with a DNG of golden/dng. */
 internal class Photos(private val files: GoldenFiles, private val forms: Forms) {
-    private fun read(name: String): Mosaic = DngSource.of(files.read("dng/$name"), name).use { DngReader.read(it) }
+    fun read(name: String): Mosaic = DngSource.of(files.read("dng/$name"), name).use { DngReader.read(it) }
 
     fun mosaic(case: GoldenCase): Map<String, Any?> {
         val found = read(case.inputs.text("dng"))

@@ -3,12 +3,13 @@ package org.camssf.model
 import java.io.InputStream
 import java.security.MessageDigest
 
-/** The files that this jar carries: Python's own models, table of spectra and rules, each with the SHA-256 of its build. */
+/** The files that this jar carries: Python's own models, tables and rules, each with the SHA-256 of its build. */
 public object Models {
     /** Names of the files. */
     @JvmField
     public val NAMES: List<String> = listOf(
         "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json",
+        "colour.json",
     )
 
     /**

@@ -173,9 +173,9 @@ class ShrunkJarTest {
     private companion object {
         const val NATIVE = "ai/onnxruntime/native/"
 
-        /** kB; docs/android.md states them. Three models take 541 of the second. */
-        const val CODE = 700
-        const val DATA = 700
+        /** kB; docs/android.md states them. Colour is 60 of the first and 156 of the second, three models are 541. */
+        const val CODE = 780
+        const val DATA = 800
         const val PACKAGE = "org/camssf/packaging/"
         val MAINS = listOf("golden.GoldenRunner", "golden.Calibrate", "packaging.Suspending").map { "org.camssf.$it" }
         val ROOT: String = System.getProperty("camssf.root")

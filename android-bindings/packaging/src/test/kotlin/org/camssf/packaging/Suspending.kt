@@ -1,16 +1,23 @@
 package org.camssf.packaging
 
 import kotlinx.coroutines.runBlocking
+import org.camssf.Calibrated
 import org.camssf.SsfCalibrator
+import org.camssf.Standardiser
+import org.camssf.colour.RawPixels
+import org.camssf.colour.RawRegion
+import org.camssf.colour.Reference
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
+import org.camssf.photo.Region
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import java.io.File
+import kotlin.math.abs
 
-/** An app's coroutine, for the shrunk jar: `DNG x,y,x,y,x,y,x,y OUTPUT`. */
+/** An app's coroutine and its colours, for the shrunk jar: `DNG x,y,x,y,x,y,x,y OUTPUT`. */
 internal object Suspending {
     @JvmStatic
     fun main(words: Array<String>) {
@@ -19,5 +26,17 @@ internal object Suspending {
         val capture = Capture(shot, ChartTable.read("classic24"))
         val found = SsfCalibrator.open().use { runBlocking { it.calibrateSuspending(capture) } }
         File(words[2]).writeText(found.toJson())
+        if (found is Calibrated) colours(found, File(words[0]))
+    }
+
+    /** The chart's own white beside itself, and a preview of it. */
+    private fun colours(found: Calibrated, photo: File) {
+        val mosaic = PhotoSource.of(photo).read(null)
+        val area = Region(22, 94, 38, 110)
+        val (white, same) = RawRegion.measure(mosaic, listOf(area, area))
+        val standardiser = Standardiser.of(found, Lamp.read("D55"), Reference(white))
+        val lightness = standardiser.colourOf(same).lab[0]
+        val pixels = standardiser.standardise(RawPixels.of(area).read(mosaic))
+        check(abs(lightness - 100) < 1e-9 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }
 }

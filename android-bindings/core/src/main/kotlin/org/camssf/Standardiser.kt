@@ -1,0 +1,346 @@
+package org.camssf
+
+import org.camssf.colour.ColourCamera
+import org.camssf.colour.Kind
+import org.camssf.colour.Light
+import org.camssf.colour.Lit
+import org.camssf.colour.NoColour
+import org.camssf.colour.RawRegion
+import org.camssf.colour.Reach
+import org.camssf.colour.Reference
+import org.camssf.colour.Spaces
+import org.camssf.colour.Spread
+import org.camssf.colour.StandardColour
+import org.camssf.colour.View
+import org.camssf.colour.WeighedLamp
+import org.camssf.spectra.Lamp
+import kotlin.math.exp
+import kotlin.math.hypot
+import kotlin.math.ln
+
+/** What [Standardiser.standardise] writes. */
+public enum class Space {
+    /** X, Y, Z; Y of a perfect white diffuser is 1. */
+    XYZ,
+
+    /** L*, a*, b*. */
+    LAB,
+}
+
+/**
+ * Standard colour on this device: raw signals of this camera under a lamp → CIE XYZ and Lab, with their covariance; the same
+ * numbers as Python's `camssf.colour.standard_colour`.
+ *
+ * Of 190 real surfaces the curves s and the lamp L give the signals y = Σ R L s / Σ L s, and an observer x̄ their
+ * XYZ = Σ R L x̄ / Σ L ȳ. Between them stands XYZ = Cᵀ t(y), t = (r, g, b, √(r g), √(g b), √(r b)) or (r, g, b), C by least
+ * squares with white kept, whichever misses less on surfaces left out. The raw ratios of the reference say what they can of
+ * the lamp.
+ *
+ * ```
+ * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
+ * val standardiser = Standardiser.of(calibrated, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
+ * val colour = standardiser.colourOf(strip)              // colour.lab, colour.labCovariance
+ * standardiser.standardise(preview, into = pixels)       // any number of pixels, nothing allocated for each
+ * ```
+ *
+ * Making one takes some tens of milliseconds, `auto` four times that: make it anew where light or reference change, not for
+ * each picture. It holds nothing native, opens nothing and cannot change; safe to share between threads.
+ */
+public class Standardiser private constructor(
+    private val lit: List<Lit>,
+    private val weights: DoubleArray,
+    private val reference: Reference,
+
+    /** How colours are stated. */
+    public val view: View,
+) {
+    private val scale = DoubleArray(3) { reference.reflectance / reference.sharedRaw[it] }
+    private val kinds = lit.map { it.kind }
+    private val most = if (Kind.ROOT_POLYNOMIAL in kinds) Kind.ROOT_POLYNOMIAL else Kind.MATRIX
+
+    /** The lamps that were weighed, the one that was told alone. */
+    public val lamps: List<WeighedLamp> =
+        lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i], each.kind) }.frozen()
+
+    /** χ² of the reference's raw ratios under the likeliest lamp, two degrees of freedom; null where nothing asks them. */
+    public val surprise: Double? = lit[best()].light.surprise
+
+    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to where that was asked; a copy. */
+    public val white: DoubleArray get() = mean(3) { it.white }
+
+    private fun best(): Int = weights.indices.maxByOrNull { weights[it] }!!
+
+    private inline fun mean(size: Int, of: (Lit) -> DoubleArray): DoubleArray {
+        val found = DoubleArray(size)
+        lit.forEachIndexed { i, each ->
+            of(each).let { own ->
+                for (at in found.indices) {
+                    found[at] +=
+                        weights[i] * own[at]
+                }
+            }
+        }
+        return found
+    }
+
+    /**
+     * The colour of a region that was measured in the photo of the reference, or in another one of the same exposure and
+     * light.
+     *
+     * @throws ColourOutOfReach a colour that no surface has under this lamp.
+     * @throws InvalidArgument signals that are none.
+     */
+    public fun colourOf(region: RawRegion): StandardColour = colourOf(region.sharedRaw, region.sharedError)
+
+    /**
+     * The colour of raw signals.
+     *
+     * @param raw (3) R, G, B, black subtracted, in the reference's unit.
+     * @param standardError (3) of them.
+     * @throws ColourOutOfReach a colour that no surface has under this lamp.
+     * @throws InvalidArgument signals that are none.
+     */
+    @JvmOverloads
+    public fun colourOf(raw: DoubleArray, standardError: DoubleArray = DoubleArray(3)): StandardColour {
+        if (raw.size != 3 || standardError.size != 3) {
+            throw InvalidArgument("A colour has three signals, not ${raw.size}.", "Give R, G, B.")
+        }
+        check(standardError)
+        val y = DoubleArray(3) { raw[it] * scale[it] }
+        val error = DoubleArray(3) {
+            hypot(standardError[it] * scale[it], y[it] * reference.sharedError[it] / reference.sharedRaw[it])
+        }
+        val found = seen(y, error)
+        if (found.reach > Reach.FARTHEST) {
+            throw ColourOutOfReach(
+                "This colour is none that a surface has under this lamp: ${fixed(found.reach, 1)} standard " +
+                    "deviations from the nearest.",
+                "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
+                found.reach,
+                Reach.FARTHEST,
+            )
+        }
+        return found
+    }
+
+    /** The colour of signals (3) in units of a perfect white, however far out of reach. */
+    internal fun seen(y: DoubleArray, error: DoubleArray): StandardColour {
+        if (!y.all { it.isFinite() }) throw InvalidArgument("A signal is not finite.", "Give finite signals.")
+        check(error)
+        val found = mixed(lit.map { it.colour(y, error) })
+        val numbers = found.parts.flatMap { it.xyz.asList() + it.lab.asList() } + found.sharedLab.asList()
+        if (!numbers.all { it.isFinite() }) throw NoColour.error()
+        return found
+    }
+
+    /** One answer of several, by the law of total variance; what they differ by belongs to the lamp. */
+    private fun mixed(answers: List<StandardColour>): StandardColour {
+        if (answers.size == 1) return answers[0]
+        fun mean(size: Int, of: (StandardColour) -> DoubleArray): DoubleArray {
+            val found = DoubleArray(size)
+            answers.forEachIndexed { i, each ->
+                of(each).let {
+                    for (at in 0 until size) {
+                        found[at] +=
+                            weights[i] * it[at]
+                    }
+                }
+            }
+            return found
+        }
+        val xyz = mean(3) { it.sharedXyz }
+        val lab = mean(3) { it.sharedLab }
+        fun between(middle: DoubleArray, of: (StandardColour) -> DoubleArray) = mean(9) { each ->
+            val own = of(each)
+            DoubleArray(9) { (own[it / 3] - middle[it / 3]) * (own[it % 3] - middle[it % 3]) }
+        }
+        val parts = List(answers[0].parts.size) { part ->
+            Spread(mean(9) { it.parts[part].xyz }, mean(9) { it.parts[part].lab })
+        }
+        val lamp = parts[LAMP]
+        val ofXyz = between(xyz) { it.sharedXyz }
+        val ofLab = between(lab) { it.sharedLab }
+        for (at in 0 until 9) {
+            lamp.xyz[at] += ofXyz[at]
+            lamp.lab[at] += ofLab[at]
+        }
+        return StandardColour(xyz, lab, parts, answers.minOf { it.reach })
+    }
+
+    /**
+     * Colours of pixels, for a live preview: no covariance, and nothing is allocated for each.
+     *
+     * @param raw R, G, B of each pixel in turn, black subtracted, in the reference's unit. Below black is black; NaN stays.
+     * @param into three numbers a pixel; may be `raw` itself.
+     * @param space what they are.
+     * @throws InvalidArgument arrays that do not fit.
+     */
+    @JvmOverloads
+    public fun standardise(
+        raw: FloatArray,
+        into: FloatArray = FloatArray(raw.size),
+        space: Space = Space.LAB,
+    ): FloatArray {
+        check(raw.size, into.size)
+        val own = Pixel(space)
+        for (i in raw.indices step 3) {
+            own.see(raw[i].toDouble(), raw[i + 1].toDouble(), raw[i + 2].toDouble())
+            for (c in 0..2) into[i + c] = own.found[c].toFloat()
+        }
+        return into
+    }
+
+    /** [standardise] in full precision. */
+    @JvmOverloads
+    public fun standardise(
+        raw: DoubleArray,
+        into: DoubleArray = DoubleArray(raw.size),
+        space: Space = Space.LAB,
+    ): DoubleArray {
+        check(raw.size, into.size)
+        val own = Pixel(space)
+        for (i in raw.indices step 3) {
+            own.see(raw[i], raw[i + 1], raw[i + 2])
+            own.found.copyInto(into, i)
+        }
+        return into
+    }
+
+    private fun check(error: DoubleArray) {
+        if (!error.all { it.isFinite() && it >= 0 }) {
+            throw InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")
+        }
+    }
+
+    private fun check(size: Int, into: Int) {
+        if (size % 3 != 0 || into != size) {
+            throw InvalidArgument("$size numbers into $into are no pixels.", "Give three a pixel, in and out.")
+        }
+    }
+
+    /** One pixel's numbers, used again and again by one call. */
+    private inner class Pixel(private val space: Space) {
+        val found = DoubleArray(3)
+        private val y = DoubleArray(3)
+        private val xyz = DoubleArray(3)
+        private val terms = DoubleArray(most.terms)
+
+        fun see(r: Double, g: Double, b: Double) {
+            y[0] = r * scale[0]
+            y[1] = g * scale[1]
+            y[2] = b * scale[2]
+            most.terms(y, 0, terms)
+            found.fill(0.0)
+            for (i in weights.indices) {
+                val coefficients = lit[i].coefficients
+                xyz.fill(0.0)
+                // A matrix takes the first three terms.
+                for (t in 0 until coefficients.size / 3) {
+                    val term = terms[t]
+                    xyz[0] += term * coefficients[3 * t]
+                    xyz[1] += term * coefficients[3 * t + 1]
+                    xyz[2] += term * coefficients[3 * t + 2]
+                }
+                if (space == Space.LAB) Spaces.lab(xyz, lit[i].white, xyz)
+                for (c in 0..2) found[c] += weights[i] * xyz[c]
+            }
+        }
+    }
+
+    public companion object {
+        /**
+         * For a camera that was calibrated on this device.
+         *
+         * @param lamp of the photo, by name, by kind or measured; null weighs the four kinds by what the reference's raw
+         *   ratios say.
+         * @param reference a white or grey surface in the same light.
+         * @throws InvalidArgument curves that carry no colour, or no lamp where the result's own white is not known.
+         * @throws LampUnfit the reference's raw ratios contradict the lamp.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun of(
+            calibrated: Calibrated,
+            lamp: Lamp?,
+            reference: Reference,
+            view: View = View(),
+        ): Standardiser =
+            of(ColourCamera.parse(calibrated.toJson(), calibrated.capture.shots[0].lamp), lamp, reference, view)
+
+        /**
+         * For a camera whose result was stored, on this device or on a desktop.
+         *
+         * @param result the text of a "camssf-result/1", as [Calibration.toJson] has it.
+         * @throws InvalidArgument a refused result, or a text that is none; curves that carry no colour, or no lamp where the
+         *   result's own white is not known.
+         * @throws LampUnfit the reference's raw ratios contradict the lamp.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun read(result: String, lamp: Lamp?, reference: Reference, view: View = View()): Standardiser =
+            of(ColourCamera.parse(result), lamp, reference, view)
+
+        private fun of(camera: ColourCamera, lamp: Lamp?, reference: Reference, view: View): Standardiser {
+            val error = (0..2).maxOf { reference.sharedError[it] / reference.sharedRaw[it] }
+            return of(camera, lamp, reference, view, reference.sharedRaw, error)
+        }
+
+        /**
+         * @param raw of the reference, for what its ratios say of the lamp; null to leave them unasked.
+         * @param error of it, relative.
+         */
+        internal fun of(
+            camera: ColourCamera,
+            lamp: Lamp?,
+            reference: Reference,
+            view: View,
+            raw: DoubleArray?,
+            error: Double,
+        ): Standardiser {
+            val ratios = if (raw == null || camera.own == null) {
+                null
+            } else {
+                doubleArrayOf(ln(raw[0] / raw[1]), ln(raw[2] / raw[1]))
+            }
+            val noise = hypot(error, reference.tolerance / 2)
+            val lights = if (lamp != null) {
+                listOf(checked(Light.see(camera, lamp, ratios, noise)))
+            } else {
+                if (ratios == null) {
+                    throw InvalidArgument(
+                        "Nothing tells which lamp it is.",
+                        "Take a result whose first lamp goes by name; or name the lamp.",
+                    )
+                }
+                KINDS.map { Light.see(camera, Lamp.read(it), ratios, noise) }
+            }
+            val most = lights.maxOf { it.logEvidence }
+            val odds = DoubleArray(lights.size) { exp(lights[it].logEvidence - most) }
+            val whole = odds.sum()
+            val weights = DoubleArray(odds.size) { odds[it] / whole }
+            if (!weights.all { it.isFinite() }) throw NoColour.error()
+            return Standardiser(lights.map { Lit(it, view, reference.tolerance) }, weights, reference, view)
+        }
+
+        private fun checked(light: Light): Light {
+            val surprise = light.surprise
+            if (surprise != null && surprise > CONTRADICTED) {
+                throw LampUnfit(
+                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
+                        "${fixed(surprise, 0)}.",
+                    "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
+                    surprise,
+                    CONTRADICTED,
+                )
+            }
+            return light
+        }
+
+        /** Of a lamp that nothing tells, in the order of `camssf.spectra.families`. */
+        private val KINDS = listOf("daylight", "bulb", "white-led", "fluorescent")
+
+        /** χ² of the reference's two ratios above which the lamp is not the one that was named: 1 in 10,000. */
+        private const val CONTRADICTED = 18.4
+        private const val LAMP = 1
+    }
+}

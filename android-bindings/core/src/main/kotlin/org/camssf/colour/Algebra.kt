@@ -1,0 +1,136 @@
+package org.camssf.colour
+
+import kotlin.math.abs
+import kotlin.math.sqrt
+
+/** Small dense linear algebra of symmetric matrices, rows of (n, n). */
+internal object Symmetric {
+    /** Jacobi's sweeps: quadratic convergence needs less than ten. */
+    private const val SWEEPS = 64
+
+    /** Lower triangle of Cholesky's factorisation, A = L Lᵀ; null where A is not positive definite. */
+    fun root(matrix: Array<DoubleArray>): Array<DoubleArray>? {
+        val rows = Array(matrix.size) { DoubleArray(matrix.size) }
+        for (i in rows.indices) {
+            for (j in 0..i) {
+                var value = matrix[i][j]
+                for (p in 0 until j) value -= rows[i][p] * rows[j][p]
+                if (i == j && !(value > 0 && value.isFinite())) return null
+                rows[i][j] = if (i == j) sqrt(value) else value / rows[j][j]
+            }
+        }
+        return rows
+    }
+
+    /** L⁻¹ times the rows of a matrix (n, m), in place. */
+    fun forward(root: Array<DoubleArray>, right: Array<DoubleArray>) {
+        for (i in root.indices) {
+            for (j in 0 until i) add(right[i], -root[i][j], right[j])
+            for (q in right[i].indices) right[i][q] /= root[i][i]
+        }
+    }
+
+    /**
+     * Eigenvalues, the largest first, each with its unit vector, by Jacobi's rotations: small ones beside large ones have
+     * their digits, too.
+     */
+    fun eigen(matrix: Array<DoubleArray>): List<Pair<Double, DoubleArray>> {
+        val n = matrix.size
+        val a = Array(n) { matrix[it].copyOf() }
+        val axes = Array(n) { i -> DoubleArray(n).also { it[i] = 1.0 } } // rows are the vectors
+        repeat(SWEEPS) {
+            var turned = false
+            for (p in 0 until n) {
+                for (q in p + 1 until n) {
+                    if (abs(a[p][q]) <= ROUNDING * sqrt(abs(a[p][p] * a[q][q])) || a[p][q] == 0.0) continue
+                    turned = true
+                    turn(a, axes, p, q)
+                }
+            }
+            if (!turned) return sorted(a, axes)
+        }
+        return sorted(a, axes)
+    }
+
+    private fun sorted(a: Array<DoubleArray>, axes: Array<DoubleArray>) =
+        a.indices.sortedByDescending { a[it][it] }.map { a[it][it] to axes[it] }
+
+    private fun turn(a: Array<DoubleArray>, axes: Array<DoubleArray>, p: Int, q: Int) {
+        val theta = (a[q][q] - a[p][p]) / (2 * a[p][q])
+        val t = (if (theta < 0) -1.0 else 1.0) / (abs(theta) + sqrt(theta * theta + 1))
+        val c = 1 / sqrt(t * t + 1)
+        val s = t * c
+        val corner = a[p][q]
+        for (i in a.indices) {
+            if (i == p || i == q) continue
+            val left = a[i][p]
+            val right = a[i][q]
+            a[i][p] = c * left - s * right
+            a[i][q] = s * left + c * right
+            a[p][i] = a[i][p]
+            a[q][i] = a[i][q]
+        }
+        a[p][p] -= t * corner
+        a[q][q] += t * corner
+        a[p][q] = 0.0
+        a[q][p] = 0.0
+        val first = axes[p]
+        val second = axes[q]
+        for (i in first.indices) {
+            val left = first[i]
+            first[i] = c * left - s * second[i]
+            second[i] = s * left + c * second[i]
+        }
+    }
+
+    private const val ROUNDING = 1e-17
+}
+
+/** Least squares with several right sides, by columns. */
+internal object Columns {
+    /** Columns that have less than this share of their length for themselves depend on the others. */
+    private const val DEPENDENT = 1e-10
+
+    /**
+     * X (unknowns) of (sides), least ‖A X - B‖, by Gram and Schmidt's modified orthogonalisation, which spoils the columns;
+     * null where those of A depend on each other.
+     *
+     * @param columns of A, then of B.
+     */
+    fun solve(columns: Array<DoubleArray>, unknowns: Int): Array<DoubleArray>? {
+        val lengths = DoubleArray(unknowns) { sqrt(dot(columns[it], columns[it])) }
+        val r = Array(unknowns) { DoubleArray(columns.size) }
+        for (j in 0 until unknowns) {
+            val length = sqrt(dot(columns[j], columns[j]))
+            if (!(length > DEPENDENT * lengths[j])) return null
+            r[j][j] = length
+            for (m in columns[j].indices) columns[j][m] /= length
+            for (k in j + 1 until columns.size) {
+                r[j][k] = dot(columns[j], columns[k])
+                add(columns[k], -r[j][k], columns[j])
+            }
+        }
+        val sides = columns.size - unknowns
+        val x = Array(unknowns) { DoubleArray(sides) }
+        for (j in unknowns - 1 downTo 0) {
+            for (c in 0 until sides) {
+                var value = r[j][unknowns + c]
+                for (k in j + 1 until unknowns) value -= r[j][k] * x[k][c]
+                x[j][c] = value / r[j][j]
+            }
+        }
+        return x
+    }
+}
+
+/** into += factor · values. */
+internal fun add(into: DoubleArray, factor: Double, values: DoubleArray) {
+    if (factor == 0.0) return
+    for (i in into.indices) into[i] += factor * values[i]
+}
+
+internal fun dot(a: DoubleArray, b: DoubleArray): Double {
+    var total = 0.0
+    for (i in a.indices) total += a[i] * b[i]
+    return total
+}

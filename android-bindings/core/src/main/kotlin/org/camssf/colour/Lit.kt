@@ -1,0 +1,212 @@
+package org.camssf.colour
+
+import org.camssf.Grid
+import org.camssf.Rules
+import org.camssf.spectra.Lamp
+import kotlin.math.exp
+import kotlin.math.ln
+import kotlin.math.max
+
+/**
+ * Colour under one lamp: the transform, the transforms that it were, had each error of lamp and curves been so, and what
+ * the surfaces tell of signals that look like theirs. `camssf.colour.standard` in its order.
+ *
+ * @param tolerance relative error of the reference.
+ */
+internal class Lit(val light: Light, view: View, tolerance: Double) {
+    private val functions = Tables.observer(view.observer)
+    private val chosen = Transform.choose(light.power, light.curves, functions, view.kind)
+    private val aim = if (view.white == Adapted.LAMP) {
+        null
+    } else {
+        Learned.truth(Lamp.read(view.white.word).sharedValues, functions).second
+    }
+    private val turn = aim?.let { Spaces.adaptation(chosen.white, it) }
+
+    val kind: Kind get() = chosen.kind
+
+    /** (3) XYZ of the white that Lab is relative to. */
+    val white: DoubleArray = aim ?: chosen.white
+
+    /** (p, 3) of the colour as stated, adapted where that was asked. */
+    val coefficients: DoubleArray = turned(chosen.coefficients, turn)
+
+    /** White-balanced light as the curves see it, on the grid and on the nodes. */
+    private val seen: Three = Learned.lit(light.power, light.curves)
+    private val level = DoubleArray(3) { seen[it].sum() }
+    private val matrix = Array(3) { c -> Nodes.fold(DoubleArray(Grid.SIZE) { seen[c][it] / level[c] }) }
+
+    /** The answers with each error in turn, one standard deviation up and down. */
+    private val steps: List<Pair<Step, Step>>
+
+    /** (K) of (n, 3): how the surfaces' signals answer to each error, in parts of their level. */
+    private val relative: List<DoubleArray>
+
+    /** (K') of (3): relative moves by the reference's smooth error, and by light that differs between places. */
+    private val ofReference: List<DoubleArray>
+
+    /** ln r/g and ln b/g of the surfaces, (n, 2). */
+    private val known: DoubleArray
+
+    private val missed: List<DoubleArray>
+
+    init {
+        val truth = chosen.white to Learned.truth(light.power, functions).first
+        steps = light.powerModes.indices.map { k -> step(k, 1.0, truth) to step(k, -1.0, truth) }
+        relative = light.powerModes.indices.map { moves(it) }
+        val smooth = smoothErrors(Rules.shipped.number("covariance.chart_correlation"))
+        ofReference = smooth.map { row -> DoubleArray(3) { c -> tolerance * dot(row, seen[c]) / level[c] } } +
+            DoubleArray(3) { Rules.shipped.number("covariance.drift") }
+        known = DoubleArray(chosen.signals.size / 3 * 2) { ratio(chosen.signals, it / 2 * 3, it % 2) }
+        missed = List(chosen.signals.size / 3) { outer(chosen.residual, 3 * it) }
+    }
+
+    /** A transform and the white of its lamp. */
+    private class Step(val coefficients: DoubleArray, val white: DoubleArray)
+
+    private fun step(k: Int, sign: Double, truth: Pair<DoubleArray, DoubleArray>): Step {
+        val ofLamp = k < light.ofLamp
+        val power = if (ofLamp) {
+            DoubleArray(Grid.SIZE) { max(light.power[it] + sign * light.powerModes[k][it], 0.0) }
+        } else {
+            light.power
+        }
+        val curves = Array(3) { c ->
+            DoubleArray(Grid.SIZE) { light.curves[c][it] + sign * light.curveModes[k][c][it] }
+        }
+        val told = if (ofLamp) {
+            Learned.of(power, curves, functions)
+        } else {
+            Learned(Learned.signals(power, curves), truth.second, truth.first)
+        }
+        val fitted = Transform.fit(told, kind) ?: throw NoColour.error()
+        val moved = aim?.let { Spaces.adaptation(told.white, it) }
+        return Step(turned(fitted, moved), aim ?: told.white)
+    }
+
+    private fun moves(k: Int): DoubleArray {
+        val moved = Array(3) { c ->
+            DoubleArray(Grid.SIZE) {
+                light.powerModes[k][it] * light.curves[c][it] + light.power[it] * light.curveModes[k][c][it]
+            }
+        }
+        val shift = Learned.through(moved) { level[it] }
+        val whole = DoubleArray(3) { moved[it].sum() / level[it] }
+        val sensed = chosen.signals
+        return DoubleArray(shift.size) {
+            (shift[it] - sensed[it] * whole[it % 3]) / Transform.level(sensed, it - it % 3)
+        }
+    }
+
+    /** The colour of signals (3) with standard errors (3), in units of a perfect white. */
+    fun colour(y: DoubleArray, error: DoubleArray): StandardColour {
+        val xyz = xyz(y)
+        val slopes = Spaces.slopes(xyz, white)
+        val bright = Transform.level(y)
+
+        fun stated(covariance: DoubleArray): Spread {
+            val own = turn?.let { Spaces.through(it, covariance) } ?: covariance
+            return Spread(own, Spaces.through(slopes, own))
+        }
+
+        val alike = likeness(y)
+        val noise = List(3) { c -> DoubleArray(3) { if (it == c) error[c] else 0.0 } }
+        val reference = ofReference.map { row -> DoubleArray(3) { y[it] * row[it] } }
+        val (curves, lamp) = stepped(y)
+        val parts = listOf(
+            curves,
+            lamp,
+            stated(bySignal(y, noise)),
+            stated(bySignal(y, reference)),
+            stated(metamers(alike, bright)),
+        )
+        val whole = alike.sum()
+        val ofLight = relative.map { row ->
+            val found = DoubleArray(3)
+            for (i in alike.indices) for (c in 0..2) found[c] += alike[i] / whole * row[3 * i + c]
+            DoubleArray(3) { found[it] * bright }
+        }
+        val reach = Reach.distance(y, sum(ofLight + noise + reference), matrix)
+        return StandardColour(xyz, Spaces.lab(xyz, white), parts, reach)
+    }
+
+    /** XYZ (3) of signals (3), as stated. */
+    private fun xyz(y: DoubleArray): DoubleArray = apply(coefficients, y)
+
+    private fun apply(coefficients: DoubleArray, y: DoubleArray): DoubleArray =
+        DoubleArray(3).also { kind.apply(coefficients, y, 0, it, 0) }
+
+    /** By the errors of the curves and of the lamp: half of what the answers up and down differ by. */
+    private fun stepped(y: DoubleArray): Pair<Spread, Spread> {
+        val found = List(2) { Spread(DoubleArray(9), DoubleArray(9)) }
+        for ((k, sides) in steps.withIndex()) {
+            val (plus, minus) = sides.toList().map { apply(it.coefficients, y) }
+            val into = found[if (k < light.ofLamp) 1 else 0]
+            add(into.xyz, 1.0, outer(DoubleArray(3) { 0.5 * (plus[it] - minus[it]) }))
+            val up = Spaces.lab(plus, sides.first.white)
+            val down = Spaces.lab(minus, sides.second.white)
+            add(into.lab, 1.0, outer(DoubleArray(3) { 0.5 * (up[it] - down[it]) }))
+        }
+        return found[0] to found[1]
+    }
+
+    /** Covariance (3, 3) of XYZ under the lamp by moves (3) of the signals. */
+    private fun bySignal(y: DoubleArray, moves: List<DoubleArray>): DoubleArray = sum(
+        moves.map { move ->
+            val up = apply(chosen.coefficients, DoubleArray(3) { y[it] + move[it] })
+            val down = apply(chosen.coefficients, DoubleArray(3) { y[it] - move[it] })
+            DoubleArray(3) { 0.5 * (up[it] - down[it]) }
+        },
+    )
+
+    /**
+     * Covariance (3, 3) of what the transform misses on surfaces that look alike: those near in ln r/g and ln b/g count
+     * most, and all of them as much as COMMON near ones; the errors grow with the level of the signals.
+     */
+    private fun metamers(alike: DoubleArray, bright: Double): DoubleArray {
+        val near = DoubleArray(9)
+        for ((i, own) in missed.withIndex()) add(near, alike[i] + COMMON / missed.size, own)
+        val whole = alike.sum() + COMMON
+        return DoubleArray(9) { near[it] / whole * (bright * bright) }
+    }
+
+    /** (n) weights, 1 for a surface of the very same ratios. */
+    private fun likeness(y: DoubleArray): DoubleArray {
+        val own = DoubleArray(2) { ratio(y, 0, it) }
+        return DoubleArray(known.size / 2) { i ->
+            val red = (own[0] - known[2 * i]) / NEARBY
+            val blue = (own[1] - known[2 * i + 1]) / NEARBY
+            exp(-0.5 * (red * red + blue * blue)) + 1e-12
+        }
+    }
+
+    private fun ratio(signals: DoubleArray, from: Int, which: Int): Double {
+        val least = 1e-3 * Transform.level(signals, from)
+        return ln(max(signals[from + 2 * which], least)) - ln(max(signals[from + 1], least))
+    }
+
+    private companion object {
+        /** Surfaces whose ln r/g and ln b/g differ by so much are alike: what their colours miss tells of this one. */
+        const val NEARBY = 0.25
+
+        /** Surfaces that stand for all others, where few are alike. */
+        const val COMMON = 5.0
+
+        /** Coefficients (p, 3) of XYZ that is then turned. */
+        fun turned(coefficients: DoubleArray, turn: DoubleArray?): DoubleArray {
+            if (turn == null) return coefficients
+            return DoubleArray(coefficients.size) { at ->
+                (0..2).sumOf { coefficients[at - at % 3 + it] * turn[3 * (at % 3) + it] }
+            }
+        }
+
+        fun outer(of: DoubleArray, from: Int = 0): DoubleArray =
+            DoubleArray(9) { of[from + it / 3] * of[from + it % 3] }
+
+        fun sum(moves: List<DoubleArray>): DoubleArray {
+            val found = DoubleArray(9)
+            for (move in moves) add(found, 1.0, outer(move))
+            return found
+        }
+    }
+}

@@ -1,0 +1,80 @@
+package org.camssf.colour
+
+import org.camssf.LeastSquares
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/** Signals → how far they lie from what any surface could give under the lamp. */
+internal object Reach {
+    /** Standard deviations from the nearest reflectance between 0 and 1: by chance 1 in 1,000 of three numbers. */
+    const val FARTHEST = 4.0
+
+    /**
+     * min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R straight between the 5-nm nodes, by Wolfe's algorithm for the point of a
+     * polytope that is nearest to the origin (Math. Program. 1976, 11, 128).
+     *
+     * @param y (3) signals.
+     * @param spread (3, 3) their covariance Σ.
+     * @param matrix A, (3) of (69): the light as the curves see it, white 1.
+     */
+    fun distance(y: DoubleArray, spread: DoubleArray, matrix: Array<DoubleArray>): Double {
+        val floor = 1e-12 + 1e-6 * (spread[0] + spread[4] + spread[8]) / 3
+        val root =
+            Symmetric.root(Array(3) { a -> DoubleArray(3) { spread[3 * a + it] + if (a == it) floor else 0.0 } })
+                ?: throw NoColour.error()
+        val whitened = Array(3) { matrix[it].copyOf() + y[it] }
+        Symmetric.forward(root, whitened)
+        val atoms = List(matrix[0].size) { i -> DoubleArray(3) { whitened[it][i] } }
+        val target = DoubleArray(3) { whitened[it].last() }
+        return nearest { along ->
+            val found = DoubleArray(3) { -target[it] }
+            for (atom in atoms) if (dot(atom, along) < 0) add(found, 1.0, atom)
+            found
+        }
+    }
+
+    /** Length of the shortest vector of a polytope in three dimensions, told by its outermost point against a direction. */
+    private fun nearest(outermost: (DoubleArray) -> DoubleArray): Double {
+        var corners = listOf(outermost(doubleArrayOf(1.0, 1.0, 1.0)))
+        var weights = doubleArrayOf(1.0)
+        var x = corners[0]
+        repeat(MOST) {
+            val next = outermost(x)
+            val size = dot(x, x)
+            val scale = max(size, dot(next, next))
+            if (size - dot(x, next) <= ROUNDING * sqrt(size * scale) || size <= ROUNDING * ROUNDING * scale) {
+                return sqrt(size)
+            }
+            corners = corners + next
+            weights += 0.0
+            while (true) {
+                val flat = flattest(corners) ?: return sqrt(size)
+                if (flat.all { it > 0 }) {
+                    weights = flat
+                    break
+                }
+                val part = flat.indices.filter { flat[it] <= 0 }.minOf { weights[it] / (weights[it] - flat[it]) }
+                val between = DoubleArray(flat.size) { weights[it] + part * (flat[it] - weights[it]) }
+                val left = flat.indices.filter { flat[it] <= 0 }.minByOrNull { between[it] }!!
+                val kept = flat.indices.filter { it != left && between[it] > 0 }
+                corners = kept.map { corners[it] }
+                weights = kept.map { between[it] }.toDoubleArray()
+            }
+            x = DoubleArray(3) { axis -> corners.indices.sumOf { weights[it] * corners[it][axis] } }
+        }
+        return sqrt(dot(x, x))
+    }
+
+    /** Weights, which sum to 1, of the shortest vector in the flat through the corners; null where they have none. */
+    private fun flattest(corners: List<DoubleArray>): DoubleArray? {
+        if (corners.size == 1) return doubleArrayOf(1.0)
+        val base = corners[0]
+        val rows = Array(3) { axis -> DoubleArray(corners.size - 1) { corners[it + 1][axis] - base[axis] } }
+        if (corners.size > 4) return null
+        val free = LeastSquares.solve(rows, DoubleArray(3) { -base[it] }) ?: return null
+        return doubleArrayOf(1 - free.sum()) + free
+    }
+
+    private const val MOST = 10_000
+    private const val ROUNDING = 1e-14
+}

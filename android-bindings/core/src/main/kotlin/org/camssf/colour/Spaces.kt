@@ -1,0 +1,74 @@
+package org.camssf.colour
+
+import kotlin.math.cbrt
+import kotlin.math.max
+
+/** Lab and chromatic adaptation, of three numbers at a time. XYZ is relative: Y of a perfect white diffuser is 1. */
+internal object Spaces {
+    /** XYZ to the sharpened cone signals of CAT16 (Li et al., Color Res. Appl. 2017, 42, 703). */
+    private val CAT16 = doubleArrayOf(
+        0.401288, 0.650173, -0.051461, -0.250268, 1.204414, 0.045854, -0.002079, 0.048952, 0.953127,
+    )
+    private val BACK = inverse(CAT16)
+    private const val BEND = 216.0 / 24389.0
+    private const val SLOPE = 24389.0 / 27.0
+
+    private fun curve(t: Double): Double = if (t > BEND) cbrt(t) else (SLOPE * t + 16) / 116
+
+    private fun rise(t: Double): Double = if (t > BEND) {
+        val root = cbrt(max(t, BEND))
+        1 / (root * root) / 3
+    } else {
+        SLOPE / 116
+    }
+
+    /** CIE 1976 L*a*b* of XYZ seen under a white (3): CIE 15. In place of XYZ where both are the same array. */
+    fun lab(xyz: DoubleArray, white: DoubleArray, into: DoubleArray = DoubleArray(3)): DoubleArray {
+        val x = curve(xyz[0] / white[0])
+        val y = curve(xyz[1] / white[1])
+        val z = curve(xyz[2] / white[2])
+        into[0] = 116 * y - 16
+        into[1] = 500 * (x - y)
+        into[2] = 200 * (y - z)
+        return into
+    }
+
+    /** ∂ Lab / ∂ XYZ, (3, 3). */
+    fun slopes(xyz: DoubleArray, white: DoubleArray): DoubleArray {
+        val (x, y, z) = List(3) { rise(xyz[it] / white[it]) / white[it] }
+        return doubleArrayOf(0.0, 116 * y, 0.0, 500 * x, -500 * y, 0.0, 0.0, 200 * y, -200 * z)
+    }
+
+    /** (3, 3) that takes XYZ seen under one white to another: CAT16, adapted wholly. */
+    fun adaptation(source: DoubleArray, target: DoubleArray): DoubleArray {
+        val to = times(CAT16, target)
+        val from = times(CAT16, source)
+        return product(BACK, DoubleArray(9) { to[it / 3] / from[it / 3] * CAT16[it] })
+    }
+
+    /** Matrix (3, 3) times vector (3). */
+    fun times(matrix: DoubleArray, vector: DoubleArray): DoubleArray = DoubleArray(3) {
+        matrix[3 * it] * vector[0] + matrix[3 * it + 1] * vector[1] + matrix[3 * it + 2] * vector[2]
+    }
+
+    fun product(a: DoubleArray, b: DoubleArray): DoubleArray = DoubleArray(9) {
+        val row = it / 3 * 3
+        a[row] * b[it % 3] + a[row + 1] * b[it % 3 + 3] + a[row + 2] * b[it % 3 + 6]
+    }
+
+    /** How a covariance (3, 3) looks through a matrix: M Σ Mᵀ. */
+    fun through(matrix: DoubleArray, covariance: DoubleArray): DoubleArray =
+        product(product(matrix, covariance), DoubleArray(9) { matrix[it % 3 * 3 + it / 3] })
+
+    private fun inverse(m: DoubleArray): DoubleArray {
+        fun minor(i: Int, j: Int): Double {
+            val (a, b) = (0..2).filter { it != i }
+            val (c, d) = (0..2).filter { it != j }
+            return m[3 * a + c] * m[3 * b + d] - m[3 * a + d] * m[3 * b + c]
+        }
+        val determinant = (0..2).sumOf { (if (it == 1) -1 else 1) * m[it] * minor(0, it) }
+        return DoubleArray(9) {
+            (if ((it / 3 + it % 3) % 2 == 1) -1 else 1) * minor(it % 3, it / 3) / determinant
+        }
+    }
+}

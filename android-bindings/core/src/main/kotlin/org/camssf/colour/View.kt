@@ -1,0 +1,163 @@
+package org.camssf.colour
+
+import org.camssf.InvalidArgument
+import kotlin.math.sqrt
+
+/** Whose eyes. */
+public enum class Observer(
+    /** As results and Python's options name it. */
+    public val word: String,
+) {
+    /** CIE 1931, 2°. */
+    CIE_1931("1931"),
+
+    /** CIE 1964, 10°. */
+    CIE_1964("1964"),
+}
+
+/** The white that colours are stated for. */
+public enum class Adapted(
+    /** As results and Python's options name it. */
+    public val word: String,
+) {
+    /** The light itself. */
+    LAMP("lamp"),
+
+    /** Adapted to D50 by CAT16. */
+    D50("D50"),
+
+    /** Adapted to D65 by CAT16. */
+    D65("D65"),
+}
+
+/**
+ * How colour is to be stated.
+ *
+ * @property observer CIE 1931 (2°) or 1964 (10°).
+ * @property white that Lab is relative to, and that XYZ is adapted to.
+ * @property kind of transform; null for the one that misses less on surfaces left out of its fit.
+ */
+public class View @JvmOverloads constructor(
+    public val observer: Observer = Observer.CIE_1931,
+    public val white: Adapted = Adapted.LAMP,
+    public val kind: Kind? = null,
+)
+
+/**
+ * The white or grey surface, in the same light, that raw signals are divided by.
+ *
+ * @param raw (3) its raw signals R, G, B, black subtracted, in any unit that the other regions and pixels have, too; copied.
+ * @param standardError (3) of these; zeros unless given; copied.
+ * @property reflectance of the surface, 1 of a perfect diffuser.
+ * @property tolerance relative error of its reflectance, one standard deviation: smooth over 100 nm.
+ * @throws InvalidArgument a reference without light, or a reflectance that is none.
+ */
+public class Reference @JvmOverloads constructor(
+    raw: DoubleArray,
+    standardError: DoubleArray = DoubleArray(3),
+    public val reflectance: Double = 1.0,
+    public val tolerance: Double = TOLERANCE,
+) {
+    internal val sharedRaw: DoubleArray = raw.copyOf()
+    internal val sharedError: DoubleArray = standardError.copyOf()
+
+    /** (3) raw signals; a copy at each call. */
+    public val raw: DoubleArray get() = sharedRaw.copyOf()
+
+    /** (3) standard errors of [raw]; a copy at each call. */
+    public val standardError: DoubleArray get() = sharedError.copyOf()
+
+    init {
+        if (reflectance !in 0.02..1.2) {
+            throw InvalidArgument("A reference of reflectance $reflectance is none.", "Write 18 % as 0.18.")
+        }
+        if (!(tolerance >= 0 && tolerance.isFinite())) {
+            throw InvalidArgument("A tolerance of $tolerance is none.", "Write 1 % as 0.01.")
+        }
+        if (sharedRaw.size != 3 || sharedError.size != 3) {
+            throw InvalidArgument("A reference has three signals, not ${sharedRaw.size}.", "Give R, G, B.")
+        }
+        if (!(0..2).all {
+                sharedRaw[it] > 10 * sharedError[it] && sharedRaw[it].isFinite() && sharedError[it] >= 0
+            }
+        ) {
+            throw InvalidArgument("The reference lies in the dark.", "Choose a lit white or grey surface.")
+        }
+    }
+
+    /** A surface that was measured in the photo. */
+    @JvmOverloads
+    public constructor(region: RawRegion, reflectance: Double = 1.0, tolerance: Double = TOLERANCE) :
+        this(region.sharedRaw, region.sharedError, reflectance, tolerance)
+
+    private companion object {
+        /** Relative error of a reference of which nothing else is said. */
+        const val TOLERANCE = 0.01
+    }
+}
+
+/** Where the uncertainty of a colour comes from. */
+public enum class Part {
+    /** What the calibration left open of the curves. */
+    CURVES,
+
+    /** What is not known of the light. */
+    LAMP,
+
+    /** Of region and reference. */
+    NOISE,
+
+    /** A white that is not quite neutral, and light that differs between the two places. */
+    REFERENCE,
+
+    /** Surfaces that look alike to the camera and not to the observer. */
+    METAMERS,
+}
+
+/**
+ * A lamp that was weighed.
+ *
+ * @property name of the lamp, or its kind.
+ * @property weight its probability among those that were weighed; 1 where the lamp was told.
+ * @property kind of its transform.
+ */
+public class WeighedLamp internal constructor(
+    public val name: String,
+    public val weight: Double,
+    public val kind: Kind,
+)
+
+/**
+ * A standard colour, with what is not known of it. Y of a perfect white diffuser is 1. Arrays are copies at each call. Safe
+ * to pass between threads.
+ *
+ * @property reach how far the signals lie from those of any surface, in standard deviations.
+ */
+public class StandardColour internal constructor(
+    internal val sharedXyz: DoubleArray,
+    internal val sharedLab: DoubleArray,
+    internal val parts: List<Spread>,
+    public val reach: Double,
+) {
+    /** (3) under the view's observer, adapted to its white. */
+    public val xyz: DoubleArray get() = sharedXyz.copyOf()
+
+    /** (3) L*, a*, b*. */
+    public val lab: DoubleArray get() = sharedLab.copyOf()
+
+    /** (3, 3) covariance of [xyz], row-major: the sum of its parts. */
+    public val xyzCovariance: DoubleArray get() = sum { it.xyz }
+
+    /** (3, 3) covariance of [lab], row-major. */
+    public val labCovariance: DoubleArray get() = sum { it.lab }
+
+    /** (3) standard deviations of L*, a*, b* by what they come from. */
+    public fun deviation(of: Part): DoubleArray = parts[of.ordinal].lab.let { own ->
+        DoubleArray(3) { sqrt(own[4 * it]) }
+    }
+
+    private fun sum(of: (Spread) -> DoubleArray): DoubleArray = DoubleArray(9) { at -> parts.sumOf { of(it)[at] } }
+}
+
+/** Covariances (3, 3) of XYZ and of Lab. */
+internal class Spread(val xyz: DoubleArray, val lab: DoubleArray)

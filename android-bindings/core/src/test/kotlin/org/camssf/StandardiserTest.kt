@@ -1,0 +1,253 @@
+package org.camssf
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.jsonObject
+import org.camssf.colour.Adapted
+import org.camssf.colour.Kind
+import org.camssf.colour.Observer
+import org.camssf.colour.Part
+import org.camssf.colour.RawRegion
+import org.camssf.colour.Reference
+import org.camssf.colour.Tables
+import org.camssf.colour.View
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Region
+import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import kotlin.math.abs
+import kotlin.math.sqrt
+
+/** The face of standard colour; the golden stage `colour` holds its numbers. */
+class StandardiserTest {
+    private val root = File(System.getProperty("camssf.root"))
+    private val result: JsonObject = Json.parseToJsonElement(File(root, "golden/cases/colour/named.json").readText())
+        .jsonObject.getValue("inputs").jsonObject.getValue("result").jsonObject
+    private val text = result.toString()
+
+    /** The calibration's own white, relative to green, seen under its own lamp. */
+    private val gains = doubleArrayOf(0.55, 1.0, 0.7)
+    private val white = Reference(DoubleArray(3) { 8000 * gains[it] }, DoubleArray(3) { 4.0 })
+    private val d55 = Lamp.read("D55")
+
+    private fun raw(y: Double, vararg balance: Double) = DoubleArray(3) { 8000 * gains[it] * y * balance[it] }
+
+    @Test
+    fun `white is white, and grey has its lightness`() {
+        val found = Standardiser.read(text, d55, white)
+        assertArrayEquals(doubleArrayOf(100.0, 0.0, 0.0), found.colourOf(white.raw).lab, 1e-9)
+        val grey = found.colourOf(raw(0.18, 1.0, 1.0, 1.0))
+        assertEquals(116 * Math.cbrt(0.18) - 16, grey.lab[0], 1e-9)
+        assertArrayEquals(found.white, found.colourOf(white.raw).xyz, 1e-12)
+        assertEquals("D55", found.lamps.single().name)
+        assertEquals(1.0, found.lamps.single().weight)
+        assertTrue(found.surprise!! < 0.1)
+    }
+
+    @Test
+    fun `a grey reference counts by its reflectance`() {
+        val card = Reference(raw(0.18, 1.0, 1.0, 1.0), reflectance = 0.18)
+        val (byCard, byWhite) = listOf(card, Reference(white.raw)).map { Standardiser.read(text, d55, it) }
+        val strip = raw(0.3, 1.2, 1.0, 0.7)
+        assertArrayEquals(byWhite.colourOf(strip).lab, byCard.colourOf(strip).lab, 1e-9)
+    }
+
+    @Test
+    fun `pixels are the regions' colours, whatever the view`() {
+        val pixels = List(40) { raw(0.02 + 0.02 * it, 0.8 + 0.01 * it, 1.0, 1.2 - 0.02 * it) }
+        val all = pixels.flatten()
+        for (view in listOf(View(), View(Observer.CIE_1964, Adapted.D50), View(kind = Kind.MATRIX))) {
+            for (lamp in listOf(d55, null)) {
+                val found = Standardiser.read(text, lamp, white, view)
+                val lab = found.standardise(all)
+                val xyz = found.standardise(all, space = Space.XYZ)
+                pixels.forEachIndexed { i, each ->
+                    val one = found.colourOf(each)
+                    assertArrayEquals(one.lab, lab.copyOfRange(3 * i, 3 * i + 3), 1e-11)
+                    assertArrayEquals(one.xyz, xyz.copyOfRange(3 * i, 3 * i + 3), 1e-13)
+                }
+                val single = FloatArray(all.size) { all[it].toFloat() }
+                found.standardise(single, single) // in place
+                for (i in lab.indices) assertEquals(lab[i], single[i].toDouble(), 1e-4)
+            }
+        }
+    }
+
+    @Test
+    fun `a pixel that is none stays none, and below black is black`() {
+        val found = Standardiser.read(text, d55, white)
+        val lab = found.standardise(floatArrayOf(Float.NaN, Float.NaN, Float.NaN, -5f, -5f, -5f))
+        assertTrue(lab.take(3).all { it.isNaN() })
+        assertArrayEquals(FloatArray(3), lab.copyOfRange(3, 6), 1e-5f)
+        assertThrows(InvalidArgument::class.java) { found.standardise(FloatArray(4)) }
+        assertThrows(InvalidArgument::class.java) { found.standardise(DoubleArray(6), DoubleArray(3)) }
+    }
+
+    @Test
+    fun `parts add up to the covariance, and noise is what noise does`() {
+        val found = Standardiser.read(text, d55, white)
+        val strip = raw(0.3, 1.2, 1.0, 0.7)
+        val (still, noisy) = listOf(0.0, 40.0).map { found.colourOf(strip, DoubleArray(3) { _ -> it }) }
+        for (colour in listOf(still, noisy)) {
+            for (c in 0..2) {
+                val parts = Part.values().sumOf { colour.deviation(it)[c] * colour.deviation(it)[c] }
+                assertEquals(parts, colour.labCovariance[4 * c], 1e-12)
+            }
+        }
+        assertTrue(noisy.deviation(Part.NOISE)[0] > 3 * still.deviation(Part.NOISE)[0])
+        assertArrayEquals(still.deviation(Part.METAMERS), noisy.deviation(Part.METAMERS))
+        // L* alone answers to the noise of all three, by its slopes
+        val step = 1e-3
+        val variance = (0..2).sumOf { c ->
+            val (up, down) = listOf(step, -step).map { by ->
+                found.colourOf(DoubleArray(3) { strip[it] + if (it == c) by else 0.0 }).lab[0]
+            }
+            val slope = (up - down) / (2 * step)
+            slope * slope * (40.0 * 40 + (strip[c] / white.raw[c] * 4).let { it * it })
+        }
+        assertEquals(sqrt(variance), noisy.deviation(Part.NOISE)[0], 1e-3 * sqrt(variance))
+    }
+
+    @Test
+    fun `what tells the lamp tells it`() {
+        val bulb = Lamp.read("A")
+        val curves = List(3) { c ->
+            val name = listOf("red", "green", "blue")[c]
+            (result.getValue("ssf").jsonObject.getValue(name) as JsonArray).map { it.toString().toDouble() }
+        }
+        val lit = Reference(
+            DoubleArray(3) { c ->
+                fun seen(lamp: Lamp) = lamp.values.indices.sumOf { lamp.values[it] * curves[c][it] }
+                8000 * gains[c] * seen(bulb) / seen(d55)
+            },
+        )
+        val found = Standardiser.read(text, null, lit)
+        assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), found.lamps.map { it.name })
+        assertEquals(1.0, found.lamps.sumOf { it.weight }, 1e-12)
+        assertTrue(found.lamps[1].weight > 0.8)
+        assertThrows(LampUnfit::class.java) {
+            Standardiser.read(text, d55, lit)
+        }.let { assertTrue(it.value!! > 18.4) }
+        Standardiser.read(text, bulb, lit)
+    }
+
+    @Test
+    fun `a colour that no surface has is refused`() {
+        val found = Standardiser.read(text, d55, white)
+        val error = assertThrows(ColourOutOfReach::class.java) { found.colourOf(raw(1.6, 1.0, 1.0, 1.0)) }
+        assertEquals("colour_out_of_reach", error.code)
+        assertEquals(4.0, error.threshold)
+        assertTrue(error.value!! > 4 && "standard deviations" in error.message)
+        assertThrows(InvalidArgument::class.java) { found.colourOf(doubleArrayOf(Double.NaN, 1.0, 1.0)) }
+        assertThrows(InvalidArgument::class.java) { found.colourOf(white.raw, doubleArrayOf(-1.0, 0.0, 0.0)) }
+        assertThrows(InvalidArgument::class.java) { found.colourOf(DoubleArray(4)) }
+        assertThrows(InvalidArgument::class.java) { found.colourOf(white.raw, DoubleArray(2)) }
+    }
+
+    @Test
+    fun `references that are none are refused`() {
+        val raw = white.raw
+        for (wrong in listOf<() -> Any>(
+            { Reference(raw, reflectance = 0.0) },
+            { Reference(raw, reflectance = Double.NaN) },
+            { Reference(raw, tolerance = -0.1) },
+            { Reference(doubleArrayOf(1.0, 1.0)) },
+            { Reference(raw, DoubleArray(2)) },
+            { Reference(doubleArrayOf(1.0, 0.0, 1.0)) },
+            { Reference(doubleArrayOf(1.0, Double.POSITIVE_INFINITY, 1.0)) },
+            { Reference(raw, DoubleArray(3) { 500.0 }) },
+        )) {
+            assertThrows(InvalidArgument::class.java) { wrong() }
+        }
+        raw[0] = 0.0
+        white.raw[0] = 0.0
+        assertEquals(4400.0, white.raw[0])
+    }
+
+    @Test
+    fun `texts that are no result are refused`() {
+        val broken = listOf(
+            "",
+            "[1]",
+            "{}",
+            "null",
+            text.dropLast(9),
+            JsonObject(result - "ssf").toString(),
+            JsonObject(result + ("ssf" to JsonNull)).toString(),
+            JsonObject(result + ("channel_gain" to JsonPrimitive("no"))).toString(),
+            JsonObject(result + ("ssf" to JsonObject(result.getValue("ssf").jsonObject - "red"))).toString(),
+            JsonObject(result + ("basis" to JsonArray(emptyList()))).toString(),
+            JsonObject(result + ("channel_gain" to JsonArray(List(2) { JsonPrimitive(1.0) }))).toString(),
+            band("-0.5"),
+            band("1e999"),
+        )
+        for (each in broken) {
+            assertThrows(InvalidArgument::class.java, { Standardiser.read(each, d55, white) }, each.take(80))
+        }
+    }
+
+    /** The result with another first number of the red band. */
+    private fun band(first: String): String {
+        val place = Regex(""""ssf_std":\{"red":\[([^,]*)""").find(text)!!.groups[1]!!.range
+        return text.replaceRange(place, first)
+    }
+
+    @Test
+    fun `without what ties the channels a lamp must be named`() {
+        val shots = Json.parseToJsonElement("""[{"lamp": {"name": "desk.csv"}}]""")
+        val strange = JsonObject(result + ("shots" to shots)).toString()
+        val error = assertThrows(InvalidArgument::class.java) { Standardiser.read(strange, null, white) }
+        assertTrue("which lamp" in error.message)
+        assertNull(Standardiser.read(strange, d55, white).surprise)
+    }
+
+    @Test
+    fun `a calibration on this device sees its own chart in its colours`() {
+        val file = File(root, "golden/dng/chart-turned-0.dng")
+        val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+        val chart = ChartTable.read("classic24")
+        val lamp = Lamp.read("E")
+        val found = SsfCalibrator.open().use {
+            it.calibrate(Capture(Shot(PhotoSource.of(file), lamp, corners), chart)) as Calibrated
+        }
+        val means = found.capture.shots[0].means
+        val black = means.black
+        fun patch(i: Int) = DoubleArray(3) { means.chart.mean[3 * i + it] - black[it] }
+        val paper = chart.values.copyOfRange(18 * Grid.SIZE, 19 * Grid.SIZE).average()
+        val reference = Reference(patch(18), reflectance = paper)
+        val own = Standardiser.of(found, lamp, reference)
+        val read = Standardiser.read(found.toJson(), lamp, reference)
+        for (i in listOf(0, 5, 12, 20)) {
+            val colour = own.colourOf(patch(i))
+            assertArrayEquals(colour.lab, read.colourOf(patch(i)).lab)
+            val truth = lightness(chart, i)
+            val off = abs(colour.lab[0] - truth) / sqrt(colour.labCovariance[0])
+            assertTrue(off < 4, "patch ${i + 1}: L* ${colour.lab[0]}, true $truth")
+        }
+        val mosaic = DngSource.of(file).use { DngReader.read(it) }
+        val regions = RawRegion.measure(mosaic, listOf(Region(80, 50, 94, 64)))
+        assertTrue(own.colourOf(regions.single()).lab[0] in 1.0..99.0)
+    }
+
+    /** L* of a patch under equal energy. */
+    private fun lightness(chart: ChartTable, patch: Int): Double {
+        val luminosity = Tables.observer(Observer.CIE_1931)[1]
+        val y = (0 until Grid.SIZE).sumOf { chart.values[patch * Grid.SIZE + it] * luminosity[it] } / luminosity.sum()
+        return 116 * Math.cbrt(y) - 16
+    }
+}

@@ -1,0 +1,106 @@
+package org.camssf.golden
+
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.contentOrNull
+import kotlinx.serialization.json.int
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.Standardiser
+import org.camssf.colour.Adapted
+import org.camssf.colour.ColourCamera
+import org.camssf.colour.Kind
+import org.camssf.colour.Observer
+import org.camssf.colour.Part
+import org.camssf.colour.RawRegion
+import org.camssf.colour.Reach
+import org.camssf.colour.Reference
+import org.camssf.colour.View
+import org.camssf.curves.Tensor
+import org.camssf.photo.LensShading
+import org.camssf.photo.Region
+import org.camssf.spectra.Lamp
+
+/** The stages colour, from a result document on, and regions, from a DNG on. */
+internal class Colours(private val files: GoldenFiles, private val forms: Forms, private val photos: Photos) {
+    /** As a case has it; its reference's raw signals are asked only where it says so. */
+    fun standardiser(case: GoldenCase): Standardiser {
+        val told = case.inputs.getValue("reference").jsonObject
+        val raw = told.getValue("raw").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
+        val white = Reference(raw ?: DoubleArray(3) { 1.0 }, tolerance = number(told.getValue("tolerance"))!!)
+        val lamp = case.inputs.text("lamp").takeIf { it != "auto" }?.let { Lamp.read(it) }
+        val camera = ColourCamera.parse(result(case.inputs.getValue("result").jsonObject).toString())
+        return Standardiser.of(camera, lamp, white, view(case), raw, number(told.getValue("error"))!!)
+    }
+
+    fun colour(case: GoldenCase): Map<String, Any?> {
+        fun given(name: String) = forms.resolve(case.inputs.getValue(name)).values
+        val standardiser = standardiser(case)
+        val (signals, errors) = given("signals") to given("standard_error")
+        val m = signals.size / 3
+        fun row(of: DoubleArray, i: Int) = of.copyOfRange(3 * i, 3 * i + 3)
+        val found = List(m) { standardiser.seen(row(signals, it), row(errors, it)) }
+        fun each(size: Int, of: (Int) -> DoubleArray) = DoubleArray(m * size) { of(it / size)[it % size] }
+        val far = found.map { it.reach > Reach.FARTHEST }
+        val distances = found.map { it.reach }.filter { it > Reach.FARTHEST }.toDoubleArray()
+        val parts = Part.values().map { part -> each(3) { found[it].deviation(part) } }
+        return mapOf(
+            "xyz" to Tensor(each(3) { found[it].xyz }, m, 3),
+            "lab" to Tensor(each(3) { found[it].lab }, m, 3),
+            "xyz_covariance" to Tensor(each(9) { found[it].xyzCovariance }, m, 3, 3),
+            "lab_covariance" to Tensor(each(9) { found[it].labCovariance }, m, 3, 3),
+            "parts" to Tensor(
+                DoubleArray(parts.size * 3 * m) {
+                    parts[it / (3 * m)][it % (3 * m)]
+                },
+                parts.size, m, 3,
+            ),
+            "white" to Tensor(standardiser.white, 3),
+            "lamps" to words(standardiser.lamps.map { it.name }),
+            "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
+            "kinds" to words(standardiser.lamps.map { it.kind.word }),
+            "surprise" to standardiser.surprise?.let { Tensor.scalar(it) },
+            "far" to JsonArray(far.map { JsonPrimitive(it) }),
+            "reach" to if (distances.isEmpty()) null else Tensor(distances, distances.size),
+        )
+    }
+
+    private fun words(of: List<String>): JsonElement = JsonArray(of.map { JsonPrimitive(it) })
+
+    private fun view(case: GoldenCase): View {
+        val told = case.inputs.getValue("view").jsonObject
+        val kind = told.getValue("kind").jsonPrimitive.contentOrNull
+        return View(
+            Observer.values().single { it.word == told.text("observer") },
+            Adapted.values().single { it.word == told.text("white") },
+            kind?.let { word -> Kind.values().single { it.word == word } },
+        )
+    }
+
+    /** A result, or that of another case, but for some fields. */
+    private fun result(given: JsonObject): JsonObject {
+        val other = given["case"] ?: return given
+        val own = GoldenCase.read(other.jsonPrimitive.content, files).inputs.getValue("result").jsonObject
+        return JsonObject(own + (given["but"] as? JsonObject).orEmpty())
+    }
+
+    fun regions(case: GoldenCase): Map<String, Any?> {
+        val areas = case.inputs.getValue("areas").jsonArray.map { area ->
+            val (x, y, width, height) = area.jsonArray.map { it.jsonPrimitive.int }
+            Region(x, y, x + width, y + height)
+        }
+        val dark = case.inputs.getValue("dark").jsonPrimitive.contentOrNull?.let { photos.read(it) }
+        val shading = LensShading.of(case.inputs.text("lens_shading"))
+        val found = RawRegion.measure(photos.read(case.inputs.text("photo")), areas, dark, shading)
+        fun all(of: (RawRegion) -> DoubleArray) = Tensor(
+            DoubleArray(3 * found.size) { of(found[it / 3])[it % 3] },
+            found.size,
+            3,
+        )
+        return mapOf("raw" to all { it.raw }, "standard_error" to all { it.standardError })
+    }
+}

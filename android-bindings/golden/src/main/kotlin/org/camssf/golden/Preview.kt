@@ -1,0 +1,49 @@
+package org.camssf.golden
+
+import org.camssf.Space
+import org.camssf.Standardiser
+import org.camssf.colour.RawPixels
+import org.camssf.photo.Mosaic
+import org.camssf.photo.Region
+import java.io.File
+import kotlin.system.exitProcess
+
+/**
+ * How long a live preview takes: the folder of the golden cases, a case of the stage colour, samples a side of the mosaic,
+ * runs (`python -m benchmarks.kotlin_colour`). One line: milliseconds to make the standardiser, to read the mosaic's cells
+ * and to give their XYZ and Lab, medians of the runs after as many to warm up; and the pixels.
+ */
+internal object Preview {
+    @JvmStatic
+    fun main(arguments: Array<String>) {
+        val files = GoldenFiles.of(File(arguments[0]))
+        val (side, runs) = arguments.drop(2).map { it.toInt() }
+        val forms = Forms(files)
+        val colours = Colours(files, forms, Photos(files, forms))
+        val case = GoldenCase.read(arguments[1], files)
+        lateinit var made: Standardiser
+        val making = median(runs / 20) { made = colours.standardiser(case) }
+        val samples = ShortArray(side * side) { (600 + it * 7919L % 9000).toShort() }
+        val region = Region(0, 0, side, side)
+        val sensor = Mosaic.Sensor("RGGB", DoubleArray(4) { 512.0 }, 16383.0)
+        val photo = Mosaic(Mosaic.Origin("preview"), side, side, region, samples, sensor)
+        val pixels = RawPixels.of(region)
+        val raw = FloatArray(3 * pixels.rows * pixels.columns)
+        val into = FloatArray(raw.size)
+        val reading = median(runs) { pixels.read(photo, raw) }
+        val xyz = median(runs) { made.standardise(raw, into, Space.XYZ) }
+        val lab = median(runs) { made.standardise(raw, into, Space.LAB) }
+        if (!into.all { it.isFinite() }) exitProcess(1)
+        println("$making $reading $xyz $lab ${raw.size / 3}")
+    }
+
+    private fun median(runs: Int, work: () -> Unit): Double {
+        repeat(runs) { work() }
+        val times = DoubleArray(runs) {
+            val start = System.nanoTime()
+            work()
+            (System.nanoTime() - start) / 1e6
+        }
+        return times.sorted()[runs / 2]
+    }
+}
