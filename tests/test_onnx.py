@@ -343,7 +343,7 @@ def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out
     assert out.count("the same bytes") == 3
-    assert out.splitlines()[-1] == "2 passed, 0 failed"
+    assert out.splitlines()[-1] == "3 passed, 0 failed"
 
 
 @pytest.mark.slow
