@@ -1,7 +1,7 @@
-"""What Python says of passports, for Kotlin's tests: `python tests/signed_passports.py` writes passports/python.json anew.
+"""What Python says of passports, for Kotlin's tests: `python tests/signed_passports.py` writes them anew.
 
-Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer. Keys are made here, sign,
-and are gone: the file holds the public ones only. So a new file has other bytes than the one before.
+Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer, in passports/python.json.
+Keys are made here, sign, and are gone: the file holds the public ones only. So a new file has other bytes each time.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ internal class Parts private constructor(
             if (kid == null || !PassportKeys.KEY.matches(kid)) {
                 throw PassportInvalid("The passport names no key.", ASK)
             }
-            if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to TYPE)) { // `none`, HS256, crit, jwk: all one
+            if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to TYPE)) { // `none`, HS256, crit, jwk
                 throw PassportInvalid("The passport's header asks for something else than $ALGORITHM.", ASK)
             }
             if (signature.size != 64) {

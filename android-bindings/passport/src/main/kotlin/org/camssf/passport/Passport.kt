@@ -96,7 +96,10 @@ public class Passport internal constructor(
             Base64Url.encode(it.toByteArray())
         }
         if (text.length > LARGEST_PASSPORT - 128) {
-            throw InvalidArgument("The passport would be larger than $LARGEST_PASSPORT bytes.", "Sign a smaller result.")
+            throw InvalidArgument(
+                "The passport would be larger than $LARGEST_PASSPORT bytes.",
+                "Sign a smaller result.",
+            )
         }
         val data = text.toByteArray()
         val signature = P256.raw(signer.sign(data.copyOf()))
@@ -183,8 +186,10 @@ public class Passport internal constructor(
             }
         }
 
-        private fun noResult(why: String) =
-            InvalidArgument("The result $why.", "Give the bytes of a \"camssf-result/1\", as Calibration.toJson has it.")
+        private fun noResult(why: String) = InvalidArgument(
+            "The result $why.",
+            "Give the bytes of a \"camssf-result/1\", as Calibration.toJson has it.",
+        )
 
         private fun hex(data: ByteArray): String =
             data.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }

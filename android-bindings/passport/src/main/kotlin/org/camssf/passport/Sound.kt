@@ -213,11 +213,13 @@ internal class Sound private constructor(private val text: String) {
         fun quote(text: String): String {
             val out = StringBuilder(text.length + 2).append('"')
             for ((i, letter) in text.withIndex()) {
+                val behind = text.getOrNull(i + 1)
+                val before = text.getOrNull(i - 1)
                 when {
                     letter == '"' || letter == '\\' -> out.append('\\').append(letter)
                     letter < ' ' -> out.append("\\u00").append(HEX[letter.code shr 4]).append(HEX[letter.code and 15])
-                    letter.isHighSurrogate() && text.getOrNull(i + 1)?.isLowSurrogate() != true -> out.append('\ufffd')
-                    letter.isLowSurrogate() && text.getOrNull(i - 1)?.isHighSurrogate() != true -> out.append('\ufffd')
+                    letter.isHighSurrogate() && behind?.isLowSurrogate() != true -> out.append('\ufffd')
+                    letter.isLowSurrogate() && before?.isHighSurrogate() != true -> out.append('\ufffd')
                     else -> out.append(letter)
                 }
             }
