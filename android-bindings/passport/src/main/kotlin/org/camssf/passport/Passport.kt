@@ -8,6 +8,7 @@ import java.security.ProviderException
 import java.security.PublicKey
 import java.security.SecureRandom
 import java.security.Signature
+import java.util.Collections
 import kotlin.time.Clock
 import kotlin.time.Instant
 
@@ -41,7 +42,7 @@ public class Passport internal constructor(
     public val resultSha256: String,
     public val result: String,
 ) {
-    public val lampSerials: List<String> = lampSerials.toList()
+    public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
 
     /** What is signed, as JSON: docs/passport.md has the table of its claims. */
     public fun toJson(): String = claims().joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }

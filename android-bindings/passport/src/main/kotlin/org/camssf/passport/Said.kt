@@ -1,5 +1,6 @@
 package org.camssf.passport
 
+import java.util.Collections
 import kotlin.time.Instant
 
 /**
@@ -20,5 +21,5 @@ public class Said @JvmOverloads constructor(
     public val begins: Instant? = null,
 ) {
     /** Of each shot's lamp, in their order; none at all, or one a shot. */
-    public val lampSerials: List<String> = lampSerials.toList()
+    public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
 }

@@ -43,6 +43,9 @@ class SigningTest {
         assertEquals(90.days, found.ends - found.begins)
         assertEquals(Instant.parse("2026-11-22T03:00:00Z"), found.issued)
         assertEquals(found.issued, found.begins)
+        for (list in listOf(found.lampSerials, said.lampSerials)) {
+            assertThrows<UnsupportedOperationException> { (list as MutableList<String>).add("another") }
+        }
         assertNotEquals(drawn.id, Passport.drawUp(result, said, now).id)
         assertTrue(found.toString().startsWith("passport ${found.id} of CameraUnit(make=Maker"))
     }
