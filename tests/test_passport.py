@@ -31,6 +31,7 @@ pytest.importorskip("cryptography", reason="cryptography is not here")
 
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
+from signed_passports import answer
 
 from camssf.documents import passport as passports
 from camssf.documents.keys import PRIVATE, PUBLIC, key_name, make_key, read_private, read_public, read_revoked
@@ -39,6 +40,7 @@ from camssf.documents.passport import FORMAT, ORDER, Passport, Said, draw_up, re
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
 LATER = NOW + timedelta(days=30)
 JUDGE = Path(__file__).with_name("PassportJudge.java")
+STORED = Path(__file__).with_name("passports")
 
 
 @cache
@@ -444,6 +446,36 @@ def test_a_jvm_with_java_security_alone_agrees(tmp_path: Path) -> None:
     assert dict(zip(files, done.stdout.split(), strict=True)) == {
         name: "valid" if name in ("good", "whole") else "invalid" for name in files
     }
+
+
+def test_kotlin_was_told_what_is_so() -> None:
+    """passports/python.json, which Kotlin's answers are held to, is true of the rules of today."""
+    known = json.loads((STORED / "python.json").read_text("utf-8"))
+    keys = {who: serialization.load_pem_public_key(each["pem"].encode()) for who, each in known["keys"].items()}
+    assert {who: key_name(key) for who, key in keys.items()} == {w: k["name"] for w, k in known["keys"].items()}
+    assert len(known["cases"]) > 300
+    for case in known["cases"]:
+        at, data = datetime.fromtimestamp(case["at"], UTC), case["data"].encode("latin-1")
+        told = answer(data, {key_name(keys["signer"]): keys["signer"]}, at, case["revoked"])
+        assert told == {name: case[name] for name in told}, case["name"]
+
+
+def test_kotlins_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Signed by `java.security`: verified here, and shown alike."""
+    known = json.loads((STORED / "kotlin.json").read_text("utf-8"))
+    (tmp_path / "key.pem").write_text(known["pem"])
+    keys = read_public([tmp_path / "key.pem"])
+    assert len(known["passports"]) == 3
+    for each in known["passports"]:
+        data = each["data"].encode()
+        found = verify(data, keys, now=LATER, result=each["result"].encode())
+        assert found.result == json.loads(each["result"])
+        (tmp_path / "a.jws").write_bytes(data)
+        assert cli.main(["passport", "show", str(tmp_path / "a.jws")]) == 0
+        assert json.loads(capsys.readouterr().out) == each["shown"]
+        for other in (data[:-1], data[:500] + data[501:], data.replace(b"A", b"B", 1)):
+            with pytest.raises(PassportInvalid):
+                verify(other, keys, now=LATER)
 
 
 # Keys

@@ -1,8 +1,7 @@
 package org.camssf
 
 /**
- * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON. Python has two more, of
- * what Kotlin does not do: `colour_out_of_reach` and `passport_invalid`.
+ * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON.
  *
  * ```
  * CalibrationException
@@ -24,7 +23,8 @@ package org.camssf
  * ├── LampUnfit              lamp_unfit          the light
  * ├── NotConverged           not_converged       the solver's own proof failed
  * ├── CameraUnusual          camera_unusual      no basis knows such a camera
- * └── ColourOutOfReach       colour_out_of_reach a colour that no surface has
+ * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface has
+ * └── PassportInvalid        passport_invalid    changed, foreign, ended or called back
  * ```
  *
  * @property code the word of the vocabulary, the same in every language.
@@ -221,3 +221,12 @@ public class ColourOutOfReach @JvmOverloads constructor(
     threshold: Double? = null,
     cause: Throwable? = null,
 ) : CalibrationException("colour_out_of_reach", message, advice, value, threshold, cause)
+
+/** A passport that is not whole, not signed by a trusted key, not in its time, or called back: trust nothing in it. */
+public class PassportInvalid @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("passport_invalid", message, advice, value, threshold, cause)

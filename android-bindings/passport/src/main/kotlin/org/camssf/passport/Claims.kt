@@ -1,0 +1,74 @@
+package org.camssf.passport
+
+import org.camssf.PassportInvalid
+
+/** Payload → passport. Of the result only what says that it is one: it may be of another release of camssf. */
+internal object Claims {
+    const val FORMAT = "camssf-passport/1"
+    const val RESULT = "camssf-result/"
+
+    fun read(payload: ByteArray): Passport {
+        val text = Parts.text(payload, "payload")
+        val found = Parts.members(text, "payload")
+        val claims = found.values
+        for ((name, right) in FORM) {
+            if (name !in claims || !right(claims[name])) {
+                throw PassportInvalid("The passport's $name is missing or not as it must be.", ASK)
+            }
+        }
+        val serials = (claims["serials"] as Members).values
+        val result = text.substring(found.places.getValue("result"))
+        return Passport(
+            id = claims["jti"] as String,
+            issued = second((claims["iat"] as Numeral).whole!!),
+            begins = second((claims["nbf"] as Numeral).whole!!),
+            ends = second((claims["exp"] as Numeral).whole!!),
+            unit = unit((claims["unit"] as Members).values),
+            captured = claims["captured"] as String,
+            chartSerial = serials["chart"] as String,
+            lampSerials = (serials["lamps"] as List<*>).map { it as String },
+            software = (claims["software"] as Members).values["version"] as String,
+            resultSha256 = claims["result_sha256"] as String,
+            result = result,
+        )
+    }
+
+    private fun unit(of: Map<String, Any?>) = CameraUnit(
+        make = of["make"] as String,
+        model = of["model"] as String,
+        cameraId = of["camera_id"] as String,
+        serial = of["serial"] as String,
+        lens = of["lens"] as String,
+        focalLength = (of["focal_length"] as Numeral?)?.text?.toDouble(),
+        aperture = (of["aperture"] as Numeral?)?.text?.toDouble(),
+    )
+
+    private fun isSecond(value: Any?): Boolean = (value as? Numeral)?.whole?.let { it in 0 until AFTER_ALL } ?: false
+
+    private fun isSize(value: Any?): Boolean = value == null || (value is Numeral && value.text.toDouble() > 0)
+
+    private fun isUnit(value: Any?): Boolean = value is Members &&
+        listOf("make", "model", "camera_id", "serial", "lens").all { value.values[it] is String } &&
+        listOf("focal_length", "aperture").all { it in value.values && isSize(value.values[it]) }
+
+    private fun areSerials(value: Any?): Boolean = value is Members && value.values["chart"] is String &&
+        (value.values["lamps"] as? List<*>)?.all { it is String } ?: false
+
+    private fun isResult(value: Any?): Boolean = value is Members && "ssf" in value.values &&
+        (value.values["format"] as? String)?.startsWith(RESULT) ?: false
+
+    private val HASH = Regex("[0-9a-f]{64}")
+    private val FORM: Map<String, (Any?) -> Boolean> = linkedMapOf(
+        "format" to { it == FORMAT },
+        "jti" to { it is String && PassportKeys.PASSPORT.matches(it) },
+        "iat" to ::isSecond,
+        "nbf" to ::isSecond,
+        "exp" to ::isSecond,
+        "unit" to ::isUnit,
+        "captured" to { it is String },
+        "serials" to ::areSerials,
+        "software" to { it is Members && it.values["version"] is String },
+        "result_sha256" to { it is String && HASH.matches(it) },
+        "result" to ::isResult,
+    )
+}

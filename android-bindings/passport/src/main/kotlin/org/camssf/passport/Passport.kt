@@ -1,0 +1,266 @@
+package org.camssf.passport
+
+import org.camssf.InvalidArgument
+import org.camssf.PassportInvalid
+import java.security.GeneralSecurityException
+import java.security.KeyPair
+import java.security.ProviderException
+import java.security.PublicKey
+import java.security.SecureRandom
+import java.security.Signature
+import java.util.Collections
+import kotlin.time.Clock
+import kotlin.time.Instant
+
+/**
+ * A result with whose camera it is, since when and until when it holds, and made from what: what Python's `camssf passport`
+ * signs and verifies, document for document (docs/passport.md). Signed it is a compact JWS with ES256; what was received is
+ * what is verified. It cannot be changed, and may be passed between threads.
+ *
+ * @property id 32 hexadecimal digits, by chance.
+ * @property issued whole seconds, as [begins] and [ends].
+ * @property begins it is valid from then on.
+ * @property ends it is no more valid then.
+ * @property unit whose curves these are.
+ * @property captured when the photo was taken, ISO 8601; "" where nobody said.
+ * @property chartSerial of the chart; "" where nobody said.
+ * @property lampSerials of each shot's lamp, likewise.
+ * @property software the version of camssf that wrote it.
+ * @property resultSha256 of the result's file, byte for byte.
+ * @property result the result document, JSON: what `Standardiser.read` takes.
+ */
+public class Passport internal constructor(
+    public val id: String,
+    public val issued: Instant,
+    public val begins: Instant,
+    public val ends: Instant,
+    public val unit: CameraUnit,
+    public val captured: String,
+    public val chartSerial: String,
+    lampSerials: List<String>,
+    public val software: String,
+    public val resultSha256: String,
+    public val result: String,
+) {
+    public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
+
+    /** What is signed, as JSON: docs/passport.md has the table of its claims. */
+    public fun toJson(): String = claims().joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }
+
+    /** Names, and values as JSON. */
+    internal fun claims(): List<Pair<String, String>> {
+        val lamps = lampSerials.joinToString(",", "[", "]") { Sound.quote(it) }
+        return listOf(
+            "format" to Sound.quote(Claims.FORMAT),
+            "jti" to Sound.quote(id),
+            "iat" to issued.epochSeconds.toString(),
+            "nbf" to begins.epochSeconds.toString(),
+            "exp" to ends.epochSeconds.toString(),
+            "unit" to unit.toJson(),
+            "captured" to Sound.quote(captured),
+            "serials" to """{"chart":${Sound.quote(chartSerial)},"lamps":$lamps}""",
+            "software" to """{"name":"camssf","version":${Sound.quote(software)}}""",
+            "result_sha256" to Sound.quote(resultSha256),
+            "result" to result,
+        )
+    }
+
+    /**
+     * The signed passport, to be kept and sent as these very bytes.
+     *
+     * @param keys on P-256, of the Android Keystore or of any provider; the private one is used and not kept, and its
+     *   provider's words go into no message.
+     * @throws InvalidArgument the key is another one or does not sign, the two are no pair, or the result is too large.
+     */
+    public fun sign(keys: KeyPair): ByteArray = sign(keys.public) { data ->
+        try {
+            Signature.getInstance("SHA256withECDSA").run {
+                initSign(keys.private)
+                update(data)
+                sign()
+            }
+        } catch (error: GeneralSecurityException) {
+            throw unfit(error)
+        } catch (error: ProviderException) {
+            throw unfit(error)
+        }
+    }
+
+    /**
+     * The same where the app signs itself.
+     *
+     * @param public of the key that [signer] signs with.
+     */
+    public fun sign(public: PublicKey, signer: PassportSigner): ByteArray {
+        val point = P256.point(public)
+        val text = listOf(Parts.header(PassportKeys.name(point)), toJson()).joinToString(".") {
+            Base64Url.encode(it.toByteArray())
+        }
+        if (text.length > LARGEST_PASSPORT - 128) {
+            throw InvalidArgument(
+                "The passport would be larger than $LARGEST_PASSPORT bytes.",
+                "Sign a smaller result.",
+            )
+        }
+        val data = text.toByteArray()
+        val signature = P256.raw(signer.sign(data.copyOf()))
+        if (signature == null || !P256.verify(point, data, data.size, signature)) {
+            throw InvalidArgument(
+                "What was signed does not fit the public key.",
+                "Give a pair of keys on P-256, and sign by SHA256withECDSA.",
+            )
+        }
+        return data + ".${Base64Url.encode(signature)}".toByteArray()
+    }
+
+    /** Without the result. */
+    override fun toString(): String = "passport $id of $unit, valid from ${iso(begins)} to ${iso(ends)}"
+
+    public companion object {
+        private const val VERSION = "0.1.0"
+        private const val LARGEST_DOCUMENT = 64 * 1024 * 1024
+        private const val LONGEST_DAYS = 36500
+
+        /** Only its class: what a provider says of a private key is nobody's business. */
+        private fun unfit(error: Exception) = InvalidArgument(
+            "The private key does not sign (${error.javaClass.simpleName}).",
+            "Give a private key on P-256; one that asks for its user first needs a PassportSigner.",
+        )
+
+        /**
+         * A passport of a result, not yet signed.
+         *
+         * @param result the bytes of the file that `Calibrated.toJson` became.
+         * @param said what the result does not hold.
+         * @param now the time of issue.
+         * @throws InvalidArgument the result is none, was refused, or what is said cannot be.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun drawUp(result: ByteArray, said: Said = Said(), now: Instant = Clock.System.now()): Passport {
+            val (text, document) = document(result)
+            val camera = (document["camera"] as? Members)?.values ?: throw noResult("has no camera")
+            val shots = document["shots"] as? List<*> ?: throw noResult("has no shots")
+            if (document["format"] != Claims.RESULT + "1") throw noResult("has another format")
+            if ("ssf" !in document) {
+                throw InvalidArgument("The result was refused: it has no curves to sign.", "Calibrate again.")
+            }
+            val lamps = said.lampSerials.ifEmpty { List(shots.size) { "" } }
+            if (lamps.size != shots.size) {
+                throw InvalidArgument(
+                    "${lamps.size} serials of lamps for ${shots.size} shots.",
+                    "Give one a shot, in their order.",
+                )
+            }
+            if (!(said.days > 0 && said.days <= LONGEST_DAYS)) {
+                throw InvalidArgument("Valid for ${said.days} days.", "Give more than 0 and at most $LONGEST_DAYS.")
+            }
+            val begins = (said.begins ?: now).epochSeconds
+            val ends = end(begins, said.days)
+            if (now.epochSeconds !in
+                0 until AFTER_ALL
+            ) {
+                throw InvalidArgument("It is issued at $now.", "Set the clock.")
+            }
+            return Passport(
+                id = hex(ByteArray(16).also { SecureRandom().nextBytes(it) }),
+                issued = second(now.epochSeconds),
+                begins = second(begins),
+                ends = second(ends),
+                unit = said.unit.filled(camera["make"] as? String ?: "", camera["model"] as? String ?: ""),
+                captured = captured(said.captured),
+                chartSerial = said.chartSerial,
+                lampSerials = lamps,
+                software = VERSION,
+                resultSha256 = hex(PassportKeys.sha256(result)),
+                result = Sound.compact(text),
+            ).also { it.unit.toJson() }
+        }
+
+        private fun document(result: ByteArray): Pair<String, Map<String, Any?>> {
+            if (result.size > LARGEST_DOCUMENT) throw noResult("is larger than $LARGEST_DOCUMENT bytes")
+            return try {
+                val text = Sound.text(result)
+                text to ((Sound.parse(text) as? Members)?.values ?: throw noResult("is no object"))
+            } catch (error: UnsoundException) {
+                throw noResult("is not sound JSON (${error.message})")
+            }
+        }
+
+        private fun noResult(why: String) = InvalidArgument(
+            "The result $why.",
+            "Give the bytes of a \"camssf-result/1\", as Calibration.toJson has it.",
+        )
+
+        private fun hex(data: ByteArray): String =
+            data.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
+
+        /**
+         * The passport, if it is one: whole, signed by a trusted key, in its time, not called back.
+         *
+         * @param data as received.
+         * @param trusted public keys, of [PassportKeys.readPublic] or any provider.
+         * @param revoked of [PassportKeys.readRevoked].
+         * @param now at what time.
+         * @param result the bytes of a result's file that it shall belong to.
+         * @throws PassportInvalid anything of it is not as it must be.
+         * @throws InvalidArgument a trusted key is not on P-256.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun verify(
+            data: ByteArray,
+            trusted: Collection<PublicKey>,
+            revoked: Set<String> = emptySet(),
+            now: Instant = Clock.System.now(),
+            result: ByteArray? = null,
+        ): Passport {
+            val received = data.copyOf() // what is verified is what is read, whatever the caller does meanwhile
+            val points = trusted.map { P256.point(it) }.associateBy { PassportKeys.name(it) }
+            val parts = Parts.read(received)
+            val kid = parts.kid
+            val point = points[kid] ?: throw PassportInvalid(
+                "The passport is signed by the key $kid, which is not trusted.",
+                "Give that signer's public key, if you trust him.",
+            )
+            if (!P256.isInBounds(parts.signature)) {
+                throw PassportInvalid("The passport's signature is out of its bounds.", ASK)
+            }
+            if (!P256.verify(point, received, parts.length, parts.signature)) {
+                throw PassportInvalid("The passport's signature does not fit: it was changed.", ASK)
+            }
+            val passport = Claims.read(parts.payload)
+            check(passport, kid, revoked, now)
+            if (result != null && hex(PassportKeys.sha256(result)) != passport.resultSha256) {
+                throw PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
+            }
+            return passport
+        }
+
+        private fun check(passport: Passport, kid: String, revoked: Set<String>, now: Instant) {
+            for ((name, what) in listOf(passport.id to "The passport", kid to "The key that signed it")) {
+                if (name in revoked) throw PassportInvalid("$what was called back ($name).", "Calibrate again.")
+            }
+            if (now < passport.begins) {
+                throw PassportInvalid(
+                    "The passport is not valid before ${iso(passport.begins)}.",
+                    "Wait, or look at the clock.",
+                )
+            }
+            if (now >= passport.ends) {
+                throw PassportInvalid("The passport ended at ${iso(passport.ends)}.", "Calibrate again.")
+            }
+        }
+
+        /**
+         * What a passport says, and by what key it says it is signed. Nothing of it is verified.
+         *
+         * @throws PassportInvalid it has not the form of one.
+         */
+        @JvmStatic
+        public fun show(data: ByteArray): Shown {
+            val parts = Parts.read(data.copyOf())
+            return Shown(Claims.read(parts.payload), parts.kid)
+        }
+    }
+}

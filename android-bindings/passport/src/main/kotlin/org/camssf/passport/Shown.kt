@@ -1,0 +1,27 @@
+package org.camssf.passport
+
+/**
+ * What stands in a document that has the form of a passport. Nothing of it is verified: anybody may have written it.
+ *
+ * @property passport what it says.
+ * @property key the name of the key that it says it is signed by.
+ */
+public class Shown internal constructor(public val passport: Passport, public val key: String) {
+    /** What `camssf passport show` prints: all but the result. */
+    public fun toJson(): String {
+        val verdict = (Sound.parse(passport.result) as Members).values["verdict"] as? Members
+        val status = (verdict?.values?.get("status") as? String)?.let { Sound.quote(it) }
+        val head = listOf(
+            "key" to Sound.quote(key),
+            "verified" to "false",
+            "id" to Sound.quote(passport.id),
+            "issued" to Sound.quote(iso(passport.issued)),
+            "begins" to Sound.quote(iso(passport.begins)),
+            "ends" to Sound.quote(iso(passport.ends)),
+        )
+        val claims = passport.claims().filter { it.first !in setOf("jti", "iat", "nbf", "exp", "result") }
+        return (head + claims + ("verdict" to status)).joinToString(",", "{", "}") { (name, value) ->
+            "\"$name\":$value"
+        }
+    }
+}

@@ -1,0 +1,231 @@
+package org.camssf.passport
+
+import java.nio.ByteBuffer
+import java.nio.charset.CharacterCodingException
+
+/** Not sound JSON. Never leaves this package. */
+internal class UnsoundException(message: String) : Exception(message)
+
+/** A number as it was written. */
+internal class Numeral(val text: String) {
+    /** Null where it is not written as a whole number, or not below 10¹⁸. */
+    val whole: Long? get() = if (WHOLE.matches(text)) text.toLong() else null
+
+    private companion object {
+        val WHOLE = Regex("-?[0-9]{1,18}")
+    }
+}
+
+/** An object, and where in the text the values of its members stand, if it is the outermost. */
+internal class Members(val values: Map<String, Any?>, val places: Map<String, IntRange>)
+
+/**
+ * Sound JSON → [Members], lists, strings, [Numeral], Boolean, null. It refuses what Python's does, which kotlinx's parser
+ * would take: a key twice in an object, words without quotes, NaN, control characters in a string.
+ */
+internal class Sound private constructor(private val text: String) {
+    private var at = 0
+
+    private fun document(): Any? {
+        blank()
+        val found = value(0)
+        blank()
+        if (at < text.length) fail("more behind its end")
+        return found
+    }
+
+    private fun value(depth: Int): Any? {
+        if (depth > DEEPEST) fail("nested deeper than $DEEPEST")
+        return when (peek()) {
+            '{' -> members(depth)
+            '[' -> list(depth)
+            '"' -> string()
+            't' -> word("true", true)
+            'f' -> word("false", false)
+            'n' -> word("null", null)
+            else -> number()
+        }
+    }
+
+    private fun members(depth: Int): Members {
+        val values = LinkedHashMap<String, Any?>()
+        val places = HashMap<String, IntRange>()
+        at++
+        blank()
+        if (peek() == '}') {
+            at++
+            return Members(values, places)
+        }
+        while (true) {
+            val name = string()
+            blank()
+            take(':')
+            blank()
+            if (name in values) fail("the same key twice in one object")
+            val from = at
+            values[name] = value(depth + 1)
+            if (depth == 0) places[name] = from until at
+            blank()
+            if (peek() == '}') break
+            take(',')
+            blank()
+        }
+        at++
+        return Members(values, places)
+    }
+
+    private fun list(depth: Int): List<Any?> {
+        val found = ArrayList<Any?>()
+        at++
+        blank()
+        if (peek() == ']') {
+            at++
+            return found
+        }
+        while (true) {
+            found += value(depth + 1)
+            blank()
+            if (peek() == ']') break
+            take(',')
+            blank()
+        }
+        at++
+        return found
+    }
+
+    private fun string(): String {
+        take('"')
+        val found = StringBuilder()
+        while (true) {
+            val letter = peek()
+            at++
+            when {
+                letter == '"' -> return found.toString()
+                letter == '\\' -> found.append(escaped())
+                letter < ' ' -> fail("a control character in a string")
+                else -> found.append(letter)
+            }
+        }
+    }
+
+    private fun escaped(): Char {
+        val letter = peek()
+        at++
+        if (letter != 'u') return ESCAPES[letter] ?: fail("an escape that is none")
+        var code = 0
+        repeat(4) {
+            val digit = HEX.indexOf(peek().lowercaseChar())
+            if (digit < 0 || peek() > 'f') fail("an escape that is none")
+            code = code * 16 + digit
+            at++
+        }
+        return code.toChar()
+    }
+
+    private fun number(): Numeral {
+        val from = at
+        if (peek() == '-') at++
+        val first = at
+        if (digits() > 1 && text[first] == '0') fail("a number that begins with 0")
+        val whole = at - first
+        val next = text.getOrNull(at)
+        if (next == '.') {
+            at++
+            digits()
+        }
+        val fraction = next == '.'
+        val exponent = text.getOrNull(at) == 'e' || text.getOrNull(at) == 'E'
+        if (exponent) {
+            at++
+            if (text.getOrNull(at) == '+' || text.getOrNull(at) == '-') at++
+            digits()
+        }
+        if (!fraction && !exponent && whole > LONGEST) fail("a number of $whole digits")
+        return Numeral(text.substring(from, at))
+    }
+
+    /** How many; at least one. */
+    private fun digits(): Int {
+        val from = at
+        while (at < text.length && text[at] in '0'..'9') at++
+        if (at == from) fail("no number where one must be")
+        return at - from
+    }
+
+    private fun word(word: String, value: Boolean?): Boolean? {
+        if (!text.startsWith(word, at)) fail("an unknown word")
+        at += word.length
+        return value
+    }
+
+    private fun take(letter: Char) {
+        if (peek() != letter) fail("no $letter")
+        at++
+    }
+
+    private fun peek(): Char = text.getOrNull(at) ?: fail("cut off")
+
+    private fun blank() {
+        while (at < text.length && isBlank(text[at])) at++
+    }
+
+    private fun fail(what: String): Nothing = throw UnsoundException("$what, at character $at")
+
+    companion object {
+        /** Python's own bound lies above it, and is another one in each version. */
+        const val DEEPEST = 500
+
+        /** Digits of a whole number, as Python's. */
+        private const val LONGEST = 4300
+        private const val HEX = "0123456789abcdef"
+        private val ESCAPES = mapOf(
+            '"' to '"', '\\' to '\\', '/' to '/', 'b' to '\b', 'f' to '\u000c', 'n' to '\n', 'r' to '\r', 't' to '\t',
+        )
+
+        /** UTF-8 → text, with nothing mended. */
+        fun text(data: ByteArray): String = try {
+            Charsets.UTF_8.newDecoder().decode(ByteBuffer.wrap(data)).toString()
+        } catch (_: CharacterCodingException) {
+            throw UnsoundException("not UTF-8")
+        }
+
+        /** The value that a text is. */
+        fun parse(text: String): Any? = Sound(text).document()
+
+        /** The same sound JSON without blanks. */
+        fun compact(text: String): String {
+            val out = StringBuilder(text.length)
+            var inside = false
+            var i = 0
+            while (i < text.length) {
+                val letter = text[i++]
+                if (inside || !isBlank(letter)) out.append(letter)
+                if (inside && letter == '\\') {
+                    out.append(text[i++])
+                } else if (letter == '"') {
+                    inside = !inside
+                }
+            }
+            return out.toString()
+        }
+
+        /** A string as JSON; half a character is U+FFFD, as Python writes it. */
+        fun quote(text: String): String {
+            val out = StringBuilder(text.length + 2).append('"')
+            for ((i, letter) in text.withIndex()) {
+                val behind = text.getOrNull(i + 1)
+                val before = text.getOrNull(i - 1)
+                when {
+                    letter == '"' || letter == '\\' -> out.append('\\').append(letter)
+                    letter < ' ' -> out.append("\\u00").append(HEX[letter.code shr 4]).append(HEX[letter.code and 15])
+                    letter.isHighSurrogate() && behind?.isLowSurrogate() != true -> out.append('\ufffd')
+                    letter.isLowSurrogate() && before?.isHighSurrogate() != true -> out.append('\ufffd')
+                    else -> out.append(letter)
+                }
+            }
+            return out.append('"').toString()
+        }
+
+        private fun isBlank(letter: Char) = letter == ' ' || letter == '\n' || letter == '\r' || letter == '\t'
+    }
+}

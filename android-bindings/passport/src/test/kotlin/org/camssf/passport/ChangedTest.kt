@@ -1,0 +1,143 @@
+package org.camssf.passport
+
+import org.camssf.PassportInvalid
+import org.camssf.passport.Fixtures.refused
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNotNull
+import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.assertThrows
+import java.math.BigInteger
+import java.util.Random
+import javax.crypto.Mac
+import javax.crypto.spec.SecretKeySpec
+
+/** No byte can be changed without the key. Seeded: the same changes at every run, of the passports that are stored. */
+class ChangedTest {
+    private val small = Fixtures.case("small").data
+    private val whole = Fixtures.case("whole").data
+    private val dot = '.'.code.toByte()
+
+    private fun verified(data: ByteArray): Passport =
+        Passport.verify(data, listOf(Fixtures.SIGNER), now = Fixtures.LATER)
+
+    @Test
+    fun `any bit matters`() {
+        assertNotNull(verified(small))
+        var count = 0
+        for (i in small.indices) {
+            val before = small.copyOf(i)
+            val behind = small.copyOfRange(i + 1, small.size)
+            val changed = (0..7).map { before + (small[i].toInt() xor (1 shl it)).toByte() + behind } +
+                listOf(before + behind, before + small[i] + small[i] + behind, before)
+            for (each in changed) {
+                refused(each, Fixtures.SIGNER)
+                count++
+            }
+        }
+        assertEquals(11 * small.size, count)
+    }
+
+    @Test
+    fun `ten thousand changed passports of a whole result`() {
+        assertNotNull(verified(whole))
+        val dice = Random(19)
+        var count = 0
+        while (count < 10_000) {
+            val other = mutated(whole, dice)
+            if (other.contentEquals(whole)) continue
+            refused(other, Fixtures.SIGNER)
+            count++
+        }
+    }
+
+    /** What a disk, a mail program or an attacker without a key may do. */
+    private fun mutated(data: ByteArray, dice: Random): ByteArray {
+        val (i, j) = listOf(dice.nextInt(data.size), dice.nextInt(data.size)).sorted()
+        val some = ByteArray(1 + dice.nextInt(8)) { LETTERS[dice.nextInt(64)].code.toByte() }
+        val head = data.copyOf(i)
+        val rest = data.copyOfRange(i, data.size)
+        val both = Fixtures.signature(data)
+        val r = Fixtures.number(both, 0)
+        val s = Fixtures.number(both, 32)
+        return when (dice.nextInt(9)) {
+            0 -> head + data.copyOfRange(j, data.size)
+            1 -> head + some + rest
+            2 -> head + some + rest.drop(some.size)
+            3 -> head + dice.nextInt(256).toByte() + rest.drop(1)
+            4 -> head + data.copyOfRange(i, j).reversedArray() + data.copyOfRange(j, data.size)
+            5 -> Fixtures.withSignature(data, Fixtures.signature(small))
+            6 -> Fixtures.withSignature(data, Fixtures.numbers(r, s.add(below(dice)).mod(P256.order)))
+            7 -> Fixtures.withSignature(data, Fixtures.numbers(below(dice), s))
+            else -> withClaim(data, dice)
+        }
+    }
+
+    private fun below(dice: Random): BigInteger =
+        BigInteger(256, dice).mod(P256.order - BigInteger.ONE) + BigInteger.ONE
+
+    /** One digit of the payload's text is another, written well; the signature stays. */
+    private fun withClaim(data: ByteArray, dice: Random): ByteArray {
+        val (first, last) = data.indexOf(dot) to data.lastIndexOf(dot)
+        val text = Base64Url.decode(data, first + 1, last)!!
+        val digits = text.indices.filter { text[it] in '0'.code..'9'.code }
+        val at = digits[dice.nextInt(digits.size)]
+        text[at] = ('0'.code + (text[at] - '0'.code + 1 + dice.nextInt(9)) % 10).toByte()
+        return data.copyOf(first + 1) + Base64Url.encode(text).toByteArray() + data.copyOfRange(last, data.size)
+    }
+
+    @Test
+    fun `swapped algorithms`() {
+        val (_, payload, signature) = String(small).split(".")
+        val pem = Fixtures.pem("signer").toByteArray()
+        for (alg in listOf("none", "HS256", "ES256")) {
+            val head = """{"alg":"$alg","kid":"${Fixtures.keyName("signer")}","typ":"camssf-passport+jwt"}"""
+            val text = Base64Url.encode(head.toByteArray()) + "." + payload
+            val mac = Mac.getInstance("HmacSHA256").run {
+                init(SecretKeySpec(pem, "HmacSHA256"))
+                doFinal(text.toByteArray())
+            }
+            for (last in listOf("", Base64Url.encode(mac), Base64Url.encode(mac + mac), signature)) {
+                if (alg != "ES256" || last != signature) refused("$text.$last".toByteArray(), Fixtures.SIGNER)
+            }
+        }
+    }
+
+    @Test
+    fun `a foreign signature`() {
+        val keys = Fixtures.pair()
+        val foreign = Passport.drawUp(Fixtures.SMALL.toByteArray(), now = Fixtures.LATER).sign(keys)
+        refused(foreign, Fixtures.SIGNER, "not trusted")
+        refused(small, keys.public, "not trusted")
+        val both = listOf(Fixtures.SIGNER, keys.public)
+        for (data in listOf(foreign, small)) assertNotNull(Passport.verify(data, both, now = Fixtures.LATER))
+        val named = small.copyOf(small.lastIndexOf(dot))
+        val raw = P256.raw(Fixtures.ecdsa(keys, named))!!
+        refused(named + ".${Base64Url.encode(raw)}".toByteArray(), Fixtures.SIGNER, "does not fit")
+        assertThrows<PassportInvalid> { Passport.verify(small, emptyList()) }
+    }
+
+    /** Both (r, s) and (r, n - s) fit for anyone who only does the sums; one is a passport's. */
+    @Test
+    fun `the twin of a signature fits, and is refused`() {
+        val both = Fixtures.signature(small)
+        val (r, s) = Fixtures.number(both, 0) to Fixtures.number(both, 32)
+        val twin = Fixtures.numbers(r, P256.order - s)
+        val point = P256.point(Fixtures.SIGNER)
+        assertEquals(true, P256.verify(point, small, small.lastIndexOf(dot), twin))
+        refused(Fixtures.withSignature(small, twin), Fixtures.SIGNER, "out of its bounds")
+    }
+
+    @Test
+    fun `not a passport`() {
+        val noise = ByteArray(4096).also { Random(3).nextBytes(it) }
+        val texts = listOf("", ".", "..", "...", "a.b.c", "A".repeat(1_000_000), ".".repeat(100_000), "{}")
+        for (data in texts.map { it.toByteArray() } + noise + Fixtures.RESULT) {
+            refused(data, Fixtures.SIGNER)
+            assertThrows<PassportInvalid> { Passport.show(data) }
+        }
+    }
+
+    private companion object {
+        const val LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+    }
+}

@@ -1,0 +1,216 @@
+package org.camssf.passport
+
+import org.camssf.CalibrationException
+import org.camssf.InvalidArgument
+import org.camssf.PassportInvalid
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertFalse
+import org.junit.jupiter.api.Assertions.assertNotEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.assertThrows
+import java.io.File
+import java.math.BigInteger
+import java.security.KeyPair
+import java.security.KeyPairGenerator
+import java.security.PrivateKey
+import java.security.PublicKey
+import java.security.interfaces.ECPrivateKey
+import java.util.Base64
+import kotlin.time.Clock
+import kotlin.time.Duration.Companion.days
+import kotlin.time.Duration.Companion.nanoseconds
+import kotlin.time.Duration.Companion.seconds
+import kotlin.time.Instant
+
+/** Drawing up, signing, times, keys and lists. */
+class SigningTest {
+    private val now = Instant.parse("2026-11-22T03:00:00.75Z")
+    private val result = Fixtures.SMALL.toByteArray()
+    private val keys = Fixtures.pair()
+
+    @Test
+    fun `a result goes in and comes out`() {
+        val unit = CameraUnit(serial = "A1", lens = "35 mm", focalLength = 35.0)
+        val said = Said(unit, "2026-11-20", "chart 7", listOf("lamp 3"), days = 90.0)
+        val drawn = Passport.drawUp(result, said, now)
+        val found = Passport.verify(drawn.sign(keys), listOf(keys.public), now = now + 1.days, result = result)
+        assertEquals(drawn.toJson(), found.toJson())
+        assertEquals(CameraUnit("Maker", "Model A", "", "A1", "35 mm", 35.0), found.unit)
+        assertEquals(Fixtures.plain(Fixtures.SMALL), Fixtures.plain(found.result))
+        assertEquals("2026-11-20T00:00:00", found.captured)
+        assertEquals(90.days, found.ends - found.begins)
+        assertEquals(Instant.parse("2026-11-22T03:00:00Z"), found.issued)
+        assertEquals(found.issued, found.begins)
+        for (list in listOf(found.lampSerials, said.lampSerials)) {
+            assertThrows<UnsupportedOperationException> { (list as MutableList<String>).add("another") }
+        }
+        assertNotEquals(drawn.id, Passport.drawUp(result, said, now).id)
+        assertTrue(found.toString().startsWith("passport ${found.id} of CameraUnit(make=Maker"))
+    }
+
+    /** Some of a provider's signatures have the larger s, numbers of 31 bytes and of 33: all become 64 bytes. */
+    @Test
+    fun `a hundred signatures`() {
+        val drawn = Passport.drawUp(result, now = now)
+        var turned = 0
+        repeat(100) {
+            val data = drawn.sign(keys.public) { text ->
+                val der = Fixtures.ecdsa(keys, text)
+                val s = BigInteger(der.copyOfRange(der.size - der[4 + der[3] + 1], der.size))
+                if (s > P256.order.shiftRight(1)) turned++
+                der
+            }
+            assertEquals(64, Fixtures.signature(data).size)
+            assertEquals(drawn.toJson(), Passport.verify(data, listOf(keys.public), now = now).toJson())
+        }
+        assertTrue(turned in 20..80, "$turned")
+    }
+
+    @Test
+    fun `what cannot be signed`() {
+        fun refused(words: String, data: String = Fixtures.SMALL, said: Said = Said(), at: Instant = now) {
+            val error = assertThrows<InvalidArgument> { Passport.drawUp(data.toByteArray(), said, at) }
+            assertTrue(words in error.message, error.message)
+        }
+        refused("not sound JSON", "{")
+        refused("not sound JSON", "{\"a\":1,\"a\":1}")
+        refused("is no object", "[]")
+        refused("has no camera", "{}")
+        refused("has no shots", """{"camera":{}}""")
+        refused("another format", Fixtures.SMALL.replace("result/1", "result/2"))
+        refused("was refused", Fixtures.SMALL.replace("\"ssf\"", "\"no\""))
+        refused("2 serials of lamps for 1 shots", said = Said(lampSerials = listOf("a", "b")))
+        for (days in listOf(0.0, -1.0, Double.NaN, Double.POSITIVE_INFINITY, 36501.0)) {
+            refused("days", said = Said(days = days))
+        }
+        refused("'Model A' there, not 'Other'", said = Said(CameraUnit(model = "Other")))
+        refused("focal_length", said = Said(CameraUnit(focalLength = Double.POSITIVE_INFINITY)))
+        refused("aperture", said = Said(CameraUnit(aperture = 0.0)))
+        refused("calendar", said = Said(begins = Instant.parse("9999-12-01T00:00:00Z")))
+        refused("calendar", said = Said(begins = Instant.parse("1969-12-01T00:00:00Z")))
+        refused("issued at", said = Said(begins = now), at = Instant.parse("1969-12-01T00:00:00Z"))
+        for (time in listOf("yesterday", "2026-02-29", "2026-13-01", "2026-01-01T24:00", "2026-01-01T10:00+25:00")) {
+            refused("is not a time", said = Said(captured = time))
+        }
+    }
+
+    @Test
+    fun `its time`() {
+        val drawn = Passport.drawUp(result, Said(begins = now + 1.days, days = 1e-9), now)
+        val data = drawn.sign(keys)
+        assertEquals(1.seconds, drawn.ends - drawn.begins)
+        fun at(time: Instant) = Passport.verify(data, listOf(keys.public), now = time)
+        for (time in listOf(drawn.begins, drawn.ends - 1.nanoseconds)) assertEquals(drawn.id, at(time).id)
+        for ((time, words) in listOf(
+            drawn.begins - 1.nanoseconds to "is not valid before 2026-11-23T03:00:00+00:00.",
+            drawn.ends to "ended at 2026-11-23T03:00:01+00:00.",
+            drawn.ends + 9999.days to "ended",
+        )) {
+            assertTrue(words in assertThrows<PassportInvalid> { at(time) }.message)
+        }
+        val of2000 = Passport.drawUp(result, Said(begins = Instant.parse("2000-01-01T00:00:00Z")), now).sign(keys)
+        assertThrows<PassportInvalid> { Passport.verify(of2000, listOf(keys.public)) } // the clock's unless given
+        val ofNow = Passport.drawUp(result, Said(begins = Clock.System.now() - 1.days)).sign(keys)
+        assertTrue(Passport.verify(ofNow, listOf(keys.public)).lampSerials == listOf(""))
+    }
+
+    @Test
+    fun `what was called back`() {
+        val drawn = Passport.drawUp(result, now = now)
+        val data = drawn.sign(keys)
+        val kid = PassportKeys.name(keys.public)
+        for (line in listOf(drawn.id, "  $kid  # lost with a phone")) {
+            val list = PassportKeys.readRevoked("\ufeff# a comment\r\n\n${"f".repeat(32)}\u2028$line".toByteArray())
+            val error = assertThrows<PassportInvalid> { Passport.verify(data, listOf(keys.public), list, now) }
+            assertTrue("called back" in error.message)
+        }
+        Passport.verify(data, listOf(keys.public), PassportKeys.readRevoked("f".repeat(32).toByteArray()), now)
+        val broken = listOf("0123\n", drawn.id.uppercase(), "id " + "0".repeat(32), "$kid $kid").map {
+            it.toByteArray()
+        }
+        for (list in broken + byteArrayOf(-1, -2)) assertThrows<InvalidArgument> { PassportKeys.readRevoked(list) }
+    }
+
+    @Test
+    fun `keys of another kind, and files that are none`() {
+        val rsa = KeyPairGenerator.getInstance("RSA").apply { initialize(2048) }.generateKeyPair()
+        for (other in listOf(rsa, Fixtures.pair("secp384r1"))) {
+            assertTrue("P-256" in assertThrows<InvalidArgument> { PassportKeys.name(other.public) }.message)
+            assertTrue(
+                "P-256" in
+                    assertThrows<InvalidArgument> { PassportKeys.readPublic(pem(other.public.encoded)) }.message,
+            )
+            assertThrows<InvalidArgument> { Passport.drawUp(result).sign(other) }
+            assertThrows<InvalidArgument> { Passport.verify(ByteArray(0), listOf(other.public)) }
+        }
+        val off = keys.public.encoded.also { it[it.size - 1] = (it.last() + 1).toByte() }
+        assertTrue("P-256" in assertThrows<InvalidArgument> { PassportKeys.readPublic(pem(off)) }.message)
+        val private = String(pem(keys.private.encoded)).replace("PUBLIC", "PRIVATE")
+        for (text in listOf("", "-----BEGIN PUBLIC KEY-----\n-----END PUBLIC KEY-----\n", private)) {
+            assertTrue(
+                "in PEM" in assertThrows<InvalidArgument> {
+                    PassportKeys.readPublic(text.toByteArray())
+                }.message,
+            )
+        }
+        assertEquals(keys.public, PassportKeys.readPublic(pem(keys.public.encoded)))
+    }
+
+    private fun pem(info: ByteArray): ByteArray {
+        val body = Base64.getMimeEncoder(64, "\n".toByteArray()).encodeToString(info)
+        return "-----BEGIN PUBLIC KEY-----\n$body\n-----END PUBLIC KEY-----\n".toByteArray()
+    }
+
+    @Test
+    fun `two that are no pair, and signers that err`() {
+        val drawn = Passport.drawUp(result, now = now)
+        assertThrows<InvalidArgument> { drawn.sign(KeyPair(keys.public, Fixtures.pair().private)) }
+        val der = Fixtures.ecdsa(keys, ByteArray(1))
+        for (wrong in listOf(ByteArray(0), ByteArray(64) { 1 }, der, der + 0, der.copyOf(der.size - 1))) {
+            assertThrows<InvalidArgument> { drawn.sign(keys.public) { wrong } }
+        }
+        assertNull(P256.raw(byteArrayOf(0x30, 6, 2, 1, 0, 2, 1, 0)))
+        class Asleep : RuntimeException("authenticate first")
+        assertThrows<Asleep> { drawn.sign(keys.public) { throw Asleep() } } // the app's own words come back to it
+    }
+
+    /** No message, cause or trace holds any of it, whatever a provider says. */
+    @Test
+    fun `the private key is nowhere`() {
+        val number = (keys.private as ECPrivateKey).s
+        val drawn = Passport.drawUp(result, now = now)
+        val talking = object : PrivateKey {
+            override fun getAlgorithm(): String = throw java.security.ProviderException("the key is $number")
+            override fun getFormat(): String = "$number"
+            override fun getEncoded(): ByteArray = throw java.security.ProviderException("the key is $number")
+            override fun toString(): String = "$number"
+        }
+        var said = String(drawn.sign(keys)) + drawn
+        for (private in listOf(talking, Fixtures.pair("secp384r1").private)) {
+            val error = assertThrows<CalibrationException> { drawn.sign(KeyPair(keys.public, private)) }
+            said += error.toString() + error.stackTraceToString() + error.cause
+        }
+        said += said.split(".", "\n").mapNotNull { Base64Url.decode(it.toByteArray())?.let(::String) }
+        val twice = Base64Url.encode(Fixtures.numbers(number, number))
+        val secrets = listOf(number.toString(), number.toString(16), twice.take(40))
+        for (secret in secrets) assertFalse(secret in said)
+    }
+
+    @Test
+    fun `a key of which only the interface is known verifies`() {
+        val drawn = Passport.drawUp(result, now = now)
+        val own = keys.public as java.security.interfaces.ECPublicKey
+        val foreign: PublicKey = object : java.security.interfaces.ECPublicKey by own {
+            override fun getEncoded(): ByteArray? = null
+        }
+        assertEquals(drawn.id, Passport.verify(drawn.sign(keys), listOf(foreign), now = now).id)
+    }
+
+    @Test
+    fun `the version is the project's`() {
+        val text = File(System.getProperty("camssf.root"), "reference/camssf/__init__.py").readText()
+        assertTrue("\"${Passport.drawUp(result).software}\"" in text)
+    }
+}
