@@ -66,8 +66,12 @@ def _believed(weighed: list[Json], basis: str) -> float | None:
     )
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
-    # The widths' own odds cancel only between hypotheses of one width.
-    alike = (e for e in weighed if e["basis"] == other["basis"] and e["prior_scale"] == own["prior_scale"])
+    # The widths' own odds, and the lights', cancel only between hypotheses of one width under one light.
+    alike = (
+        e
+        for e in weighed
+        if (e["basis"], e["prior_scale"], e.get("kinds")) == (other["basis"], own["prior_scale"], own.get("kinds"))
+    )
     other = next(alike, None)
     if other is None or not other["probability"] > 0:
         return None

@@ -72,6 +72,9 @@ STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
 FEWEST = rules().whole("verdict.fewest")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 UNUSUAL = _NUMBER("verdict.unusual")
+UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
+PHONES = "phones"
+"""The one basis whose cameras are alike enough to tell a light by."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,7 @@ def judge(
     neutrals: Sequence[Sequence[Neutral]] = (),
     alone: Sequence[Ssf] = (),
     family: str | None = None,
+    unnamed: bool = False,
 ) -> Verdict:
     """Weigh the evidence behind an answer.
 
@@ -125,6 +129,7 @@ def judge(
         neutrals: for each shot what its file tells of the camera's white; none where it tells nothing.
         alone: of several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the file's own word for the maker speaks for, if any.
+        unnamed: nobody named the light of some shot.
     """
     signals, table, lamps = weighed.signals, weighed.table, weighed.lamps
     found = weighed.surprise(ssf)
@@ -142,6 +147,7 @@ def judge(
         reasons += tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
     reasons += _vague(ssf)
     reasons += _unusual(ssf, family)
+    reasons += _unnamed(ssf) if unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
         reasons += rivalled(rivals() if callable(rivals) else rivals, lamps)
@@ -213,6 +219,14 @@ def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
         return []
     words = {"probability": max(wide, other), "basis": ssf.basis}
     return [because("unusual", max(wide, other), words)]
+
+
+def _unnamed(ssf: Ssf) -> list[Reason]:
+    """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike."""
+    phone = sum(weight.probability for weight in ssf.choice if weight.basis == PHONES)
+    if phone >= UNNAMED:
+        return []
+    return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
 
 
 def _vague(ssf: Ssf) -> list[Reason]:
