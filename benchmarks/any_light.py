@@ -1,8 +1,8 @@
 """What do curves cost where nobody names the light? `python -m benchmarks.any_light --phones phones.csv`
 
 Each capture is solved and judged as `camssf calibrate` does it, once with the lamp named (`known`) and once with
-`--lamp auto`: one shot with white and dark frame, Ohta's chart told as BabelColor's, noise hypot(0.1 %, 0.0002), under
-18 lamps: daylight of 4,800 to 10,000 K, bulbs of 2,500 to 3,000 K, LED-B1 to B5, BH1 and V1, FL2, FL7, FL11. A CIE
+`--lamp auto`: one shot with white and dark frame, Ohta's chart told as BabelColor's, noise hypot(0.1 %, 0.0002). The
+18 lamps: daylight of 4,800 to 10,000 K, bulbs of 2,500 to 3,000 K, LED-B1 to B5, BH1 and V1, FL2, FL7, FL11; a CIE
 lamp is taken out of the table of its kind first. Then two shots, none of them named.
 
 Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their maker

@@ -46,6 +46,9 @@ EQUIVALENT: dict[str, str] = {
     "calibration.faintest x 0.5": _FAINTEST,
 }
 """Mutants that no run can tell from the original, each with the reason why."""
+AWAITED = ("verdict.unnam", "lamp.")
+"""Numbers of lights that nobody named: no golden case holds one until both languages can; `tests/test_any_light.py`
+looks at them."""
 
 Json = dict[str, Any]
 

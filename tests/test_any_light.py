@@ -29,13 +29,14 @@ from camssf.evidence.rivals import weigh_rivals
 from camssf.evidence.verdict import RIVALS
 from camssf.options import Options
 from camssf.photo.capture import Capture
+from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
 from golden.reading import resolve
 from golden.scenes import PHONE
 from tests.problems import measured_cameras
-from tests.test_choice import SEEN, TABLE, capture, told
+from tests.test_choice import SEEN, capture, told
 
 
 def unnamed(given: Capture, *shots: int) -> Capture:
@@ -265,10 +266,18 @@ def test_a_camera_must_name_its_lamp(make: str) -> None:
         solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make)))
 
 
-def test_a_phone_of_an_unknown_maker_is_doubtful_at_best() -> None:
-    """Who made it is 20 : 1 of the odds; without it the answer is not simply accepted."""
-    status = {found(("D55",), make).verdict.status for make in ("", "A maker of whom nobody knows")}
-    assert status == {"doubtful"}
+def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
+    """Its maker is 20 : 1 of a phone's odds; without that word the same photo must name its lamp, whoever took it."""
+    for make in ("", "A maker of whom nobody knows"):
+        given = unnamed(capture(resolve(PHONE), ["D55"], make=make))
+        with pytest.raises(LampUnfit, match="nobody named the light") as caught:
+            solve(given)
+        problem = pose_problem(given, Options())
+        ssf = problem.solve(problem.signals.used, None)
+        odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
+        assert odds > 1.0
+        assert caught.value.value == pytest.approx(odds / (odds + 20.0))
+        assert caught.value.threshold == rules().number("verdict.unnameable")
 
 
 def test_who_names_the_basis_says_that_it_is_a_phone() -> None:

@@ -136,7 +136,9 @@ def recover_in_any_light(
     chart = best.evidence.reflectance if of is None else of
     # The product of curve and light is known far better than each: means of products, not products of means.
     rho = best.evidence.white_reflectance
-    predicted = sum(w * respond(each.values, chart, each.lamp, rho) for w, each in zip(share, answers, strict=True))
+    predicted = np.einsum(
+        "a,aknc->knc", share, np.stack([respond(each.values, chart, each.lamp, rho) for each in answers])
+    )
     return replace(
         _mixed(answers, share, best.evidence), predicted=predicted, choice=told, lights=lights, kinds=best.kinds
     )
@@ -159,7 +161,7 @@ def _answering(names: Sequence[str], likely: Floats) -> Floats:
     winner = max(share, key=lambda name: share[name])
     if share[winner] >= CLEAR * (1.0 - share[winner]):
         likely = np.where([name == winner for name in names], likely, 0.0)
-    return likely / likely.sum()
+    return np.asarray(likely / likely.sum())
 
 
 def _mixed(answers: Sequence[Ssf], share: Floats, evidence: Evidence) -> Ssf:

@@ -47,8 +47,8 @@ def _unnamed(light: FoundLight) -> str:
     kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
     return (
         f"nobody named the light; the signals of a chart and a phone say what it was: {kinds}, "
-        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of them, "
-        "or two lights at once, is not foreseen."
+        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of "
+        "them, or two lights at once, is not foreseen."
     )
 
 

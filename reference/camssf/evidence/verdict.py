@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camssf.curves.choice import CLEAR
 from camssf.curves.ssf import Ssf
 from camssf.evidence.light import (
     CONDEMNED,
@@ -147,7 +148,7 @@ def judge(
         reasons += tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
     reasons += _vague(ssf)
     reasons += _unusual(ssf, family)
-    reasons += _unnamed(ssf) if unnamed else []
+    reasons += _unnamed(ssf, family) if unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
         reasons += rivalled(rivals() if callable(rivals) else rivals, lamps)
@@ -221,9 +222,16 @@ def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
     return [because("unusual", max(wide, other), words)]
 
 
-def _unnamed(ssf: Ssf) -> list[Reason]:
-    """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike."""
-    phone = sum(weight.probability for weight in ssf.choice if weight.basis == PHONES)
+def _unnamed(ssf: Ssf, family: str | None) -> list[Reason]:
+    """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
+
+    Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's.
+    """
+    phone, rest = (
+        sum(weight.probability for weight in ssf.choice if (weight.basis == PHONES) == same) for same in (True, False)
+    )
+    if family is None and rest > 0:  # else the odds hold the maker's word, or there was no choice
+        phone = phone / (phone + CLEAR * rest)
     if phone >= UNNAMED:
         return []
     return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]

@@ -197,14 +197,14 @@ class _Plan:
 
 def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> list[_Plan]:
     """One a shot, from one value or a sequence of each."""
-    files, names = listed("photos", photos), listed("lamps", lamps)
+    files = listed("photos", photos)
+    names = [AUTO] * len(files) if lamps is None else listed("lamps", lamps)
     if not files:
         raise InvalidArgument("There is no photo.", "Give the DNG of at least one photo of the chart.")
     k = len(files)
-    names = names or [AUTO] * k
     if len(names) != k:
         raise InvalidArgument(
-            f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order."
+            f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order, or none at all."
         )
     if k > MOST_SHOTS:
         raise InvalidArgument(f"{k} photos are too many.", f"Give at most {MOST_SHOTS}.")
