@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -13,11 +14,12 @@ import numpy as np
 import pytest
 
 from camssf.calibration import attempt, solve
+from camssf.cli.terminal import summarise
 from camssf.curves.basis import read_basis
 from camssf.curves.choice import FAMILIES, SCALES, UNUSUAL
 from camssf.curves.evidence import Evidence
 from camssf.curves.light import BELIEFS, SOLVED, Guess, LampPosterior, light_of, recover_in_any_light, temperature
-from camssf.curves.ssf import answer
+from camssf.curves.ssf import Weight, answer
 from camssf.documents.light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.documents.page import page
 from camssf.documents.patches import patches_document, read_patches
@@ -26,7 +28,7 @@ from camssf.documents.result import Calibration, Refusal
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.evidence.problem import pose_problem
 from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.verdict import RIVALS
+from camssf.evidence.verdict import RIVALS, _unnamed
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.rules import rules
@@ -280,6 +282,27 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
         assert caught.value.threshold == rules().number("verdict.unnameable")
 
 
+def test_bounds_of_the_probability() -> None:
+    """By the maker's word, from weights alone: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without."""
+    ssf = found(("D55",)).ssf
+
+    def said(phone: float, family: str | None) -> tuple[str, float | None]:
+        weights = (Weight("phones", 1.0, 0.0, phone, ("bulb",)), Weight("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)))
+        reasons = _unnamed(replace(ssf, choice=weights), family)
+        return ("accepted", None) if not reasons else (type(reasons[0]).__name__, reasons[0].value)
+
+    assert said(0.81, "phones") == ("accepted", None)
+    assert said(0.79, "phones") == ("Reason", 0.79)
+    assert said(0.49, "phones") == ("Fatal", 0.49)
+    assert said(0.95, "cameras") == ("Reason", 0.95)
+    assert said(0.96, "cameras") == ("accepted", None)
+    # Nobody's word: 20 : 1 against it, so 19 : 1 are not even 1 : 1, and 401 : 1 are 20 : 1.
+    assert said(0.95, None) == ("Fatal", pytest.approx(19 / 39))
+    assert said(0.96, None) == ("Reason", pytest.approx(24 / 44))
+    assert said(399 / 400, None) == ("Reason", pytest.approx(399 / 419))
+    assert said(401 / 402, None) == ("accepted", None)
+
+
 def test_who_names_the_basis_says_that_it_is_a_phone() -> None:
     done = solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="phones"))
     assert done.verdict.status == "accepted"
@@ -334,6 +357,16 @@ def test_the_report_draws_the_light() -> None:
     assert two.count('id="light-1"') == two.count('id="light-2"') == 1
     named = page(solve(capture(resolve(PHONE), ["D55"], make="Apple")).document(), [None])
     assert "that nobody named" not in named
+
+
+def test_the_terminal_tells_the_light_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    document = found(("D55",)).document()
+    summarise(document, None)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
+    assert line == "light: " + light_in_words(document["shots"][0]["light"])
+    summarise(found(("D:6500", "2700K")).document(), None)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
+    assert re.fullmatch(r"light: shot 1: daylight 100 %; [\d,]+ ± \d+ K; shot 2: bulb 100 %; [\d,]+ ± \d+ K", line)
 
 
 def test_patches_travel_without_a_lamp() -> None:

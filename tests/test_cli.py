@@ -363,21 +363,11 @@ def test_a_file_that_is_no_photo(content: bytes | None, tmp_path: Path, capsys: 
 def test_without_a_lamp_a_camera_is_refused(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """The same as `--lamp auto`: only a phone's curves can do without."""
     for words in ([], ["--lamp", "auto"]):
-        assert cli.main(["calibrate", triple[0], *words]) == LampUnfit.exit_status
+        assert cli.main(["calibrate", triple[0], *words]) == errors.LampUnfit.exit_status
         out, err = capsys.readouterr()
         assert json.loads(out)["verdict"]["reasons"][0]["code"] == "lamp_unfit"
         assert "nobody named the light" in err
         assert "daylight, bulb, white-led, fluorescent" in err
-
-
-def test_a_phone_s_light_is_told_in_one_line(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """Who says that it is a phone gets an answer, and the light's kinds and temperature."""
-    assert cli.main(["calibrate", triple[0], "--basis", "phones"]) in (0, LampUnfit.exit_status)
-    out, err = capsys.readouterr()
-    (shot,) = json.loads(out)["shots"]
-    assert shot["lamp"]["name"] == "auto"
-    if "light" in shot:  # a camera on the phones' basis may be refused for other reasons
-        assert re.search(r"light: \w[\w-]* \d+ %.*; [\d,]+ ± [\d,]+ K", err)
 
 
 def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:

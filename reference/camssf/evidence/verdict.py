@@ -225,16 +225,19 @@ def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
 def _unnamed(ssf: Ssf, family: str | None) -> list[Reason]:
     """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
 
-    Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's.
+    Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
+    speak as clearly for a phone as a basis that answers alone.
     """
     phone, rest = (
         sum(weight.probability for weight in ssf.choice if (weight.basis == PHONES) == same) for same in (True, False)
     )
     if family is None and rest > 0:  # else the odds hold the maker's word, or there was no choice
         phone = phone / (phone + CLEAR * rest)
-    if phone >= UNNAMED:
+    bound = UNNAMED if family == PHONES else CLEAR / (1.0 + CLEAR)
+    if phone >= bound:
         return []
-    return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
+    fatal = phone < UNNAMEABLE
+    return [because("unnamed", phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
 
 
 def _vague(ssf: Ssf) -> list[Reason]:
