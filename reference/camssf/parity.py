@@ -333,7 +333,7 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
         ("layout", document["chart"]["layout"], made["chart"]["layout"]),
         ("basis", document["basis"], made["basis"]),
         ("width of the prior", document.get("prior_scale", 1.0), made.get("prior_scale", 1.0)),
-        ("bases weighed", _hypotheses(document), _hypotheses(made)),
+        ("bases weighed", hypotheses_in_words(document), hypotheses_in_words(made)),
         ("model", document["hashes"]["model"], made["hashes"]["model"]),
     ):
         if theirs != ours and not (name in SOLVED and "none" in (document["engine"], made["engine"])):
@@ -358,23 +358,12 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
     yield Finding("inputs", not differ, max(colours, np.inf if differ else 0.0), COLOURS, words)
 
 
-def _hypotheses(document: Json) -> str:
-    """What the evidence chose among."""
-    return ", ".join(_hypothesis(each) for each in document.get("choice", ())) or "none"
-
-
-def _hypothesis(each: Json) -> str:
-    """Basis and width of its prior; the lights' kinds where nobody named them."""
-    kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
-    return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
-
-
 def _chosen(document: Json, made: Json) -> Iterator[tuple[float, str]]:
     """Evidence and probability of each hypothesis. A probability moves by at most as much as an evidence does."""
     for theirs, ours in zip(document.get("choice", ()), made["choice"], strict=False):
         size = max(1.0, abs(ours["log_evidence"]))
         for key in ("log_evidence", "probability"):
-            place = f"{key} of {_hypothesis(ours)}"
+            place = f"{key} of {hypothesis_in_words(ours)}"
             yield abs(theirs[key] - ours[key]) / size, f"{place}: {theirs[key]:.9g} there, {ours[key]:.9g} here"
 
 

@@ -51,6 +51,17 @@ def choice_of(document: Json) -> Chosen | None:
     return Chosen(basis, odds, believed, wide, tuple(_words(basis, others, odds, believed, wide)))
 
 
+def hypothesis_in_words(each: Json) -> str:
+    """Basis and width of its prior; the lights' kinds where nobody named them."""
+    kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
+    return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
+
+
+def hypotheses_in_words(document: Json) -> str:
+    """What the evidence chose among."""
+    return ", ".join(hypothesis_in_words(each) for each in document.get("choice", ())) or "none"
+
+
 def odds_in_words(odds: float) -> str:
     """Odds for people, as 240 : 1."""
     if odds > LARGEST:

@@ -523,7 +523,7 @@ def _light_plot(light: Json, name: str) -> str:
     marks = "".join(
         f'<text x="{left + (mark - 380) / 340 * (width - left - right):.1f}" y="{base + 18}" '
         f'text-anchor="middle">{mark}</text>'
-        for mark in range(400, 721, 40)
+        for mark in range(400, 720, 40)
     )
     return f"""<figure><svg class="plot" viewBox="0 0 {width} {height}" role="img" id="{name}"
 aria-label="Relative power of the light over wavelength, 380 to 720 nm, with its 95 % band.">
