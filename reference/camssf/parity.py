@@ -17,6 +17,7 @@ import numpy as np
 
 from camssf.calibration import attempt, recorded, solve
 from camssf.curves.choice import AUTO
+from camssf.documents.choice import hypotheses_in_words, hypothesis_in_words
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options, with_former
