@@ -360,14 +360,20 @@ def test_a_file_that_is_no_photo(content: bytes | None, tmp_path: Path, capsys: 
     assert "photo.dng" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["calibrate", "patches"])
-def test_without_a_lamp_it_explains(command: str, triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main([command, triple[0]]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "One photo cannot" in err
-    assert "D55" in err
-    assert "LED-B1" in err
+def test_without_a_lamp_a_camera_is_refused(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """The same as `--lamp auto`: only a phone's curves can do without."""
+    for words in ([], ["--lamp", "auto"]):
+        assert cli.main(["calibrate", triple[0], *words]) == errors.LampUnfit.exit_status
+        out, err = capsys.readouterr()
+        assert json.loads(out)["verdict"]["reasons"][0]["code"] == "lamp_unfit"
+        assert "nobody named the light" in err
+        assert "daylight, bulb, white-led, fluorescent" in err
+
+
+def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["patches", triple[0]]) == 0
+    out, _ = capsys.readouterr()
+    assert json.loads(out)["shots"][0]["lamp"] == {"name": "auto"}
 
 
 @pytest.mark.parametrize(

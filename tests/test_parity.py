@@ -165,6 +165,21 @@ def test_a_result_on_a_told_basis(shots: Path, tmp_path: Path) -> None:
     assert (found.stage, found.words) == ("inputs", "width of the prior 2.0 there, 1.0 here")
 
 
+def test_a_result_in_a_light_that_nobody_named(shots: Path, tmp_path: Path) -> None:
+    """Nobody named it here, either: the same hypotheses, by the same weights."""
+    frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]
+    assert cli.main(["calibrate", str(shots / "chart.dng"), *frames, "--basis", "phones", "-o", str(tmp_path)]) == 0
+    document: Json = json.loads((tmp_path / "result.json").read_text("utf-8"))
+    assert {tuple(each["kinds"]) for each in document["choice"]} == {
+        (kind,) for kind in shot(document)["light"]["kinds"]
+    }
+    assert first(compared(document, shots)) is None
+    document["choice"][1]["log_evidence"] += 1.0
+    found = first(compared(document, shots))
+    assert found is not None
+    assert found.words.startswith("log_evidence of phones × 1 under bulb")
+
+
 def test_another_lamp_there_is_another_curve(result: Json, shots: Path) -> None:
     """Named D55, solved with D65: only the curve can tell."""
     found = first(compared(result, shots, lamps=["D65"]))

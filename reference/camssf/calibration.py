@@ -15,14 +15,14 @@ from camssf.evidence.unseen import foretell, score
 from camssf.evidence.verdict import refusal
 from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
-from camssf.spectra import CameraCurves, ChartTable, Lamp, MeasuredCurves, read_camera
+from camssf.spectra import CameraCurves, ChartTable, Light, MeasuredCurves, read_camera
 
 Product = TypeVar("Product")
 
 
 def calibrate(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Lamp | Sequence[str | Lamp],
+    lamps: str | Light | Sequence[str | Light] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,
@@ -36,7 +36,8 @@ def calibrate(
 
     Args:
         photos: DNG of each shot.
-        lamps: the light of each shot, a name for `read_lamp` or a Lamp.
+        lamps: the light of each shot, a name for `read_lamp` or a Lamp; "auto", or None for all shots, where nobody
+            knows it: the signals then tell its kind, on phones.
         white, dark: DNG of each shot's white and dark frame; None where there is none.
         chart: name or file for `read_chart`, or a table.
         options: all else that can be said.
@@ -59,7 +60,7 @@ def calibrate(
 
 def attempt(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Lamp | Sequence[str | Lamp],
+    lamps: str | Light | Sequence[str | Light] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,

@@ -17,6 +17,7 @@ import numpy as np
 
 from camssf.calibration import attempt, recorded, solve
 from camssf.curves.choice import AUTO
+from camssf.documents.choice import hypotheses_in_words, hypothesis_in_words
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options, with_former
@@ -24,7 +25,7 @@ from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.pose import Pose, find_chart
-from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp, with_tolerance
+from camssf.spectra import ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
 
@@ -147,7 +148,8 @@ def parity(
         return (*found, Finding("patch means", False, np.inf, MEANS, words))
     tell("solving", 0.7)
     # What the evidence chose there it must choose here, by the same weights; a refusal does not say what it asked.
-    chosen = document["basis"] == "none" or bool(document.get("choice"))
+    bases = {each["basis"] for each in document.get("choice", ())}  # one where only a light's kind was chosen
+    chosen = document["basis"] == "none" or len(bases) > 1
     basis = AUTO if chosen else document["basis"]
     stated = replace(
         DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative, l2=document.get("l2"),
@@ -189,9 +191,11 @@ def _frames(
     return frames
 
 
-def _light(spec: str, stated: Json) -> Lamp:
-    """The lamp of that name or file, known as well as the document says."""
-    lamp = read_lamp(spec)
+def _light(spec: str, stated: Json) -> Light:
+    """The lamp of that name or file, known as well as the document says; or that nobody named it."""
+    lamp = read_light(spec)
+    if isinstance(lamp, Unnamed) or stated["tolerance"] is None:
+        return lamp
     kelvin = re.search(r", ± ([0-9.]+) K", stated["source"])
     if kelvin:
         lamp = with_tolerance(lamp, f"{kelvin[1]}K")
@@ -267,7 +271,7 @@ def _poses(shots: Sequence[Json], photos: Sequence[Mosaic | None], table: ChartT
 def _measure(
     shots: Sequence[Json],
     frames: Sequence[Sequence[Mosaic | None]],
-    lights: Sequence[Lamp],
+    lights: Sequence[Light],
     table: ChartTable,
     white_reflectance: float | None,
 ) -> Capture:
@@ -330,7 +334,7 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
         ("layout", document["chart"]["layout"], made["chart"]["layout"]),
         ("basis", document["basis"], made["basis"]),
         ("width of the prior", document.get("prior_scale", 1.0), made.get("prior_scale", 1.0)),
-        ("bases weighed", _hypotheses(document), _hypotheses(made)),
+        ("bases weighed", hypotheses_in_words(document), hypotheses_in_words(made)),
         ("model", document["hashes"]["model"], made["hashes"]["model"]),
     ):
         if theirs != ours and not (name in SOLVED and "none" in (document["engine"], made["engine"])):
@@ -355,17 +359,12 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
     yield Finding("inputs", not differ, max(colours, np.inf if differ else 0.0), COLOURS, words)
 
 
-def _hypotheses(document: Json) -> str:
-    """What the evidence chose among."""
-    return ", ".join(f"{each['basis']} × {each['prior_scale']:g}" for each in document.get("choice", ())) or "none"
-
-
 def _chosen(document: Json, made: Json) -> Iterator[tuple[float, str]]:
     """Evidence and probability of each hypothesis. A probability moves by at most as much as an evidence does."""
     for theirs, ours in zip(document.get("choice", ()), made["choice"], strict=False):
         size = max(1.0, abs(ours["log_evidence"]))
         for key in ("log_evidence", "probability"):
-            place = f"{key} of {ours['basis']} × {ours['prior_scale']:g}"
+            place = f"{key} of {hypothesis_in_words(ours)}"
             yield abs(theirs[key] - ours[key]) / size, f"{place}: {theirs[key]:.9g} there, {ours[key]:.9g} here"
 
 

@@ -29,7 +29,6 @@ from camssf.cli.options import (
 )
 from camssf.cli.reading import (
     given_frames,
-    given_lamps,
     given_paths,
     parse_corners,
     parse_patches,
@@ -115,7 +114,7 @@ def calibrate(
         result = product_of(
             attempt(
                 given_paths("PHOTO", photos),
-                given_lamps(lamp),
+                lamp,
                 white=given_frames("--white", white),
                 dark=given_frames("--dark", dark),
                 chart=chart,

@@ -13,15 +13,6 @@ PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
 """The formats of the documents that travel down a pipe."""
 
 
-def given_lamps(specs: list[str] | None) -> list[str]:
-    """The lamps, of which there must be one."""
-    if not specs:
-        from camssf.spectra import read_lamp
-
-        read_lamp("")  # its message says why a lamp is needed and lists the names
-    return specs or []
-
-
 def given_paths(word: str, paths: list[str]) -> list[str]:
     """Paths, none of them empty; `word` is what the command line calls them."""
     if not all(path.strip() for path in paths):  # "" would mean this folder: often a shell variable that is not set

@@ -31,7 +31,6 @@ from camssf.cli.reading import (
     PATCHES,
     RESULT,
     given_frames,
-    given_lamps,
     given_paths,
     name_of,
     parse_corners,
@@ -64,7 +63,7 @@ def patches(
     def stage(record: Record) -> Capture:
         return measure(
             given_paths("PHOTO", photos),
-            given_lamps(lamp),
+            lamp,
             white=given_frames("--white", white),
             dark=given_frames("--dark", dark),
             chart=chart,

@@ -104,6 +104,7 @@ def summarise(document: dict[str, Any], out: Path | None) -> None:
     from rich.table import Table
 
     from camssf.documents.choice import choice_of
+    from camssf.documents.light import light_in_words, lights_of
 
     scores, verdict = document.get("scores") or {}, document["verdict"]
     table = Table("", "red", "green", "blue", title=literal(_title(document)), title_justify="left")
@@ -118,6 +119,10 @@ def summarise(document: dict[str, Any], out: Path | None) -> None:
     chosen = choice_of(document)
     if chosen is not None and chosen.words:
         say("basis: ", chosen.words[0])
+    lights = lights_of(document)
+    if lights:
+        several = len(document["shots"]) > 1
+        say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
     colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
     say(f"verdict: [bold {colour}]{verdict['status']}[/]", "")
     for reason in verdict["reasons"]:

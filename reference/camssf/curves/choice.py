@@ -110,12 +110,7 @@ def mixed(evidence: Evidence, answers: Sequence[Ssf], weights: Floats) -> Ssf:
     if len(kept) == 1:
         return best
     share = np.array([weight for _, weight in kept]) / sum(weight for _, weight in kept)
-    curves = np.stack([each.peak()[0] for each, _ in kept])  # (a, m, 3)
-    mean = np.einsum("a,amc->mc", share, curves)
-    std = None
-    own = [band for each, _ in kept if (band := each.peak()[1]) is not None]
-    if own:
-        std = np.sqrt(np.einsum("a,amc->mc", share, np.stack(own) ** 2 + (curves - mean) ** 2))
+    mean, std = of_peak_one([each for each, _ in kept], share)
     lamp = np.einsum("a,akm->km", share, np.stack([each.lamp for each, _ in kept]))
     scale = (evidence.white_reflectance * evidence.lamp[0] * STEP) @ mean  # (3,)
     values = mean / scale
@@ -129,6 +124,16 @@ def mixed(evidence: Evidence, answers: Sequence[Ssf], weights: Floats) -> Ssf:
         finish_steps=np.max([each.finish_steps for each, _ in kept], axis=0),
         lamp=lamp,
     )
+
+
+def of_peak_one(answers: Sequence[Ssf], share: Floats) -> tuple[Floats, Floats | None]:
+    """Mean (681, 3) and standard deviation of the curves of peak 1, by the law of total variance."""
+    curves = np.stack([each.peak()[0] for each in answers])  # (a, m, 3)
+    mean = np.einsum("a,amc->mc", share, curves)
+    own = [band for each in answers if (band := each.peak()[1]) is not None]
+    if not own:
+        return mean, None
+    return mean, np.sqrt(np.einsum("a,amc->mc", share, np.stack(own) ** 2 + (curves - mean) ** 2))
 
 
 NEGLIGIBLE = 1e-6

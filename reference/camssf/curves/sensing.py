@@ -34,6 +34,7 @@ class Sensing:
         terms: what Σ is the sum of, by source, (p, N, N) each.
         lamp: (k, 681) each shot's lamp as the rows take it: as given, but for what the signals say of its modes.
         white: (3, k) W, the white signals that the rows are divided by.
+        modes: (N, k q) D, how the rows answer to the lamps' modes; D Dᵀ is in the terms.
     """
 
     matrix: Floats
@@ -42,6 +43,7 @@ class Sensing:
     terms: dict[str, Floats] = field(default_factory=dict)
     lamp: Floats = field(default_factory=lambda: np.zeros((0, WAVELENGTHS.size)))
     white: Floats = field(default_factory=lambda: np.zeros((3, 0)))
+    modes: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def anchor(basis: Basis, white: Floats) -> Basis:
@@ -115,6 +117,7 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
         terms,
         evidence.lamp * interpolate(point.lamp.T).T,
         point.curves @ (given.white * point.lamp).T,
+        rows.modes,
     )
 
 

@@ -31,12 +31,32 @@ class Weight:
         basis, prior_scale: which it is.
         log_evidence: ln of the marginal likelihood of the signals under it, but for a constant common to all.
         probability: its weight among them, with what was believed beforehand.
+        kinds: of each shot's light, where one was not named; "" for a lamp that was. Empty where all were.
     """
 
     basis: str
     prior_scale: float
     log_evidence: float
     probability: float
+    kinds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FoundLight:
+    """What the signals say of a light that nobody named.
+
+    Attributes:
+        kinds: how probable each kind is; they add up to 1.
+        power: (681,) relative spectral power, mean 1: the mean over kinds.
+        std: (681,) one standard deviation of it, over kinds, their modes and what these leave.
+        kelvin, kelvin_std: correlated colour temperature and one standard deviation, K.
+    """
+
+    kinds: dict[str, float]
+    power: Floats
+    std: Floats
+    kelvin: float
+    kelvin_std: float
 
 
 @dataclass(frozen=True)
@@ -64,7 +84,10 @@ class Ssf:
         engine: "onnx" or "reference".
         lamp: (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes.
         prior_scale: how much wider than its basis the prior was taken, 1.
-        choice: what was weighed where the evidence chose the basis; empty where one was told.
+        choice: what was weighed where the evidence chose the basis or a light's kind; empty where all was told.
+        lights: of each shot what the signals say of its light, None where it was named; empty where all were.
+        kinds: the likeliest hypothesis on them, as in `Weight`.
+        between: (3,) share of each channel's variance that stands between the hypotheses on the light.
     """
 
     values: Floats
@@ -84,6 +107,9 @@ class Ssf:
     lamp: Floats
     prior_scale: float = 1.0
     choice: tuple[Weight, ...] = ()
+    lights: tuple[FoundLight | None, ...] = ()
+    kinds: tuple[str, ...] = ()
+    between: Floats | None = None
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""

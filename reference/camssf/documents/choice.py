@@ -51,6 +51,17 @@ def choice_of(document: Json) -> Chosen | None:
     return Chosen(basis, odds, believed, wide, tuple(_words(basis, others, odds, believed, wide)))
 
 
+def hypothesis_in_words(each: Json) -> str:
+    """Basis and width of its prior; the lights' kinds where nobody named them."""
+    kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
+    return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
+
+
+def hypotheses_in_words(document: Json) -> str:
+    """What the evidence chose among."""
+    return ", ".join(hypothesis_in_words(each) for each in document.get("choice", ())) or "none"
+
+
 def odds_in_words(odds: float) -> str:
     """Odds for people, as 240 : 1."""
     if odds > LARGEST:
@@ -66,8 +77,12 @@ def _believed(weighed: list[Json], basis: str) -> float | None:
     )
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
-    # The widths' own odds cancel only between hypotheses of one width.
-    alike = (e for e in weighed if e["basis"] == other["basis"] and e["prior_scale"] == own["prior_scale"])
+    # The widths' own odds, and the lights', cancel only between hypotheses of one width under one light.
+    alike = (
+        e
+        for e in weighed
+        if (e["basis"], e["prior_scale"], e.get("kinds")) == (other["basis"], own["prior_scale"], own.get("kinds"))
+    )
     other = next(alike, None)
     if other is None or not other["probability"] > 0:
         return None

@@ -15,6 +15,7 @@ import numpy as np
 
 from camssf.colour.indices import quality_of
 from camssf.documents.choice import choice_of
+from camssf.documents.light import cost_of, kinds_in_words, lights_of
 from camssf.errors import CalibrationError
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
@@ -180,6 +181,7 @@ def page(document: Json, previews: Sequence[bytes | None]) -> str:
         _headline(document),
         _section("Spectral sensitivity", _curve_section(document)) if curves else "",
         _section("Which basis answered", _choice_section(document)),
+        _section("The light that nobody named", _light_section(document)),
         _section("Where the band comes from", _budget_section(document)),
         _section("What the curves are worth for colour", _colour_section(document)) if curves else "",
         _section("Measured against synthetic patches", _tile_section(document)),
@@ -463,14 +465,14 @@ def _choice_section(document: Json) -> str:
         return ""
     weighed = document["choice"]
     best = max(each["log_evidence"] for each in weighed)
+    together: dict[tuple[str, float], tuple[float, float]] = {}
+    for each in weighed:  # over the kinds of a light that nobody named: their own section shows them
+        nats, share = together.get((each["basis"], each["prior_scale"]), (-math.inf, 0.0))
+        own = max(nats, each["log_evidence"]), share + each["probability"]
+        together[each["basis"], each["prior_scale"]] = own
     rows = [
-        [
-            _t(each["basis"]),
-            _brief(each["prior_scale"]),
-            f"{each['log_evidence'] - best:.1f}".replace("-", "\u2212"),
-            _percent(each["probability"]),
-        ]
-        for each in weighed
+        [_t(basis), _brief(scale), f"{nats - best:.1f}".replace("-", "\u2212"), _percent(share)]
+        for (basis, scale), (nats, share) in together.items()
     ]
     table = _table(
         "What was weighed. Evidence: natural logarithm of the marginal likelihood, less the best; the probabilities "
@@ -480,6 +482,58 @@ def _choice_section(document: Json) -> str:
         "choice",
     )
     return "".join(f"<p>{_t(words)}</p>\n" for words in found.words) + table
+
+
+def _light_section(document: Json) -> str:
+    """Of each light that nobody named: what it was, and what that costs."""
+    lights = lights_of(document)
+    if not lights:
+        return ""
+    several, bodies = len(document["shots"]) > 1, []
+    for number, light in lights:
+        head = f"<h3>Shot {number}</h3>\n" if several else ""
+        bodies.append(
+            f"{head}<p>{_t(kinds_in_words(light))}. Correlated colour temperature {light['kelvin']:,.0f} ± "
+            f"{light['kelvin_std']:,.0f} K (one standard deviation).</p>\n{_light_plot(light, f'light-{number}')}"
+        )
+    cost = cost_of(document)
+    words = "" if cost is None else ", ".join(f"{c} {100 * v:.0f} %" for c, v in zip(CHANNELS, cost, strict=True))
+    paid = f"<p>Of the curves' variance the light is to blame for: {words}. A named lamp narrows the band.</p>\n"
+    return (
+        "<p>No lamp was named, so the signals were solved under each kind of light; the answers are mixed by their "
+        f"probabilities, and so is the light.</p>\n{''.join(bodies)}{paid if words else ''}"
+    )
+
+
+def _light_plot(light: Json, name: str) -> str:
+    """A light's estimated power and its 95 % band, as SVG in CSS pixels."""
+    width, height, left, right, top, bottom = 720, 260, 52, 12, 34, 46
+    thin = slice(None, None, 2)
+    nm, power, std = (np.array(light[key], dtype=np.float64)[thin] for key in ("wavelength_nm", "power", "std"))
+    low, high = np.maximum(power - BAND * std, 0.0), power + BAND * std
+    ceiling = 1.05 * max(float(min(high.max(), 3.0 * power.max())), 1e-9)
+
+    def path(values: Floats, across: Floats) -> str:
+        x = left + (across - 380.0) / 340.0 * (width - left - right)
+        y = height - bottom - np.clip(values, 0.0, ceiling) / ceiling * (height - top - bottom)
+        return "M" + "L".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+    ring = path(np.r_[high, low[::-1]], np.r_[nm, nm[::-1]])
+    base = height - bottom
+    marks = "".join(
+        f'<text x="{left + (mark - 380) / 340 * (width - left - right):.1f}" y="{base + 18}" '
+        f'text-anchor="middle">{mark}</text>'
+        for mark in range(400, 720, 40)
+    )
+    return f"""<figure><svg class="plot" viewBox="0 0 {width} {height}" role="img" id="{name}"
+aria-label="Relative power of the light over wavelength, 380 to 720 nm, with its 95 % band.">
+<line class="zero" x1="{left}" x2="{width - right}" y1="{base}" y2="{base}"/>
+{marks}<text x="{(left + width - right) / 2}" y="{height - 6}" text-anchor="middle">wavelength, nm</text>
+<text x="{left}" y="{top - 14}">relative power</text>
+<path style="fill:var(--quiet);fill-opacity:.2" d="{ring}Z"/>
+<path style="fill:none;stroke:var(--ink);stroke-width:1.6" d="{path(power, nm)}"/></svg>
+<figcaption>The light as the signals have it: the mean over its kinds, and its 95 % band.</figcaption></figure>
+"""
 
 
 def _percent(share: float) -> str:
@@ -787,6 +841,9 @@ def _assumption_section(document: Json) -> str:
     if "chart_table" not in codes:
         items.append(f"Chart table: {_t(chart['table'])}. {_t(chart['source'])}")
     for lamp in [shot["lamp"] for shot in document["shots"]] if "lamp" not in codes else ():
+        if lamp["tolerance"] is None:
+            items.append(f"Lamp: {_t(lamp['name'])}. {_t(lamp['source'])}")
+            continue
         tolerance = _brief(100 * lamp["tolerance"])
         items.append(
             f"Lamp: {_t(lamp['name'])}, taken for right to {tolerance} % (one standard deviation). "

@@ -14,7 +14,8 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import LIGHT_SOURCES, MOST_SHOTS, Capture, Photo, Shot, check_shots, check_target
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
 from camssf.photo.pose import LAYOUTS, Pose
-from camssf.spectra import ChartTable, Lamp
+from camssf.spectra import ChartTable, Lamp, Light, Unnamed
+from camssf.spectra.lamps import AUTO
 
 Json: TypeAlias = dict[str, Any]
 
@@ -31,7 +32,7 @@ def patches_document(capture: Capture) -> Json:
         "files": capture.files,
         "shots": [
             {
-                "lamp": plain(vars(shot.lamp)),
+                "lamp": plain(vars(shot.lamp)) if isinstance(shot.lamp, Lamp) else {"name": shot.lamp.name},
                 "photo": vars(shot.photo),
                 "white": vars(shot.white) if shot.white else None,
                 "dark": vars(shot.dark) if shot.dark else None,
@@ -90,15 +91,6 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
         float(_numbers(entry["saturation"], "saturation", ())),
     )
     _need(bool((saturation > black).all()), "saturation", "must lie above black")
-    values = _numbers(lamp["values"], "lamp.values", (WAVELENGTHS.size,))
-    modes = np.asarray(lamp["modes"], float).reshape(-1, WAVELENGTHS.size)
-    light = Lamp(
-        _text(lamp["name"], "lamp.name"),
-        values,
-        float(_numbers(lamp["tolerance"], "lamp.tolerance", (), least=0.0)),
-        _numbers(modes, "lamp.modes", modes.shape),
-        _text(lamp["source"], "lamp.source"),
-    )
     place = Pose(
         pose["layout"],
         _numbers(pose["corners"], "pose.corners", (4, 2)),
@@ -111,7 +103,21 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
     means = PatchMeans(chart, frames["white"], frames["dark"], black, saturation)
     shading = entry.get("lens_shading", LENS_SHADING[0])
     _need(shading in LENS_SHADING, "lens_shading", f"must be {' or '.join(LENS_SHADING)}")
-    return Shot(light, photo, photos["white"], photos["dark"], place, means, None, shading)
+    return Shot(_light_from(lamp), photo, photos["white"], photos["dark"], place, means, None, shading)
+
+
+def _light_from(entry: Mapping[str, Any]) -> Light:
+    """A shot's lamp; one that nobody named has nothing but this as its name."""
+    if entry.keys() == {"name"} and entry["name"] == AUTO:
+        return Unnamed()
+    modes = np.asarray(entry["modes"], float).reshape(-1, WAVELENGTHS.size)
+    return Lamp(
+        _text(entry["name"], "lamp.name"),
+        _numbers(entry["values"], "lamp.values", (WAVELENGTHS.size,)),
+        float(_numbers(entry["tolerance"], "lamp.tolerance", (), least=0.0)),
+        _numbers(modes, "lamp.modes", modes.shape),
+        _text(entry["source"], "lamp.source"),
+    )
 
 
 def _table_from(entry: Mapping[str, Any]) -> ChartTable:

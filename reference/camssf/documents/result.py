@@ -9,7 +9,7 @@ import numpy as np
 
 from camssf import __version__
 from camssf.curves.engine import load_model
-from camssf.curves.ssf import Ssf
+from camssf.curves.ssf import FoundLight, Ssf, Weight
 from camssf.documents.patches import plain
 from camssf.documents.previews import previews
 from camssf.errors import CalibrationError
@@ -18,7 +18,7 @@ from camssf.evidence.verdict import Reason, Verdict
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import Capture, Photo, Record, Shot, Unfinished
 from camssf.photo.signals import Assumption, Signals, normalise
-from camssf.spectra import CameraCurves, ChartTable
+from camssf.spectra import CameraCurves, ChartTable, Lamp, Light
 
 Json: TypeAlias = dict[str, Any]
 
@@ -74,7 +74,7 @@ class Calibration:
             "finish_steps": self.ssf.finish_steps.tolist(),
             "evidence": self.ssf.log_evidence,
             "prior_scale": self.ssf.prior_scale,
-            "choice": [vars(weight) for weight in self.ssf.choice],
+            "choice": [_weight(weight) for weight in self.ssf.choice],
             "gamma": self.ssf.gamma.tolist(),
             "l2": self.ssf.l2,
             "uncertainty": self.uncertainty,
@@ -89,6 +89,9 @@ class Calibration:
             compare(document, self.truth)
         if self.ssf.engine == "onnx":
             document["hashes"]["model"] = load_model(self.ssf.basis).sha256
+        for entry, light in zip(document["shots"], self.ssf.lights, strict=False):  # none where all were named
+            if light is not None:
+                entry["light"] = _light(light)
         for j, entry in enumerate(document["shots"]):
             for i, patch in enumerate(entry["patches"]):
                 unseen = self.unseen[j, i]
@@ -134,6 +137,29 @@ def compare(document: Json, truth: CameraCurves) -> None:
     document["truth"] = {"name": truth.name, "ssf": _curves(truth.values / truth.values.max(axis=0))}
 
 
+def _weight(weight: Weight) -> Json:
+    """A hypothesis; kinds only where a light was not named."""
+    told = {name: value for name, value in vars(weight).items() if name != "kinds"}
+    return told | {"kinds": list(weight.kinds)} if weight.kinds else told
+
+
+def _lamp(lamp: Light) -> Json:
+    """A lamp as it was told; nobody knows how well where nobody told it."""
+    return {"name": lamp.name, "tolerance": lamp.tolerance if isinstance(lamp, Lamp) else None, "source": lamp.source}
+
+
+def _light(found: FoundLight) -> Json:
+    """What the signals say of a light that nobody named."""
+    return {
+        "kinds": found.kinds,
+        "wavelength_nm": WAVELENGTHS.tolist(),
+        "power": found.power.tolist(),
+        "std": found.std.tolist(),
+        "kelvin": found.kelvin,
+        "kelvin_std": found.kelvin_std,
+    }
+
+
 def _record(capture: Capture) -> Record:
     record = Record()
     record.note(capture)
@@ -175,7 +201,7 @@ def _head(record: Record, verdict: Verdict, assumptions: tuple[Assumption, ...])
 def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
     """A shot that was not measured to its end."""
     return {
-        "lamp": {"name": shot.lamp.name, "tolerance": shot.lamp.tolerance, "source": shot.lamp.source},
+        "lamp": _lamp(shot.lamp),
         "white_reference": "white patch",
         "dark_reference": "black level",
         "photo": _photo_facts(photo),
@@ -204,7 +230,7 @@ def _shot_document(shot: Shot, table: ChartTable) -> Json:
         white = means.white.mean if means.white else np.tile(means.chart.mean[table.white], (len(y), 1))
         dark = means.dark.mean if means.dark else np.tile(means.black, (len(y), 1))
     return {
-        "lamp": {"name": shot.lamp.name, "tolerance": shot.lamp.tolerance, "source": shot.lamp.source},
+        "lamp": _lamp(shot.lamp),
         "white_reference": "white frame" if means.white else "white patch",
         "dark_reference": "dark frame" if means.dark else "black level",
         "photo": _photo_facts(shot.photo),

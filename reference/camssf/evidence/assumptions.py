@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from camssf.curves.ssf import Ssf
+from camssf.curves.ssf import FoundLight, Ssf
 from camssf.photo.capture import Capture, Shot
 from camssf.photo.signals import Assumption
+from camssf.spectra import Lamp, Light
+
+SHOWN = 0.005
+"""A kind less probable than this goes unsaid."""
 
 
 def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
@@ -17,13 +21,8 @@ def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
     ]
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
-        found.append(
-            Assumption(
-                "lamp",
-                f"{where}the light was {shot.lamp.name} ({shot.lamp.source}), smooth relative tolerance "
-                f"{shot.lamp.tolerance:.1%}, {len(shot.lamp.modes)} mode(s).",
-            )
-        )
+        light = ssf.lights[j] if ssf.lights else None
+        found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
         if shot.photo.gain_map:
             found.append(Assumption("lens_shading", where + _shading(shot)))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
@@ -31,6 +30,26 @@ def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
     if ssf.std is None:
         found.append(Assumption("no_band", "the paper's basis has no prior, so this answer carries no error band."))
     return tuple(found)
+
+
+def _named(lamp: Light) -> str:
+    """A lamp as it was told, in words."""
+    assert isinstance(lamp, Lamp)
+    return (
+        f"the light was {lamp.name} ({lamp.source}), smooth relative tolerance "
+        f"{lamp.tolerance:.1%}, {len(lamp.modes)} mode(s)."
+    )
+
+
+def _unnamed(light: FoundLight) -> str:
+    """A light that nobody named, in words."""
+    likely = sorted(light.kinds.items(), key=lambda each: -each[1])
+    kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
+    return (
+        f"nobody named the light; the signals of a chart and a phone say what it was: {kinds}, "
+        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of "
+        "them, or two lights at once, is not foreseen."
+    )
 
 
 def _shading(shot: Shot) -> str:

@@ -36,6 +36,10 @@ def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] |
         "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
         "unseen": "what the prior leaves open and no patch has seen",
     }
+    if ssf.between is not None:  # the shares of the likeliest kind's variance, and what the hypotheses differ by
+        inside = 1.0 - ssf.between
+        shares = {source: inside * share for source, share in shares.items()} | {"which lamp": ssf.between}
+        sizes["which lamp"] = "how far the answers for each kind of light differ"
     return {
         "half_width": _half_width(ssf),
         "alone": [_half_width(answer) for answer in alone],

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis
-from camssf.curves.choice import CLEAR, recover
+from camssf.curves.choice import AUTO, CLEAR, recover
 from camssf.curves.evidence import Evidence
+from camssf.curves.light import Guess, recover_in_any_light
 from camssf.curves.predict import predict
 from camssf.curves.ssf import Ssf, respond
 from camssf.errors import InvalidArgument
@@ -20,10 +23,12 @@ from camssf.options import Options
 from camssf.photo.capture import Capture, listed
 from camssf.photo.signals import Signals, normalise
 from camssf.rules import rules
-from camssf.spectra import Lamp
+from camssf.spectra import Lamp, Unnamed
 
 FEWEST_PATCHES = 3
 """Below which nothing is fitted."""
+MOST_UNNAMED = rules().whole("lamp.most")
+"""Shots whose light nobody named."""
 WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
 """Relative error of a white frame's reflectance."""
 
@@ -48,8 +53,24 @@ class Problem:
     prior_scale: float = 1.0
 
     def settled(self, ssf: Ssf) -> Problem:
-        """The same problem on the basis that gave the answer: parts of it are held against that one."""
-        return replace(self, basis=ssf.basis, prior_scale=ssf.prior_scale) if ssf.choice else self
+        """The same problem on the basis, and in the light, that gave the answer: parts are held against these."""
+        if not ssf.choice:
+            return self
+        posed = self.lit(ssf.kinds) if ssf.kinds else self
+        return replace(posed, basis=ssf.basis if self.basis == AUTO else self.basis, prior_scale=ssf.prior_scale)
+
+    def lit(self, kinds: Sequence[str]) -> Problem:
+        """The same problem with every light of that kind; "" leaves the lamp that was named."""
+        shots = []
+        for shot, kind in zip(self.capture.shots, kinds, strict=True):
+            of_kind = shot.lamp.kinds if isinstance(shot.lamp, Unnamed) else ()
+            shots.append(replace(shot, lamp=next((lamp for lamp in of_kind if lamp.name == kind), shot.lamp)))
+        return replace(self, capture=replace(self.capture, shots=tuple(shots)))
+
+    @property
+    def unnamed(self) -> tuple[bool, ...]:
+        """Of each shot, whether nobody named its light."""
+        return tuple(isinstance(shot.lamp, Unnamed) for shot in self.capture.shots)
 
     @property
     def believed(self) -> dict[str, float]:
@@ -59,8 +80,10 @@ class Problem:
 
     @property
     def lamps(self) -> list[Lamp]:
-        """Each shot's."""
-        return [shot.lamp for shot in self.capture.shots]
+        """Each shot's, where all are named or settled."""
+        lamps = [shot.lamp for shot in self.capture.shots]
+        assert not any(self.unnamed)
+        return [lamp for lamp in lamps if isinstance(lamp, Lamp)]
 
     def white_reference(self) -> tuple[Floats, float]:
         """ρ_w (681,) and its tolerance: the white frame's target, or the chart's own white patch."""
@@ -72,14 +95,29 @@ class Problem:
 
     def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
         """`recover` on the used patches (k, n); the answer predicts all of them."""
-        options, given = self.options, self.given(used)
-        ssf = recover(
-            given, basis=self.basis, prior_scale=self.prior_scale, prior=self.believed,
-            l2=options.l2, gamma=gamma, nonnegative=options.nonnegative, engine=options.engine,
-        )  # fmt: skip
-        return replace(
-            ssf, predicted=respond(ssf.values, self.capture.chart.values, ssf.lamp, given.white_reflectance)
-        )
+        options = self.options
+        how: dict[str, Any] = {
+            "basis": self.basis, "prior_scale": self.prior_scale, "prior": self.believed,
+            "l2": options.l2, "gamma": gamma, "nonnegative": options.nonnegative, "engine": options.engine,
+        }  # fmt: skip
+        table = self.capture.chart.values
+        if any(self.unnamed):
+            return recover_in_any_light(self._guesses(used), of=table, **how)
+        ssf, (rho, _) = recover(self.given(used), **how), self.white_reference()
+        return replace(ssf, predicted=respond(ssf.values, table, ssf.lamp, rho))
+
+    def _guesses(self, used: NDArray[np.bool_]) -> list[Guess]:
+        """All that the unnamed lights may be."""
+        if sum(self.unnamed) > MOST_UNNAMED:
+            raise InvalidArgument(
+                f"The light of {sum(self.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
+                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
+            )
+        kinds = product(*(
+            [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
+            for shot in self.capture.shots
+        ))  # fmt: skip
+        return [Guess(each, self.lit(each).given(used)) for each in kinds]
 
     def solve_alone(self) -> list[Ssf]:
         """The answer to each shot alone; none where there is one."""

@@ -23,6 +23,8 @@ NARROW = rules().number("verdict.narrow")
 
 def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     """`judge` on all that is known of the capture; `alone` of several shots, the answer to each."""
+    unnamed = any(problem.unnamed)
+    settled = problem.lit(ssf.kinds) if unnamed else problem
     shots = problem.capture.shots
     rho, tolerance = problem.white_reference()
     return judge(
@@ -31,7 +33,7 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             problem.capture.chart,
             [shot.means for shot in shots],
             [shot.pose for shot in shots],
-            problem.lamps,
+            settled.lamps,
             rho,
             tolerance,
         ),
@@ -42,7 +44,8 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             for shot in shots
         ],
         alone=alone,
-        family=next(iter(problem.believed), None),
+        family=next(iter(problem.believed), None) if problem.basis == AUTO else None,
+        unnamed=unnamed,
     )
 
 
@@ -50,12 +53,15 @@ def weigh_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
     """How much better the same signals fit with other lamps, one shot at a time: rule 4 of docs/verdict.md.
 
     Where the signals choose the basis, every lamp has the same choice: a phone under a wrong lamp may look like a
-    camera, and its right lamp is then seen by the phones' basis alone.
+    camera, and its right lamp is then seen by the phones' basis alone. A light that nobody named has no rivals: all
+    kinds were weighed; beside it stands what the answer takes it for.
 
     Args:
         problem: as it was asked, `auto` where the signals chose.
         ssf: the answer.
     """
+    named = [not each for each in problem.unnamed]
+    problem = problem if all(named) else problem.lit(ssf.kinds)
     capture, used = problem.capture, problem.signals.used
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()
@@ -70,11 +76,11 @@ def weigh_rivals(problem: Problem, ssf: Ssf) -> tuple[Rival, ...]:
             log_evidence(sense(given, basis)) + belief for basis, belief in zip(bases, beliefs, strict=True)
         ]))  # fmt: skip
 
-    named = weighed(problem)
+    given = weighed(problem) if any(named) else 0.0
     found = []
     for j, shot in enumerate(capture.shots):
-        for name in RIVALS:
+        for name in RIVALS if named[j] else ():
             shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
             other = replace(problem, capture=replace(capture, shots=shots))
-            found.append(Rival(j, name, weighed(other) - named))
+            found.append(Rival(j, name, weighed(other) - given))
     return tuple(found)

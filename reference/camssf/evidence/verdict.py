@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camssf.curves.choice import CLEAR
 from camssf.curves.ssf import Ssf
 from camssf.evidence.light import (
     CONDEMNED,
@@ -72,6 +73,9 @@ STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
 FEWEST = rules().whole("verdict.fewest")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 UNUSUAL = _NUMBER("verdict.unusual")
+UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
+PHONES = "phones"
+"""The one basis whose cameras are alike enough to tell a light by."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,7 @@ def judge(
     neutrals: Sequence[Sequence[Neutral]] = (),
     alone: Sequence[Ssf] = (),
     family: str | None = None,
+    unnamed: bool = False,
 ) -> Verdict:
     """Weigh the evidence behind an answer.
 
@@ -125,6 +130,7 @@ def judge(
         neutrals: for each shot what its file tells of the camera's white; none where it tells nothing.
         alone: of several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the file's own word for the maker speaks for, if any.
+        unnamed: nobody named the light of some shot.
     """
     signals, table, lamps = weighed.signals, weighed.table, weighed.lamps
     found = weighed.surprise(ssf)
@@ -145,6 +151,7 @@ def judge(
     reasons += [reason for white in whites for reason in white]
     reasons += _vague(ssf)
     reasons += _unusual(ssf, family)
+    reasons += _unnamed(ssf, family) if unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
@@ -217,6 +224,24 @@ def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
         return []
     words = {"probability": max(wide, other), "basis": ssf.basis}
     return [because("unusual", max(wide, other), words)]
+
+
+def _unnamed(ssf: Ssf, family: str | None) -> list[Reason]:
+    """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
+
+    Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
+    speak as clearly for a phone as a basis that answers alone.
+    """
+    phone, rest = (
+        sum(weight.probability for weight in ssf.choice if (weight.basis == PHONES) == same) for same in (True, False)
+    )
+    if family is None and rest > 0:  # else the odds hold the maker's word, or there was no choice
+        phone = phone / (phone + CLEAR * rest)
+    bound = UNNAMED if family == PHONES else CLEAR / (1.0 + CLEAR)
+    if phone >= bound:
+        return []
+    fatal = phone < UNNAMEABLE
+    return [because("unnamed", phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
 
 
 def _vague(ssf: Ssf) -> list[Reason]:

@@ -18,7 +18,8 @@ from camssf.options import DEFAULTS, Options
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import PatchMeans, measure_patches
 from camssf.photo.pose import Pose, find_chart
-from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp, with_tolerance
+from camssf.spectra import ChartTable, Lamp, Light, Unnamed, read_chart, read_light, with_tolerance
+from camssf.spectra.lamps import AUTO
 
 MOST_SHOTS = 64
 LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
@@ -55,7 +56,7 @@ class Shot:
     """One measured shot: the chart photo under one lamp, with its frames.
 
     Attributes:
-        lamp: its light.
+        lamp: its light; `Unnamed` where nobody said.
         photo, white, dark: what the files say; None where there is no frame.
         pose: where the chart lies in the photo.
         means: the patch statistics of all frames.
@@ -63,7 +64,7 @@ class Shot:
         lens_shading: what was done about the shading that the file describes, of `camssf.photo.patches.LENS_SHADING`.
     """
 
-    lamp: Lamp
+    lamp: Light
     photo: Photo
     white: Photo | None
     dark: Photo | None
@@ -102,7 +103,7 @@ class Unfinished:
         pose: None until the chart is found.
     """
 
-    lamp: Lamp
+    lamp: Light
     photo: Photo | None = None
     black: Floats = field(default_factory=lambda: np.zeros(3))
     saturation: float = 0.0
@@ -136,7 +137,7 @@ class Record:
 
 def measure(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Lamp | Sequence[str | Lamp],
+    lamps: str | Light | Sequence[str | Light] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,
@@ -187,7 +188,7 @@ class _Plan:
     """What was told of one shot."""
 
     photo: PathLike
-    lamp: str | Lamp
+    lamp: str | Light
     white: PathLike | None
     dark: PathLike | None
     corners: ArrayLike | None
@@ -196,14 +197,14 @@ class _Plan:
 
 def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> list[_Plan]:
     """One a shot, from one value or a sequence of each."""
-    files, names = listed("photos", photos), listed("lamps", lamps)
+    files = listed("photos", photos)
+    names = [AUTO] * len(files) if lamps is None else listed("lamps", lamps)
     if not files:
         raise InvalidArgument("There is no photo.", "Give the DNG of at least one photo of the chart.")
     k = len(files)
     if len(names) != k:
-        read_lamp("") if not names else None  # explains why a lamp must be named
         raise InvalidArgument(
-            f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order."
+            f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order, or none at all."
         )
     if k > MOST_SHOTS:
         raise InvalidArgument(f"{k} photos are too many.", f"Give at most {MOST_SHOTS}.")
@@ -219,9 +220,15 @@ def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> 
     return [_Plan(*each) for each in zip(files, names, whites, darks, corners, tolerances, strict=True)]
 
 
-def _light(plan: _Plan) -> Lamp:
-    lamp = plan.lamp if isinstance(plan.lamp, Lamp) else read_lamp(plan.lamp)
-    return with_tolerance(lamp, plan.tolerance) if plan.tolerance else lamp
+def _light(plan: _Plan) -> Light:
+    light = plan.lamp if isinstance(plan.lamp, Lamp | Unnamed) else read_light(plan.lamp)
+    if not plan.tolerance:
+        return light
+    if isinstance(light, Unnamed):
+        raise InvalidArgument(
+            "A light that nobody named has no tolerance.", "Leave --lamp-tolerance out, or name the lamp."
+        )
+    return with_tolerance(light, plan.tolerance)
 
 
 def _shot(plan: _Plan, photo: Mosaic, known: Unfinished, lens_shading: str) -> Shot:
@@ -263,7 +270,7 @@ def cell_blacks(mosaic: Mosaic) -> Floats:
 
 def listed(name: str, value: Any) -> list[Any]:
     """One value or a sequence of them, as a list."""
-    if isinstance(value, str | Path | Lamp):
+    if isinstance(value, str | Path | Lamp | Unnamed):
         return [value]
     try:
         return [] if value is None else list(value)

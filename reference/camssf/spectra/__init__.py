@@ -2,14 +2,16 @@
 
 from camssf.spectra.cameras import CameraCurves, MeasuredCurves, camera_names, read_camera, shipped_cameras
 from camssf.spectra.charts import ChartTable, chart_names, read_chart
-from camssf.spectra.lamps import Lamp, lamp_names, read_lamp, with_tolerance
+from camssf.spectra.lamps import Lamp, Light, Unnamed, lamp_names, read_lamp, read_light, with_tolerance
 from camssf.spectra.sampled import colour_science
 
 __all__ = [
     "CameraCurves",
     "ChartTable",
     "Lamp",
+    "Light",
     "MeasuredCurves",
+    "Unnamed",
     "camera_names",
     "chart_names",
     "colour_science",
@@ -17,6 +19,7 @@ __all__ = [
     "read_camera",
     "read_chart",
     "read_lamp",
+    "read_light",
     "shipped_cameras",
     "with_tolerance",
 ]

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,29 @@ class Lamp:
     source: str
 
 
+AUTO = "auto"
+"""A light that nobody named."""
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """A light that nobody named: it has no spectrum yet, only the kinds that it may be of.
+
+    Attributes:
+        name: "auto".
+        kinds: what it may be, each a lamp known only by kind.
+        source: in words for the report.
+    """
+
+    name: str = AUTO
+    kinds: tuple[Lamp, ...] = field(default_factory=lambda: tuple(_family(kind) for kind in FAMILIES))
+    source: str = "not named: daylight, bulb, white LED or fluorescent, as the signals say"
+
+
+Light: TypeAlias = Lamp | Unnamed
+"""What a shot was taken under, as it was told."""
+
+
 NAMED_LAMP = 0.02
 """A real lamp is never the table of its name: batches, age, voltage, dimmers, the walls of the room."""
 
@@ -57,8 +81,9 @@ _LAMP_MENU = (
     "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
     "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
     "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
-    "fluorescent; flat E, equal-energy (the paper's assumption); or a "
-    "file of wavelength and power (two columns, .spdx, Argyll's .sp, a Sekonic's or UPRtek's export)."
+    "fluorescent; flat E, equal-energy (the paper's assumption); a "
+    "file of wavelength and power (two columns, .spdx, Argyll's .sp, a Sekonic's or UPRtek's export); "
+    "or auto for a phone's photo under whatever light."
 )
 
 
@@ -102,6 +127,10 @@ def read_lamp(spec: str) -> Lamp:
             "and no photo of a chart tells lamp from camera. Taking a bulb (A) for flat light costs an RMSE of 0.10, "
             f"more than the curve of an average camera does (0.08). {_LAMP_MENU}",
         )
+    if key == AUTO:
+        raise InvalidArgument(
+            "A light that nobody named has no spectrum.", f"Only a chart's photo can tell it. {_LAMP_MENU}"
+        )
     if plain(text) == "equalenergy":
         return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
     if kind := {plain(name): name for name in FAMILIES}.get(plain(text)):
@@ -127,6 +156,15 @@ def read_lamp(spec: str) -> Lamp:
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, lamp_names())
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
+
+
+def read_light(spec: str) -> Light:
+    """`read_lamp`, or for `auto` a light that nobody named.
+
+    Raises:
+        InvalidArgument, LampUnfit: as `read_lamp`.
+    """
+    return Unnamed() if text_of(spec).casefold() == AUTO else read_lamp(spec)
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:

@@ -1,0 +1,397 @@
+"""A light that nobody named: probabilities by hand, mixtures by total variance, phones and cameras, and the faces."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.calibration import attempt, solve
+from camssf.cli.terminal import summarise
+from camssf.curves.basis import read_basis
+from camssf.curves.choice import FAMILIES, SCALES, UNUSUAL
+from camssf.curves.evidence import Evidence
+from camssf.curves.light import BELIEFS, SOLVED, Guess, LampPosterior, light_of, recover_in_any_light, temperature
+from camssf.curves.ssf import Weight, answer
+from camssf.documents.light import cost_of, kinds_in_words, light_in_words, lights_of
+from camssf.documents.page import page
+from camssf.documents.patches import patches_document, read_patches
+from camssf.documents.report import check_document
+from camssf.documents.result import Calibration, Refusal
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.evidence.problem import pose_problem
+from camssf.evidence.rivals import weigh_rivals
+from camssf.evidence.verdict import RIVALS, _unnamed
+from camssf.options import Options
+from camssf.photo.capture import Capture
+from camssf.rules import rules
+from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
+from camssf.spectra.families import FAMILIES as LAMP_KINDS
+from camssf.spectra.surfaces import observer
+from golden.reading import resolve
+from golden.scenes import PHONE
+from tests.problems import measured_cameras
+from tests.test_choice import SEEN, capture, told
+
+
+def unnamed(given: Capture, *shots: int) -> Capture:
+    """The same capture with the lamps of these shots, or all, not named."""
+    which = shots or range(len(given.shots))
+    return replace(
+        given, shots=tuple(replace(s, lamp=Unnamed()) if j in which else s for j, s in enumerate(given.shots))
+    )
+
+
+@cache
+def found(lamps: tuple[str, ...], make: str = "Apple") -> Calibration:
+    """A phone under these lamps, none of them named."""
+    return solve(unnamed(capture(resolve(PHONE), lamps, make=make)))
+
+
+def guesses(given: Evidence, names: Sequence[str] = tuple(LAMP_KINDS)) -> list[Guess]:
+    every = []
+    for name in names:
+        lamp = read_lamp(name)
+        every.append(Guess((name,), replace(
+            given, lamp=lamp.values[None], lamp_tolerance=np.array([lamp.tolerance]), lamp_modes=lamp.modes[None],
+        )))  # fmt: skip
+    return every
+
+
+# -- a light without a name ----------------------------------------------------------------------------------------
+
+
+def test_a_light_without_a_name_is_no_spectrum() -> None:
+    light = read_light(" Auto ")
+    assert isinstance(light, Unnamed)
+    assert not hasattr(light, "values")
+    assert [lamp.name for lamp in light.kinds] == list(LAMP_KINDS)
+    assert isinstance(read_light("A"), Lamp)
+    with pytest.raises(InvalidArgument, match="nobody named has no spectrum"):
+        read_lamp("auto")
+    assert sum(BELIEFS.values()) == pytest.approx(1.0)
+
+
+# -- probabilities -------------------------------------------------------------------------------------------------
+
+
+def test_the_probabilities_are_evidence_times_belief() -> None:
+    """By hand from the single answers: 2 kinds, 2 bases, 2 widths."""
+    given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
+    two = guesses(given, ("daylight", "bulb"))
+    ssf = recover_in_any_light(two, prior={"phones": 5.0}, engine="reference")
+    nats = {
+        (guess.kinds, basis, scale): answer(guess.evidence, basis, prior_scale=scale, engine="reference").log_evidence
+        for basis in FAMILIES
+        for scale in SCALES
+        for guess in two
+    }
+    most = max(value or -np.inf for value in nats.values())
+    raw = {
+        key: np.exp((value or 0.0) - most)
+        * (5.0 if key[1] == "phones" else 1.0)
+        * (UNUSUAL if key[2] > 1 else 1 - UNUSUAL)
+        for key, value in nats.items()
+    }
+    assert len(ssf.choice) == len(raw) == 8
+    for weight in ssf.choice:
+        key = weight.kinds, weight.basis, weight.prior_scale
+        assert weight.log_evidence == pytest.approx(nats[key], abs=1e-9)
+        assert weight.probability == pytest.approx(raw[key] / sum(raw.values()), rel=1e-9)
+    (light,) = ssf.lights
+    assert light is not None
+    by_kind = {kind: sum(w.probability for w in ssf.choice if w.kinds == (kind,)) for kind in ("daylight", "bulb")}
+    assert light.kinds == pytest.approx({**dict.fromkeys(LAMP_KINDS, 0.0), **by_kind})
+
+
+def test_one_kind_alone_is_that_kind_told() -> None:
+    """With one guess and a told basis nothing is mixed: the answer is `answer`'s."""
+    given = told(resolve(PHONE), "D55")
+    (guess,) = guesses(given, ("daylight",))
+    ssf, single = (
+        recover_in_any_light([guess], basis="phones", engine="reference"),
+        answer(guess.evidence, "phones", engine="reference"),
+    )
+    assert ssf.values == pytest.approx(single.values, rel=1e-12)
+    assert single.std is not None
+    assert ssf.std == pytest.approx(single.std, rel=1e-9, abs=1e-15)
+    assert ssf.between == pytest.approx(0.0, abs=1e-12)
+    assert ssf.kinds == ("daylight",)
+
+
+def test_mixtures_have_the_total_variance() -> None:
+    """By hand from two answers whose weights are known; curves, their bands, and the signals."""
+    given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
+    two = guesses(given, ("daylight", "fluorescent"))
+    ssf = recover_in_any_light(two, basis="phones", engine="reference")
+    p = np.array([weight.probability for weight in ssf.choice])
+    assert p.min() > SOLVED
+    pair = [answer(guess.evidence, "phones", engine="reference") for guess in two]
+    (s1, d1), (s2, d2) = (each.peak() for each in pair)
+    assert d1 is not None
+    assert d2 is not None
+    mean = p[0] * s1 + p[1] * s2
+    between = p[0] * (s1 - mean) ** 2 + p[1] * (s2 - mean) ** 2
+    variance = p[0] * d1**2 + p[1] * d2**2 + between
+    top = mean.max(axis=0)
+    curves, std = ssf.peak()
+    assert std is not None
+    assert curves == pytest.approx(mean / top, rel=1e-12)
+    assert std == pytest.approx(np.sqrt(variance) / top, rel=1e-12)
+    assert ssf.between == pytest.approx(between.sum(axis=0) / variance.sum(axis=0), rel=1e-9)
+    assert ssf.predicted == pytest.approx(p[0] * pair[0].predicted + p[1] * pair[1].predicted, rel=1e-12)
+    (light,) = ssf.lights
+    assert light is not None
+    own = [light_of(guess.evidence, read_basis("phones"))[0] for guess in two]
+    power = p[0] * own[0].power + p[1] * own[1].power
+    spread = sum(
+        w * (np.sum(each.modes**2, axis=0) + (each.power - power) ** 2) for w, each in zip(p, own, strict=True)
+    )
+    assert light.power == pytest.approx(power, rel=1e-12)
+    assert light.std == pytest.approx(np.sqrt(spread), rel=1e-12)
+    assert light.power.mean() == pytest.approx(1.0)
+
+
+def test_a_basis_without_a_prior_cannot_tell_lights() -> None:
+    with pytest.raises(InvalidArgument, match="cannot tell one light from another"):
+        solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="gaussian"))
+
+
+# -- the light itself ----------------------------------------------------------------------------------------------
+
+
+def test_the_colour_temperature_is_that_of_colour_science() -> None:
+    """McCamy's formula, and within 1.5 % of Ohno's exact one for what lights a chart."""
+    colour = colour_science()
+    for name, kelvin in (("A", 2856.0), ("D50", 5003.0), ("D65", 6504.0), ("3500K", 3500.0)):
+        assert temperature(read_lamp(name).values) == pytest.approx(kelvin, rel=0.005), name
+    for name in ("2300K", "LED-B1", "LED-B3", "LED-B5", "FL2", "FL11", "D:10000"):
+        power = read_lamp(name).values
+        xyz = power @ observer("1931")
+        xy = xyz[:2] / xyz.sum()
+        assert temperature(power) == pytest.approx(float(colour.temperature.xy_to_CCT_McCamy1992(xy)), rel=1e-9)
+        u, v = 4 * xy[0] / (-2 * xy[0] + 12 * xy[1] + 3), 6 * xy[1] / (-2 * xy[0] + 12 * xy[1] + 3)
+        exact = colour.temperature.uv_to_CCT_Ohno2013(np.array([u, v]))[0]
+        assert temperature(power) == pytest.approx(exact, rel=0.015), name
+
+
+def test_the_temperature_s_deviation_is_that_of_draws() -> None:
+    """The linear one against 4,000 lamps drawn from the modes."""
+    power = read_lamp("D55").values
+    wave = np.linspace(-1.0, 1.0, power.size)
+    modes = np.stack([0.05 * wave * power, 0.02 * np.cos(3 * wave) * power])
+    modes = modes - modes.mean(axis=1, keepdims=True) * power
+    kelvin, std = LampPosterior(power, modes).kelvin
+    drawn = temperature(power + np.random.default_rng(3).normal(size=(4000, 2)) @ modes)
+    assert kelvin == pytest.approx(drawn.mean(), rel=0.01)
+    assert std == pytest.approx(drawn.std(), rel=0.06)
+
+
+# -- phones and cameras --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("lamp", "kind"), [("D55", "daylight"), ("A", "bulb"), ("FL2", "fluorescent")])
+def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
+    """Nothing named: curves within their bands, the light within its own, and no kelvin is invented."""
+    done = found((lamp,))
+    assert done.verdict.status == "accepted"
+    assert done.ssf.basis == "phones"
+    truth = resolve(PHONE)
+    curves, std = done.ssf.peak()
+    assert std is not None
+    off = np.abs(curves - truth / truth.max(axis=0))[SEEN]
+    assert (off <= 1.96 * std[SEEN]).mean() >= 0.93
+    assert np.sqrt(np.mean(off**2)) < 0.03
+    (light,) = done.ssf.lights
+    assert light is not None
+    assert max(light.kinds, key=lambda name: light.kinds[name]) == kind
+    true = read_lamp(lamp).values
+    assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.93
+    assert abs(light.kelvin - float(temperature(true))) < 1.96 * light.kelvin_std
+
+
+def test_the_band_is_wider_than_with_the_lamp_named() -> None:
+    named = solve(capture(resolve(PHONE), ["D55"], make="Apple")).uncertainty
+    nobody = found(("D55",)).uncertainty
+    assert named is not None
+    assert nobody is not None
+    assert nobody["half_width"] > named["half_width"]
+
+
+def test_two_shots_join_what_each_knows() -> None:
+    """Daylight and a bulb, neither named: less is left open than by either alone."""
+    done = found(("D:6500", "2700K"))
+    assert done.verdict.status == "accepted"
+    assert done.ssf.kinds == ("daylight", "bulb")
+    assert done.uncertainty is not None
+    assert done.uncertainty["half_width"] < min(done.uncertainty["alone"])
+    day, bulb = done.ssf.lights
+    assert day is not None
+    assert bulb is not None
+    assert day.kinds["daylight"] > 0.9
+    assert bulb.kinds["bulb"] > 0.9
+    assert len(done.ssf.choice) == 64
+
+
+def test_one_of_two_lamps_may_be_named() -> None:
+    given = unnamed(capture(resolve(PHONE), ["D55", "A"], make="Apple"), 1)
+    done = solve(given)
+    assert done.verdict.status == "accepted"
+    first, second = done.ssf.lights
+    assert first is None
+    assert second is not None
+    assert second.kinds["bulb"] > 0.9
+    problem = pose_problem(given, Options())
+    rivals = weigh_rivals(problem, done.ssf)
+    assert {rival.shot for rival in rivals} == {0}
+    assert len(rivals) == len(RIVALS)
+    nobody = pose_problem(unnamed(given), Options())
+    assert weigh_rivals(nobody, replace(done.ssf, kinds=("daylight", "bulb"))) == ()
+
+
+def test_three_lights_without_a_name_are_too_many() -> None:
+    with pytest.raises(InvalidArgument, match="3 shots was not named; at most 2"):
+        solve(unnamed(capture(resolve(PHONE), ["D55", "A", "FL2"], make="Apple")))
+
+
+@pytest.mark.parametrize("make", ["NIKON CORPORATION", ""])
+def test_a_camera_must_name_its_lamp(make: str) -> None:
+    """The evidence of a camera cannot carry it: the refusal says which words would help."""
+    with pytest.raises(LampUnfit, match=r"nobody named the light.*Name the lamp by --lamp.*daylight, bulb"):
+        solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make)))
+
+
+def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
+    """Its maker is 20 : 1 of a phone's odds; without that word the same photo must name its lamp, whoever took it."""
+    for make in ("", "A maker of whom nobody knows"):
+        given = unnamed(capture(resolve(PHONE), ["D55"], make=make))
+        with pytest.raises(LampUnfit, match="nobody named the light") as caught:
+            solve(given)
+        problem = pose_problem(given, Options())
+        ssf = problem.solve(problem.signals.used, None)
+        odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
+        assert odds > 1.0
+        assert caught.value.value == pytest.approx(odds / (odds + 20.0))
+        assert caught.value.threshold == rules().number("verdict.unnameable")
+
+
+def test_bounds_of_the_probability() -> None:
+    """By the maker's word, from weights alone: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without."""
+    ssf = found(("D55",)).ssf
+
+    def said(phone: float, family: str | None) -> tuple[str, float | None]:
+        weights = (Weight("phones", 1.0, 0.0, phone, ("bulb",)), Weight("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)))
+        reasons = _unnamed(replace(ssf, choice=weights), family)
+        return ("accepted", None) if not reasons else (type(reasons[0]).__name__, reasons[0].value)
+
+    assert said(0.81, "phones") == ("accepted", None)
+    assert said(0.79, "phones") == ("Reason", 0.79)
+    assert said(0.49, "phones") == ("Fatal", 0.49)
+    assert said(0.95, "cameras") == ("Reason", 0.95)
+    assert said(0.96, "cameras") == ("accepted", None)
+    # Nobody's word: 20 : 1 against it, so 19 : 1 are not even 1 : 1, and 401 : 1 are 20 : 1.
+    assert said(0.95, None) == ("Fatal", pytest.approx(19 / 39))
+    assert said(0.96, None) == ("Reason", pytest.approx(24 / 44))
+    assert said(399 / 400, None) == ("Reason", pytest.approx(399 / 419))
+    assert said(401 / 402, None) == ("accepted", None)
+
+
+def test_who_names_the_basis_says_that_it_is_a_phone() -> None:
+    done = solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="phones"))
+    assert done.verdict.status == "accepted"
+    assert {weight.basis for weight in done.ssf.choice} == {"phones"}
+    with pytest.raises(LampUnfit, match="nobody named the light"):
+        solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="cameras"))
+
+
+def test_a_named_lamp_is_solved_as_ever() -> None:
+    """Nothing of the result tells that lights may be unnamed."""
+    done = solve(capture(resolve(PHONE), ["D55"], make="Apple"))
+    assert (done.ssf.lights, done.ssf.kinds, done.ssf.between) == ((), (), None)
+    document = done.document()
+    assert not any("kinds" in each for each in document["choice"])
+    assert "light" not in document["shots"][0]
+    assert "which lamp" not in [row["source"] for row in document["uncertainty"]["budget"]]
+
+
+# -- the faces -----------------------------------------------------------------------------------------------------
+
+
+def test_the_document_has_the_light() -> None:
+    document = found(("D55",)).document()
+    check_document(json.loads(json.dumps(document)), "test")
+    (shot,) = document["shots"]
+    assert shot["lamp"] == {"name": "auto", "tolerance": None, "source": Unnamed().source}
+    ((number, light),) = lights_of(document)
+    assert (number, light) == (1, shot["light"])
+    assert sum(light["kinds"].values()) == pytest.approx(1.0)
+    assert kinds_in_words(light).startswith("daylight 9")
+    assert light_in_words(light).endswith(f"{light['kelvin']:,.0f} ± {light['kelvin_std']:,.0f} K")
+    assert all(each["kinds"] in [[kind] for kind in LAMP_KINDS] for each in document["choice"])
+    cost = cost_of(document)
+    assert cost is not None
+    assert all(0.0 < share < 1.0 for share in cost)
+    assert max(cost) > 0.05
+    shares = np.array([row["share"] for row in document["uncertainty"]["budget"]])
+    assert shares.sum(axis=0) == pytest.approx(1.0)
+    (said,) = [each["message"] for each in document["assumptions"] if each["code"] == "lamp"]
+    assert said.startswith("nobody named the light; the signals")
+    assert "daylight 9" in said
+
+
+def test_the_report_draws_the_light() -> None:
+    document = found(("D55",)).document()
+    html = page(document, [None])
+    assert html.count("The light that nobody named") == 1
+    assert "Correlated colour temperature" in html
+    assert "Of the curves" in html
+    assert html.count('id="light-1"') == 1
+    two = page(found(("D:6500", "2700K")).document(), [None, None])
+    assert two.count('id="light-1"') == two.count('id="light-2"') == 1
+    named = page(solve(capture(resolve(PHONE), ["D55"], make="Apple")).document(), [None])
+    assert "that nobody named" not in named
+
+
+def test_the_terminal_tells_the_light_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    document = found(("D55",)).document()
+    summarise(document, None)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
+    assert line == "light: " + light_in_words(document["shots"][0]["light"])
+    summarise(found(("D:6500", "2700K")).document(), None)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
+    assert re.fullmatch(r"light: shot 1: daylight 100 %; [\d,]+ ± \d+ K; shot 2: bulb 100 %; [\d,]+ ± \d+ K", line)
+
+
+def test_patches_travel_without_a_lamp() -> None:
+    given = unnamed(capture(resolve(PHONE), ["D55", "A"], make="Apple"), 0)
+    second = replace(given.shots[1], photo=replace(given.shots[1].photo, sha256="1" * 64))
+    given = replace(given, shots=(given.shots[0], second))
+    document = json.loads(json.dumps(patches_document(given)))
+    assert document["shots"][0]["lamp"] == {"name": "auto"}
+    back = read_patches(document)
+    assert isinstance(back.shots[0].lamp, Unnamed)
+    assert isinstance(back.shots[1].lamp, Lamp)
+    assert (solve(back).ssf.values == solve(given).ssf.values).all()
+    for wrong in ({"name": "A"}, {"name": "auto", "values": [1.0]}, {}):
+        broken: dict[str, Any] = json.loads(json.dumps(document))
+        broken["shots"][0]["lamp"] = wrong
+        with pytest.raises(InvalidArgument):
+            read_patches(broken)
+
+
+def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
+    """No photo can be read; nobody named a lamp, and the tolerance of nothing is refused as a wrong call."""
+    missing = attempt(tmp_path / "none.dng")
+    assert isinstance(missing, Refusal)
+    document = missing.document()
+    check_document(document, "test")
+    assert document["verdict"]["status"] == "refused"
+    with pytest.raises(InvalidArgument, match="has no tolerance"):
+        attempt(tmp_path / "none.dng", options=Options(lamp_tolerance=["2%"]))
