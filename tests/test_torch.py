@@ -119,7 +119,10 @@ def test_deep_gradients_are_the_optimum_s_own(nonnegative: bool) -> None:
 
 
 def written(iteration: str) -> bytes:
-    """The repository's own graph of the layers, from A, b, λ₂, γ and `nonnegative` to x, of three problems."""
+    """The repository's own graph of the layers, from A, b, λ₂, γ and `nonnegative` to x, of three problems.
+
+    No input is called A: capitals are the graph's own names for its values.
+    """
     from onnx import TensorProto, helper
 
     from camssf_onnx import layers
@@ -129,7 +132,9 @@ def written(iteration: str) -> bytes:
     from camssf_onnx.problem import pose
 
     g = Graph("layers")
-    shapes: dict[str, list[int]] = {"A": [3, 20, 12], "b": [3, 20], "l2": [], "gamma": [], "nonnegative": []}
+    shapes: dict[str, list[int]] = {
+        "rows": [3, 20, 12], "b": [3, 20], "l2": [], "gamma": [], "nonnegative": [],
+    }  # fmt: skip
     A, b, l2, gamma, nonnegative = (Value(g, name) for name in shapes)
     posed = pose((A, b), (l2, gamma), nonnegative, (3, 12))
     if iteration == "splitting":
@@ -166,7 +171,7 @@ def test_torch_s_export_and_the_graph_written_by_hand_are_equal(iteration: str, 
     (found,) = exported.run(None, fed)
     by_hand = onnxruntime.InferenceSession(written(iteration), providers=["CPUExecutionProvider"])
     (ours,) = by_hand.run(
-        ["x"], {"A": A.numpy(), "b": b.numpy(), "l2": l2.numpy(), "gamma": gamma[0].numpy(),
+        ["x"], {"rows": A.numpy(), "b": b.numpy(), "l2": l2.numpy(), "gamma": gamma[0].numpy(),
                 "nonnegative": np.array(float(nonnegative))},
     )  # fmt: skip
     expected = np.stack([LAYERS[iteration](p).unroll(DEPTH) for p in problems])
