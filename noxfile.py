@@ -82,7 +82,7 @@ def kernels(session: nox.Session) -> None:
 @nox.session
 def docs(session: nox.Session) -> None:
     """The documentation, strict; `nox -s docs -- serve` shows it in a browser."""
-    install(session, "mkdocs-material")
+    install(session, "mkdocs-material", "mkdocstrings[python]")
     quiet = {"NO_MKDOCS_2_WARNING": "1"}
     session.run("mkdocs", *(session.posargs or ["build", "--strict", "--site-dir", session.create_tmp()]), env=quiet)
 

@@ -195,6 +195,7 @@ def make_problem(
         "lamp": lamps,
         "lamp_tolerance": np.broadcast_to(np.asarray(lamp_tolerance, float), k).copy(),
         "lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)) if lamp_modes is None else lamp_modes,
+        "gain_modes": np.zeros((k, 1, n)),
         "l2": np.array(float(l2)),
         "gamma": np.array(float(gamma)),
         "nonnegative": np.array(float(nonnegative)),
@@ -353,6 +354,16 @@ def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> 
     for line in lines:
         made.add_row(*line)
     return made
+
+
+def count_missed(bars: Iterable[tuple[str, float, float, float]]) -> int:
+    """Print bars (name, value, least, most), each held or not; returns how many are not."""
+    missed = 0
+    for name, value, least, most in bars:
+        held = least <= value <= most
+        missed += not held
+        print(f"{name}: {value:.4f} (bar {least:g} to {most:g}): {'held' if held else 'MISSED'}")
+    return missed
 
 
 def save(name: str, content: dict[str, Any]) -> str:

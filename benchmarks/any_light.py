@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._common import console, one_thread, progress, save, standing_in, table, versions
+from benchmarks._common import console, count_missed, one_thread, progress, save, standing_in, table, versions
 from benchmarks.accuracy import LOW, SEEN
 from benchmarks.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.wrong_lamps import populations, stands_in
@@ -291,11 +291,7 @@ def main(arguments: list[str] | None = None) -> int:
             rows = of_population(devices, key, pairs, lambda task=task: bar.advance(task))  # type: ignore[misc]
             document[title] = {word: row(taken) for word, taken in rows.items()}
     show(document)
-    missed = 0
-    for name, value, least, most in bars(document):
-        held = least <= value <= most
-        missed += not held
-        print(f"{name}: {value:.4f} (bar {least:g} to {most:g}): {'held' if held else 'MISSED'}")
+    missed = count_missed(bars(document))
     print(f"written: {save('any_light', document | {'versions': versions('scipy')})}")
     return int(missed > 0)
 

@@ -44,13 +44,14 @@ from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, conver
 from camssf.colour.camera import OwnWhite
 from camssf.colour.spaces import white_of, xyz_of
 from camssf.colour.standard import of_surfaces
-from camssf.colour.transforms import FOLDS, delta_e00, fit, signals_of, terms
+from camssf.colour.transforms import FOLDS, fit, signals_of, terms
 from camssf.curves.basis import Basis, interpolate
 from camssf.curves.choice import recover
 from camssf.curves.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
 from camssf.curves.evidence import Evidence
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_chart, read_lamp
+from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
 from camssf.tools.learn import HANDFUL, maker_of, read_curves
 
@@ -162,18 +163,23 @@ def through(curves: Floats, power: Floats, y: Floats, left_out_: bool) -> Floats
     return found
 
 
+def photographed(case: Case, name: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats, Floats]:
+    """The true light, the raw white of a reference that is off, and the unseen samples' signals with their error."""
+    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
+    power = drawn(lamp(name), rng)
+    white = 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
+    raw = (power * white) @ case.curves
+    y = ((power * unseen()) @ case.curves) / raw * (1.0 + 0.01 * rng.normal())
+    error = 0.005 * y
+    return power, raw, y + error * rng.normal(size=y.shape), error
+
+
 def coverage(case: Case, rng: np.random.Generator) -> dict[str, list[float]]:
     """χ² of true less stated Lab, by what was told of the lamp."""
     camera = calibrate(case, SHOTS["two"], rng, off=True)
-    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
     found: dict[str, list[float]] = {"named": [], "kind": [], "auto": []}
     for name in LAMPS:
-        power = drawn(lamp(name), rng)
-        white = 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
-        raw = (power * white) @ case.curves
-        y = ((power * unseen()) @ case.curves) / raw * (1.0 + 0.01 * rng.normal())
-        error = 0.005 * y
-        y = y + error * rng.normal(size=y.shape)
+        power, raw, y, error = photographed(case, name, rng)
         truth = of_surfaces(unseen(), power, View())[1]
         for way, told in (("named", name), ("kind", KINDS[name]), ("auto", "auto")):
             answer = standard_colour(camera, told, y, error, reference=Reference(WHITE, raw))
@@ -186,15 +192,9 @@ def coverage(case: Case, rng: np.random.Generator) -> dict[str, list[float]]:
 def converted(one: Case, other: Case, rng: np.random.Generator) -> tuple[float, float, list[float]]:
     """Mean square error of the signals as they are and converted, and χ² of true less converted, lamp named."""
     cameras = [calibrate(case, SHOTS["two"], rng, off=True) for case in (one, other)]
-    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
     before, after, found = [], [], list[float]()
     for name in LAMPS:
-        power = drawn(lamp(name), rng)
-        white = 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
-        raw = (power * white) @ one.curves
-        y = ((power * unseen()) @ one.curves) / raw * (1.0 + 0.01 * rng.normal())
-        error = 0.005 * y
-        y = y + error * rng.normal(size=y.shape)
+        power, raw, y, error = photographed(one, name, rng)
         truth = signals_of(unseen(), power, other.curves)
         answer = convert(*cameras, name, y, error, reference=Reference(WHITE, raw))
         off = truth - answer.signals

@@ -36,7 +36,7 @@ FAULT = 3
 """Exit status of Kotlin's runner where a case does not hold."""
 CHEAP = ("verdict", "signals", "patches")
 """Stages whose golden cases take a second in all; the others follow where these notice nothing."""
-STAGES = (*CHEAP, "choice", "rivals", "calibrate")
+STAGES = (*CHEAP, "choice", "light", "rivals", "calibrate")
 _HIDDEN = "the row weighs a millionth of the others at 1000, and no more at 500 or 1500"
 _FAINTEST = "no sensor gives a signal between half and one and a half millionths of white that is not lost in noise"
 EQUIVALENT: dict[str, str] = {
@@ -46,10 +46,6 @@ EQUIVALENT: dict[str, str] = {
     "calibration.faintest x 0.5": _FAINTEST,
 }
 """Mutants that no run can tell from the original, each with the reason why."""
-AWAITED = ("verdict.unnam", "lamp.", "unnamed,")
-"""Numbers of lights that nobody named: no golden case holds one until both languages can; `tests/test_any_light.py`
-looks at them."""
-
 Json = dict[str, Any]
 
 
@@ -203,19 +199,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         except Unavailable as error:
             console().print(f"{language}: SKIPPED. {error}")
             continue
-        odd = [name for name in alive if name not in EQUIVALENT and not name.startswith(AWAITED)]
+        odd = [name for name in alive if name not in EQUIVALENT]
         unexplained += odd
         rows.append([language, len(found) - len(alive), len(found), len(alive) - len(odd), len(odd)])
         for name in alive:
-            console().print(f"{language}: {name} survives: {_why(name)}")
+            console().print(f"{language}: {name} survives: {EQUIVALENT.get(name, 'NO REASON')}")
     if rows:
         console().print(table("Mutants of rules.json", ["reader", "killed", "of", "equivalent", "survive"], rows))
     return 1 if unexplained else 0
-
-
-def _why(name: str) -> str:
-    """Why a mutant may live."""
-    return "its golden cases are awaited" if name.startswith(AWAITED) else EQUIVALENT.get(name, "NO REASON")
 
 
 if __name__ == "__main__":

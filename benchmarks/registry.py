@@ -32,6 +32,8 @@ from registries import START, bells, made  # noqa: E402
 BAR = 1.0
 """Seconds."""
 MODELS, UNITS = 200, 10
+COVARIANCE = 72 * 73 // 2
+"""Numbers of a row that no question asks for."""
 BLOCK = MODELS * UNITS
 
 
@@ -59,7 +61,9 @@ def fill(folder: Path, rows: int) -> Registry:
         model, unit = number % MODELS, number // MODELS
         curves = bells(np.array([model / 8, 0.0, -model / 9]) + 0.3 * dice.standard_normal(3))
         when = START + timedelta(hours=number)
-        fresh.append(made(number, curves, model=f"Model {model}", serial=f"{model}-{unit}", captured=when))
+        known = tuple(dice.standard_normal(COVARIANCE).tolist())
+        unit_ = {"model": f"Model {model}", "serial": f"{model}-{unit}", "captured": when}
+        fresh.append(made(number, curves, code_covariance=known, **unit_))
     registry.add(fresh)
     (first,) = (folder / "results").glob("*.parquet")
     with connection() as con:
@@ -72,14 +76,15 @@ def fill(folder: Path, rows: int) -> Registry:
     return registry
 
 
-def best(what: Callable[[], object]) -> float:
-    """Seconds, the best of three."""
+def best(what: Callable[[], object]) -> tuple[float, float]:
+    """Seconds by the clock and of a processor, each the best of three; others' work lengthens the first."""
     taken = []
     for _ in range(3):
-        begun = time.perf_counter()
+        begun, worked = time.perf_counter(), time.process_time()
         what()
-        taken.append(time.perf_counter() - begun)
-    return min(taken)
+        taken.append((time.perf_counter() - begun, time.process_time() - worked))
+    clock, processor = zip(*taken, strict=True)
+    return min(clock), min(processor)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -107,10 +112,11 @@ def main(arguments: list[str] | None = None) -> int:
     title = f"8 writers of {options.results} results, two killed"
     out.print(table(title, ("acknowledged", "missing", "doubled", "there without"), [counted]))
     title = f"{options.rows} rows, {size / 1e6:.0f} MB"
-    out.print(table(title, ("question", "s"), [(name, f"{taken:.2f}") for name, taken in seconds.items()]))
+    lines = [(name, f"{clock:.2f}", f"{processor:.2f}") for name, (clock, processor) in seconds.items()]
+    out.print(table(title, ("question", "s", "of a processor"), lines))
     save("registry", {"versions": versions(), "acknowledged": acknowledged, "missing": missing, "doubled": doubled}
          | {"rows": options.rows, "bytes": size, "seconds": seconds})  # fmt: skip
-    holds = not missing and not doubled and max(seconds.values()) <= BAR
+    holds = not missing and not doubled and max(clock for clock, _ in seconds.values()) <= BAR
     out.print("every bar held" if holds else "a bar was MISSED")
     return 0 if holds else 1
 

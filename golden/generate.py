@@ -81,6 +81,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     from rich.progress import track
 
     from golden.colours import colours, regions
+    from golden.finders import finders
     from golden.mosaics import mosaics
     from golden.poses import poses
     from golden.scenes import cases
@@ -92,7 +93,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     yield from spectra.items()
     entries: dict[str, str] = {}
     faults: list[str] = []
-    scenes = [*mosaics(), *poses(), *cases(), *verdicts(), *colours(), *regions()]
+    scenes = [*mosaics(), *poses(), *cases(), *verdicts(), *colours(), *regions(), *finders()]
     photos = {name: content for scene in scenes for name, content in scene.get("files", {}).items()}
     reading.PENDING.update(photos)
     yield from sorted(photos.items())
@@ -234,6 +235,14 @@ def _limits(made: Json, scene: Json) -> list[Json]:
         "choice": [("weighed", "exact", 0.0), ("log_evidence", "relative", 1e-10), ("probability", "norm", 1e-8),
                    ("basis", "exact", 0.0), ("prior_scale", "exact", 0.0), ("ssf", "norm", 1e-9),
                    ("ssf_std", "norm", 1e-9), ("predicted", "norm", 1e-9)],
+        "light": [("weighed", "exact", 0.0), ("log_evidence", "relative", 1e-10), ("probability", "norm", 1e-8),
+                  ("basis", "exact", 0.0), ("prior_scale", "exact", 0.0), ("likeliest", "exact", 0.0),
+                  ("ssf", "norm", 1e-9), ("ssf_std", "norm", 1e-9), ("predicted", "norm", 1e-9),
+                  ("rmsre_percent", "norm", 1e-8), ("kinds", "norm", 1e-8), ("power", "norm", 1e-9),
+                  ("power_std", "norm", 1e-9),
+                  ("kelvin", "relative", 1e-9), ("kelvin_std", "relative", 1e-9), ("status", "exact", 0.0),
+                  ("codes", "exact", 0.0), ("messages", "exact", 0.0), ("values", "relative", 1e-8),
+                  ("thresholds", "relative", 1e-15), ("said", "exact", 0.0)],
         "rivals": [("gains", "norm", 1e-8)],
         "layers": [("ssf", "peak", 1e-10)],
         "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
@@ -249,6 +258,10 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                    ("lamps", "exact", 0.0), ("weights", "norm", 1e-12), ("kinds", "exact", 0.0),
                    ("surprise", "relative", 1e-12), ("far", "exact", 0.0), ("reach", "norm", 1e-9)],
         "regions": [("raw", "norm", 1e-14), ("standard_error", "norm", 1e-13)],
+        # Pictures are below 2000 px wide: 1e-13 of that is far below the 1e-9 px that is asked for.
+        "finder": [("findings", "exact", 0.0), ("kinds", "exact", 0.0), ("mirrored", "exact", 0.0),
+                   ("seen", "exact", 0.0), ("corners", "norm", 1e-13), ("patches", "norm", 1e-13),
+                   ("confidence", "norm", 3e-9)],
     }  # fmt: skip
     found = [limit(v, "outputs", m, bound) for v, m, bound in port[stage] if outputs[v] is not None]
     if stage == "mosaic":
@@ -264,7 +277,7 @@ def _limits(made: Json, scene: Json) -> list[Json]:
         ]
     if stage == "layers":
         return found + _layers_limits(made, limit)
-    if stage in ("calibrate", "choice"):
+    if stage in ("calibrate", "choice", "light"):
         found.append(limit("gap", "outputs", "at_most", GAP))
     if made["oracle"] is not None:
         found.append(limit("objective", "oracle", "relative", 1e-9, *(["reference"] if stage == "ssf" else [])))
@@ -305,12 +318,16 @@ _ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_sh
 """Fields that are quotients."""
 
 
+_LIGHT = {("light", "power"), ("light", "power_std"), ("light", "predicted")}
+"""More curves of DIGITS digits."""
+
+
 def _requires(stage: str, inputs: Json) -> list[str]:
-    if stage in ("mosaic", "pose", "patches", "signals", "verdict", "colour"):
+    if stage in ("mosaic", "pose", "patches", "signals", "verdict", "colour", "finder"):
         return [stage]
     if stage == "regions":
         return ["patches"]
-    if stage in ("calibrate", "rivals"):
+    if stage in ("calibrate", "light", "rivals"):
         return ["signals", "model"]
     if stage == "layers":
         return ["model"] if (inputs["iteration"], inputs["depth"]) == ("splitting", DEPTH) else ["reference"]
@@ -354,7 +371,7 @@ def _stored(name: str, value: Any, stage: str) -> Any:
     """As a file has it: a band that does not exist is null, and what is large is told with fewer numbers."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
-    if value is None or name not in ("ssf", "ssf_std", "code_covariance", "W"):
+    if value is None or not (name in ("ssf", "ssf_std", "code_covariance", "W") or (stage, name) in _LIGHT):
         return value
     if name == "code_covariance":
         return value.reshape(len(value), 3, -1).sum(axis=2)

@@ -25,7 +25,7 @@ FIELDS = (
 )  # fmt: skip
 CAPABILITIES = (
     "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate", "jpeg-strips",
-    "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour",
+    "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour", "finder",
 )  # fmt: skip
 """What a runner may have; README.md explains each."""
 _PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
@@ -51,18 +51,22 @@ INPUTS: dict[str, set[str]] = {
     "layers": _CALL | {"iteration", "depth"},
     "choice": _CALL | {"prior"},
     "calibrate": _CAPTURE,
+    "light": _CAPTURE | {"unnamed"},
     "rivals": _CAPTURE,
     "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
                 "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
     "colour": {"result", "lamp", "signals", "standard_error", "reference", "view"},
     "regions": {"photo", "areas", "dark", "lens_shading"},
+    "finder": {"dng", "form"},
 }  # fmt: skip
 MAY: dict[str, set[str]] = {
-    "ssf": {"prior_scale"},
-    "calibrate": {"make", "model"},
+    "sensing": {"gain_modes", "gain_own"},
+    "ssf": {"prior_scale", "gain_modes", "gain_own"},
+    "calibrate": {"make", "model", "light_per_patch"},
+    "light": {"make", "model"},
     "rivals": {"make", "model"},
-    "verdict": {"choice", "family", "code_variance"},
+    "verdict": {"choice", "family", "code_variance", "unnamed", "gain_modes", "gain_own"},
 }
 """Inputs that a case may leave out; README.md says what then holds."""
 _STATISTICS = {"mean", "standard_error", "count", "clipped", "dead", "gradient", "greens"}
@@ -121,6 +125,30 @@ OUTPUTS: dict[str, set[str]] = {
         "predicted",
         "gap",
     },
+    "light": {
+        "weighed",
+        "log_evidence",
+        "probability",
+        "basis",
+        "prior_scale",
+        "likeliest",
+        "ssf",
+        "ssf_std",
+        "predicted",
+        "gap",
+        "rmsre_percent",
+        "kinds",
+        "power",
+        "power_std",
+        "kelvin",
+        "kelvin_std",
+        "status",
+        "codes",
+        "messages",
+        "values",
+        "thresholds",
+        "said",
+    },
     "rivals": {"gains"},
     "calibrate": {"signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes"},
     "verdict": {
@@ -152,6 +180,7 @@ OUTPUTS: dict[str, set[str]] = {
         "reach",
     },
     "regions": {"raw", "standard_error"},
+    "finder": {"findings", "kinds", "mirrored", "seen", "corners", "patches", "confidence"},
 }
 ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}
 AGAINST = ("outputs", "oracle", "truth")

@@ -21,19 +21,25 @@ from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import Ssf, Weight
 from camssf.errors import CalibrationError
+from camssf.evidence.assumptions import assume
 from camssf.evidence.problem import pose_problem
+from camssf.evidence.rivals import weigh as weigh_answer
 from camssf.evidence.rivals import weigh_rivals
+from camssf.evidence.unseen import foretell, score
 from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
 from camssf.grid import STEP, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.finder.find import find_sightings
+from camssf.photo.finder.picture import Codes, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.pose import Pose, find_chart
 from camssf.photo.signals import Signals, normalise
-from camssf.spectra import ChartTable, Lamp, read_chart
+from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
 from golden.compare import METRICS, optimality, peak
+from golden.finders import planes, shown
 from golden.reading import CAPABILITIES, GoldenError, Json, digest, dng, resolve, sibling
 
 ENGINES = ("reference", "onnx")
@@ -75,11 +81,12 @@ def arrays(case: Json) -> dict[str, Any]:
         "verdict": VERDICT_NUMBERS,
         "colour": {"signals", "standard_error"},
         "regions": set(),
+        "finder": set(),
     }
     numbers = plain_numbers.get(case["stage"])
     if numbers is not None:
         return {key: resolve(value) if key in numbers else value for key, value in case["inputs"].items()}
-    plain = ("basis", "shots", "iteration", "depth", "prior", "make")
+    plain = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed")
     return {key: value if key in plain else resolve(value) for key, value in case["inputs"].items()}
 
 
@@ -101,11 +108,14 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
         "verdict": _verdict,
         "colour": _colour,
         "regions": _regions,
+        "finder": _finder,
     }
     if case["stage"] in stages:
         return stages[case["stage"]](given)
     if case["stage"] == "calibrate":
         return _calibrate(given, engine)
+    if case["stage"] == "light":
+        return _light(given, engine)
     if case["stage"] == "rivals":
         return _rivals(given)
     if case["stage"] == "choice":
@@ -180,6 +190,8 @@ def _evidence(given: dict[str, Any], signals: Any, frames: Any = None) -> Eviden
         white_tolerance=given["white_tolerance"],
         lamp_tolerance=given["lamp_tolerance"],
         lamp_modes=given["lamp_modes"],
+        gain_modes=given.get("gain_modes", np.zeros((0, 0))),
+        gain_own=given.get("gain_own", 0.0),
         frames=frames,
     )
 
@@ -246,10 +258,10 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
 
 def _fed(model: Model, given: dict[str, Any]) -> dict[str, Any]:
     """A model's outputs."""
-    fed = {i.name: given[i.name] for i in model.session.get_inputs() if i.name != "nonnegative"}
+    fed = {i.name: given[i.name] for i in model.session.get_inputs() if i.name in given and i.name != "nonnegative"}
     if not fed["lamp_modes"].shape[1]:
         fed["lamp_modes"] = np.zeros((len(given["lamp"]), 1, given["lamp"].shape[1]))
-    fed["prior_scale"] = np.array(_scale(given))
+    fed |= {"prior_scale": np.array(_scale(given)), "gain_own": np.array(float(given.get("gain_own", 0.0)))}
     return dict(model.run(fed | {"nonnegative": np.array(float(given["nonnegative"]))}))
 
 
@@ -379,6 +391,36 @@ def _pose(given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _finder(given: dict[str, Any]) -> dict[str, Any]:
+    """What is seen in one of the forms of a photo; points one chart behind the other."""
+    photo = _read(given["dng"])
+    found = find_sightings(_searched(photo, given["form"]))
+    seen = found.sightings
+    return {
+        "findings": list(found.findings),
+        "kinds": [each.kind for each in seen],
+        "mirrored": [each.mirrored for each in seen],
+        "seen": [each.seen for each in seen],
+        "corners": np.array([each.corners for each in seen]).reshape(-1, 2),
+        "patches": np.concatenate([np.zeros((0, 2)), *(each.patches for each in seen)]),
+        "confidence": np.array([each.confidence for each in seen]),
+    }
+
+
+def _searched(photo: Mosaic, form: str) -> Codes:
+    if form == "mosaic":
+        return codes_of_mosaic(photo)
+    light = planes(photo)
+    if form == "light":
+        return codes_of_light(light.astype(np.float32))
+    picture = shown(light)
+    if form == "yuv":
+        y, blue, red = (picture[:, :, channel].astype(np.int64) for channel in (1, 2, 0))
+        u, v = (np.clip(128 + (each - y) // 2, 0, 255)[::2, ::2].astype(np.uint8) for each in (blue, red))
+        picture = rgb_of_yuv(picture[:, :, 1], u, v)
+    return codes_of_bytes(picture[:, :, 1] if form == "luma" else picture)
+
+
 def _patches(given: dict[str, Any]) -> dict[str, Any]:
     photos = {role: given[role] and _read(given[role]) for role in ("photo", "white", "dark")}
     pose = Pose("classic24", np.zeros((4, 2)), given["quads"], 0, "by hand", 1.0, ())
@@ -440,8 +482,12 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     rivals = [Rival(shot, name, gain) for shot, name, gain in given["rivals"]]
     neutrals = [[Neutral(resolve(light)[0], np.array(white)) for light, white in told] for told in given["neutrals"]]
     shots = [_means(shot) for shot in given["shots"]]
-    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"])
-    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"))
+    gains = None
+    if "gain_modes" in given:
+        gains = np.array(given["gain_modes"], float), float(given["gain_own"])
+    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"], gains)
+    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
+                    unnamed=given.get("unnamed", False))  # fmt: skip
     joint = weighed.surprise(ssf)
     each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]
@@ -471,9 +517,10 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     photo = Photo(
         "golden", 600, 400, 1, None, None, False, given.get("make", "golden"), given.get("model", "golden"), ""
     )
+    unnamed = given.get("unnamed", ())
     shots = tuple(
         Shot(
-            Lamp("golden", values, float(tolerance), modes, "golden/spectra"),
+            Unnamed() if j in unnamed else Lamp("golden", values, float(tolerance), modes, "golden/spectra"),
             photo,
             photo if shot["white"] else None,
             photo if shot["dark"] else None,
@@ -481,8 +528,8 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
             _means(shot),
             None,
         )
-        for shot, values, tolerance, modes in zip(
-            given["shots"], given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True
+        for j, (shot, values, tolerance, modes) in enumerate(
+            zip(given["shots"], given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True), 1
         )
     )
     options = Options(
@@ -491,6 +538,7 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
         l2=given["l2"],
         gamma=given["gamma"],
         engine=engine,
+        light_per_patch=given.get("light_per_patch"),
     )
     return Capture(shots, table, given["white_reflectance"]), options
 
@@ -556,6 +604,45 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "channel_gain": done.ssf.channel_gain,
         "rmsre_percent": done.scores.rmsre_percent,
         "codes": [reason.code for reason in done.verdict.reasons],
+    }
+
+
+def _light(given: dict[str, Any], engine: str) -> dict[str, Any]:
+    """Curves and light where nobody named a lamp, and the verdict on both, even where it refuses."""
+    capture, options = _capture(given, engine)
+    asked = pose_problem(capture, options)
+    ssf = asked.solve(asked.signals.used, options.gamma)
+    settled = asked.settled(ssf)
+    verdict = weigh_answer(asked, ssf, settled.solve_alone())
+    scores = score(settled, ssf, foretell(settled, ssf, settled.bands(asked.signals.used, ssf)), None)
+    curves, std = ssf.peak()
+    assert std is not None
+    lights = [light for light in ssf.lights if light is not None]
+    return {
+        "weighed": [[weight.basis, weight.prior_scale, *weight.kinds] for weight in ssf.choice],
+        "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
+        "probability": np.array([weight.probability for weight in ssf.choice]),
+        "basis": ssf.basis,
+        "prior_scale": ssf.prior_scale,
+        "likeliest": list(ssf.kinds),
+        "ssf": curves[::10],
+        "ssf_std": std[::10],
+        "predicted": ssf.predicted,
+        "gap": ssf.gap,
+        "rmsre_percent": scores.rmsre_percent,
+        "kinds": np.array([list(light.kinds.values()) for light in lights]),
+        "power": np.stack([light.power[::10] for light in lights]),
+        "power_std": np.stack([light.std[::10] for light in lights]),
+        "kelvin": np.array([light.kelvin for light in lights]),
+        "kelvin_std": np.array([light.kelvin_std for light in lights]),
+        "status": verdict.status,
+        "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
+        "values": np.array([float(reason.value or 0.0) for reason in verdict.reasons]) if verdict.reasons else None,
+        "thresholds": np.array([float(reason.threshold or 0.0) for reason in verdict.reasons])
+        if verdict.reasons
+        else None,
+        "said": [each.message for each in assume(capture, ssf, settled.level(ssf)) if each.code == "lamp"],
     }
 
 

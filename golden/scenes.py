@@ -65,11 +65,13 @@ def cases() -> Iterator[Case]:
     yield from _solve_cases()
     yield from _ssf_cameras()
     yield from _ssf_phones()
+    yield from _ssf_uneven()
     yield from _ssf_gaussian()
     yield from _ssf_errors()
     yield from _layers_cases()
     yield from _choice_cases()
     yield from _calibrate_cases()
+    yield from _light_cases()
     yield from _rivals_cases()
 
 
@@ -307,6 +309,51 @@ def _ssf_phones() -> Iterator[Case]:
             f"{basis}-wide", "The prior twice as wide: s = μ + 2 Ψ x, in rows, evidence, bands and curves.",
             basis=basis, camera=camera, patches=TWELVE, change={"prior_scale": 2.0},
         )  # fmt: skip
+
+
+def _light(bend: float = 1.0) -> Floats:
+    """Uneven light (24,) on the patches, a bowl and a plane, 1 on the white one."""
+    i = np.arange(24)
+    x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
+    light = (1.0 - bend * (0.12 * (x - 0.3) ** 2 + 0.12 * (y + 0.2) ** 2)) * (1.0 + 0.07 * bend * x)
+    return np.asarray(np.round(light / light[18], 9))
+
+
+def _gain_modes(shots: int) -> list[Any]:
+    """A plane and a bowl, less their values on the white patch, and its own level, (k, 6, 24)."""
+    i = np.arange(24)
+    x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
+    ways = np.stack([0.2 * x, 0.2 * y, 0.3 * x**2, 0.3 * x * y, 0.3 * y**2, -0.05 * (i == 18)])
+    each: list[Any] = np.round(ways - ways[:, [18]], 9).tolist()
+    return [each] * shots
+
+
+def _ssf_uneven() -> Iterator[Case]:
+    """Light that falls unevenly on the chart, and gain modes that may carry it."""
+
+    def uneven(name: str, comment: str, lamps: list[str], modes: list[Any], own: float, **more: Any) -> Case:
+        camera = more.get("camera", NIKON)
+        photo = photograph(camera, lamps, {"chart": "babelcolor", "patches": ALL})
+        lit = np.round(photo["dark"] + _light()[:, None] * (photo["chart"] - photo["dark"]), 3)
+        change = {"chart": lit, "gain_modes": modes, "gain_own": own} | more.pop("change", {})
+        return scene(name, comment, lamps=lamps, change=change, **more)
+
+    phone: Json = {"basis": "phones", "camera": PHONE}
+    yield uneven("phones-uneven", "A plane and a bowl of light over the chart, solved for with the curves.", ["D55"],
+                 _gain_modes(1), 0.075, rmse=0.05, **phone)  # fmt: skip
+    yield uneven("cameras-uneven-two", "Two shots: about the curves and the gains of a first look.", ["D55", "A"],
+                 _gain_modes(2), 0.075, rmse=0.05)  # fmt: skip
+    yield uneven("phones-uneven-kind", "A lamp told by its kind, and uneven light: modes of both beside each other.",
+                 ["LED-B3"], _gain_modes(1), 0.075, rmse=0.08,
+                 change={"lamp": {"lamps": ["white-led"]}, "lamp_modes": {"modes": ["white-led"]},
+                         "lamp_tolerance": [0.17]}, **phone)  # fmt: skip
+    each = np.concatenate([0.08 * np.delete(np.eye(24), 18, axis=0), 0.08 * (np.arange(24) != 18)[None]])
+    yield uneven("phones-uneven-each", "Every patch by itself: a mode each, and one of the white's own.", ["D55"],
+                 [each.tolist()], 0.0, rmse=0.08, **phone)  # fmt: skip
+    yield uneven("error-gain-modes", "Gain modes of 23 patches for 24.", ["D55"],
+                 [np.zeros((1, 23)).tolist()], 0.0, expect="invalid_argument")  # fmt: skip
+    yield uneven("error-gain-own", "A negative share of its own.", ["D55"], _gain_modes(1), -0.1,
+                 expect="invalid_argument")  # fmt: skip
 
 
 def _ssf_gaussian() -> Iterator[Case]:
@@ -598,6 +645,16 @@ def _signal_cases() -> Iterator[Case]:
     yield signals("error-other-chart", "24 patches, a table of 140.", [shot], patches=140, expect="invalid_argument")
 
 
+def _lit(shots: list[Json], light: Floats) -> list[Json]:
+    """The same in uneven light, without white frames."""
+    found = []
+    for each in shots:
+        dark = each["dark"]["mean"]
+        mean = np.round(dark + light[:, None] * (each["chart"]["mean"] - dark), 3)
+        found.append(each | {"white": None, "chart": each["chart"] | {"mean": mean}})
+    return found
+
+
 def _calibrate_cases() -> Iterator[Case]:
     def calibrate(name: str, comment: str, shots: list[Json], lamps: Sequence[str] = ("D55",), **more: Any) -> Case:
         known = {"truth", "rmse", "expect"}
@@ -628,6 +685,24 @@ def _calibrate_cases() -> Iterator[Case]:
                     ["D55", "A", "LED-B3"], truth=BELLS, rmse=0.08)  # fmt: skip
     yield calibrate("no-white", "The chart's white patch stands in: ρ_w is its table, its row drops out.", [card],
                     truth=NIKON, rmse=0.06)  # fmt: skip
+
+    one, two = (_frames(PHONE, lamps, white=white, shade=0.0) for lamps in (["D55"], ["D55", "A"]))
+    yield calibrate("uneven", "No white frame, and light that falls off by a quarter: solved for with the curves.",
+                    _lit(one, _light()), basis="phones", truth=PHONE, rmse=0.06)  # fmt: skip
+    yield calibrate("uneven-two-shots", "The same of two shots, each with a light of its own.",
+                    [*_lit(two[:1], _light()), *_lit(two[1:], _light(0.5))], ["D55", "A"], basis="phones",
+                    truth=PHONE, rmse=0.06)  # fmt: skip
+    yield calibrate("uneven-shadow", "Half of the chart in a shadow: more than a bowl of light can be.",
+                    _lit(one, np.where(np.arange(24) % 6 > 2, 0.7, 1.0)), basis="phones", truth=PHONE,
+                    rmse=0.12)  # fmt: skip
+    random = 1.0 + 0.08 * np.sin(37.0 * np.arange(24.0) ** 2)
+    yield calibrate("one-by-one", "Each patch photographed for itself: the light differs by 8 %.",
+                    _lit(one, np.round(random / random[18], 6)), basis="phones", light_per_patch=0.08, truth=PHONE,
+                    rmse=0.09)  # fmt: skip
+    yield calibrate("one-by-one-framed", "The same with a white frame: a mode a patch.", [shot], light_per_patch=0.08,
+                    truth=NIKON, rmse=0.09)  # fmt: skip
+    yield calibrate("error-one-by-one", "Light cannot differ by nothing.", [card], light_per_patch=0.0,
+                    expect="invalid_argument")  # fmt: skip
     yield calibrate("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}], truth=NIKON,
                     rmse=0.05)  # fmt: skip
     yield calibrate("grey-card", "The white frame shows a card of 90 %.",
@@ -668,6 +743,51 @@ def _calibrate_cases() -> Iterator[Case]:
                     gamma=1e9, expect="not_converged")  # fmt: skip
 
 
+def _light_cases() -> Iterator[Case]:
+    """Lights that nobody named: `unnamed` numbers their shots, whose `lamp` says nothing."""
+
+    def light(
+        name: str, comment: str, camera: Json, lamps: Sequence[str], unnamed: list[int], *, expect: str = "success",
+        **more: Any,
+    ) -> Case:  # fmt: skip
+        made = next(each for each in _calibrate_cases() if each["case"] == "calibrate/auto-phone")["inputs"]
+        told = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(lamps, 1)]
+        k = len(lamps)
+        inputs = made | {
+            "shots": _frames(camera, lamps, noise="usual"),
+            "lamp": {"lamps": told},
+            "lamp_tolerance": {"constant": 0.02, "shape": [k]},
+            "lamp_modes": {"polynomials": [[] for _ in lamps]},
+            "unnamed": unnamed,
+        }
+        return case(f"light/{name}", comment, inputs | more, expect=expect)
+
+    yield light("daylight", "A phone under D55, and nobody said so.", PHONE, ["D55"], [1])
+    yield light("white-led", "The same under a white LED: kinds are mixed.", PHONE, ["LED-B3"], [1])
+    yield light("two", "Daylight and a bulb, neither named: 64 hypotheses.", PHONE, ["D55", "A"], [1, 2])
+    yield light("one-of-two", "Daylight by its name and a bulb by none: rivals of the first alone.", PHONE,
+                ["D55", "A"], [2])  # fmt: skip
+    yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
+                basis="phones")  # fmt: skip
+    yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],
+                make="NIKON CORPORATION")  # fmt: skip
+    yield light("no-maker", "A phone's curves in a file of nobody: taken for a camera's.", PHONE, ["D55"], [1],
+                make="golden")  # fmt: skip
+    white = resolve({"chart": "babelcolor", "patches": [19]})[0]
+    yield light(
+        "uneven",
+        "A white LED that nobody named, no white frame, and light that falls off by a quarter.",
+        PHONE,
+        ["LED-B3"],
+        [1],
+        shots=_lit(_frames(PHONE, ["LED-B3"], white=white, shade=0.0, noise="usual"), _light()),
+    )
+    yield light("error-paper", "A basis without a prior weighs nothing.", PHONE, ["D55"], [1], basis="gaussian",
+                gamma=1.0, expect="invalid_argument")  # fmt: skip
+    yield light("error-three", "Three lights at once are too many.", PHONE, ["D55", "A", "LED-B3"], [1, 2, 3],
+                expect="invalid_argument")  # fmt: skip
+
+
 def _rivals_cases() -> Iterator[Case]:
     """Gains of rival lamps alone: what the verdict's rule 4 takes."""
     names = {"basis", "shots", "lamp"}
@@ -688,6 +808,8 @@ def _rivals_cases() -> Iterator[Case]:
                  _frames(PHONE, ["A"]), ["D55"], basis="auto", make="samsung", model="SM-G991B")  # fmt: skip
     yield rivals("auto-no-maker", "The same of a file that does not say who made it.",
                  _frames(PHONE, ["A"]), ["D55"], basis="auto")  # fmt: skip
+    card = _frames(white=resolve({"chart": "babelcolor", "patches": [19]})[0], shade=0.0)[0] | {"white": None}
+    yield rivals("no-white", "A wrong lamp without a white frame: gain modes stand beside every lamp.", [card], ["A"])
     yield rivals("kind", "Told by its kind alone: a rival has no modes.", _frames(), ["daylight"],
                  lamp_modes={"modes": ["daylight"]})  # fmt: skip
 

@@ -36,6 +36,12 @@ def verdicts() -> Iterator[Json]:
         predicted(white=18),
         white=18,
     )
+    x = (np.arange(24.0)[:, None] % COLUMNS - 2.5) / 2.5
+    bowl = (1.0 - 0.2 * (x - 0.4) ** 2) / (1.0 - 0.2 * 1.4**2)
+    yield case("uneven-solved", "Light that gain modes carry is no surprise.", predicted(white=18) * bowl, white=18,
+               solved=True)  # fmt: skip
+    yield case("uneven-beyond", "A shadow with an edge is more than plane and bowl: uneven_light.",
+               predicted(white=18) * np.where(x > 0, 0.7, 1.0), white=18, solved=True)  # fmt: skip
     yield case(
         "two-shots", "Two clean shots of one chart: Σ holds its errors as the same in both.", predicted(k=2), k=2
     )
@@ -145,6 +151,11 @@ def verdicts() -> Iterator[Json]:
     yield case("choice-wide", "A camera wider than either basis: camera_unusual.", y, choice=wide)
     nearly = [["phones", 1.0, 0.10], ["phones", 2.0, 0.35], ["cameras", 1.0, 0.05], ["cameras", 2.0, 0.5]]
     yield case("choice-nearly-wide", "Wider with a probability of 85 %: not enough to say so.", y, choice=nearly)
+    # rule 8
+    for name, phone, outcome in (("doubtful", 0.79, "doubtful"), ("hopeless", 0.49, "refused")):
+        yield case(f"unnamed-{name}", f"Nobody named the light, and a phone it is with {phone:.0%}: {outcome}.", y,
+                   choice=[["phones", 1.0, phone], ["cameras", 1.0, 1.0 - phone]], family="phones",
+                   unnamed=True)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -209,12 +220,15 @@ def case(
     family: str | None = None,
     known: int = 0,
     dark: bool = True,
+    solved: bool = False,
+    unnamed: bool = False,
 ) -> Json:
     """The inputs of `judge`; what is not named is as in a clean capture.
 
     `code` is xᵀ x, all of it in one entry; `std` the band's, in parts of the peak, everywhere. `forgiven`: the
     answers to each shot alone predict its signals exactly. `known`: so many directions of the code have a variance of
-    0.1, all others of 0.99. `dark`: whether there is a dark frame.
+    0.1, all others of 0.99. `dark`: whether there is a dark frame. `solved`: whether gain modes were solved for.
+    `unnamed`: nobody named the light.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     told = predicted(k, white)
@@ -278,6 +292,12 @@ def case(
     }
     if known:
         inputs["code_variance"] = [0.1] * known + [0.99] * (72 - known)
+    if solved:
+        x, z = (np.arange(24) % COLUMNS - 2.5) / 2.5, (np.arange(24) // COLUMNS - 1.5) / 2.5
+        ways = np.stack([0.2 * x, 0.2 * z, 0.3 * x**2, 0.3 * x * z, 0.3 * z**2])
+        inputs |= {"gain_modes": [np.round(ways - ways[:, [18]], 9).tolist()] * k, "gain_own": 0.075}
+    if unnamed:
+        inputs["unnamed"] = True
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
     return {"case": f"verdict/{name}", "comment": comment, "expect": "success", "inputs": inputs, "truth": None}

@@ -39,12 +39,15 @@ NUMERICAL = {
 """Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath."""
 COMMANDS = {
     "java": ("java",),
+    "gpg": ("gpg",),
     "strace": ("strace",),
     "exiftool": ("exiftool",),
     "transicc": ("transicc",),
     "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
 }
-"""Required tools that are programs, by any of these names; every other is a Python package."""
+"""Required tools that are programs, by any of these names; others are files or Python packages."""
+FILES = {"axe": "CAMSSF_AXE"}
+"""Required tools that are single files, by the variable that says where one lies."""
 WORDS = {"java": ("java", "no jar", "jvm")}
 """Words by which a skip's reason names a tool, where they are not its name."""
 
@@ -56,6 +59,8 @@ def required() -> list[str]:
 def there(tool: str) -> bool:
     if tool in COMMANDS:
         return any(map(shutil.which, COMMANDS[tool]))
+    if tool in FILES:
+        return Path(os.environ.get(FILES[tool], "")).is_file()
     return importlib.util.find_spec(tool) is not None
 
 

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.grid import WAVELENGTHS
 from camssf.photo.mosaic import Mosaic
 from camssf.simulation.frames import Frames, Scene, Sensor, photograph
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
@@ -54,17 +53,7 @@ def shoot(
 
 @cache
 def semi_gloss() -> ChartTable:
-    """The Digital SG from colour-science's colours: each as a sum of three bands (its spectra are not public)."""
-    import colour
+    """The Digital SG, as the chart finder's colours are made of it."""
+    from camssf.tools import kinds
 
-    chart = colour.CCS_COLOURCHECKERS["ColorCheckerSG - After November 2014"]
-    names = [f"{column}{row}" for row in range(1, 11) for column in "ABCDEFGHIJKLMN"]
-    xyz = np.array([colour.xyY_to_XYZ(chart.data[name]) for name in names])
-    shape = colour.SpectralShape(380, 720, 0.5)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
-    light = colour.SDS_ILLUMINANTS["D50"].copy().align(shape).values
-    rise = 1 / (1 + np.exp((WAVELENGTHS[:, None] - np.array([490, 585])) / 12))
-    bands = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]], axis=1)
-    to_xyz = (bands * light[:, None]).T @ observer / (light @ observer[:, 1])
-    values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
-    return ChartTable("sg140", "bands", "sg140", tuple(names), values, np.full(140, 0.03), names.index("E5"), "test")
+    return kinds.semi_gloss()

@@ -66,6 +66,7 @@ def test_lamps_that_are_off_and_declared_cost_little() -> None:
     assert one < 1.1 * known["Ohta, D55"][PRODUCT].rmse.mean()
 
 
+@pytest.mark.requirement("R-CAMERAS")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_bands_cover(name: str) -> None:
@@ -75,6 +76,7 @@ def test_bands_cover(name: str) -> None:
     assert min(row["coverage_bins"]) >= 0.87
 
 
+@pytest.mark.requirement("R-CAMERAS")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_monte_carlo_agrees_with_the_bands(name: str) -> None:
@@ -165,6 +167,7 @@ def test_a_chart_drawn_for_the_channels_is_theirs_in_part() -> None:
     assert np.cov(drawn) == pytest.approx(expected, abs=0.03)
 
 
+@pytest.mark.requirement("R-CAMERAS")
 @pytest.mark.slow
 def test_a_left_out_maker_is_not_in_its_basis() -> None:
     _, bases = accuracy.left_out()

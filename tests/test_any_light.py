@@ -18,7 +18,16 @@ from camssf.cli.terminal import summarise
 from camssf.curves.basis import read_basis
 from camssf.curves.choice import FAMILIES, SCALES, UNUSUAL
 from camssf.curves.evidence import Evidence
-from camssf.curves.light import BELIEFS, SOLVED, Guess, LampPosterior, light_of, recover_in_any_light, temperature
+from camssf.curves.light import (
+    BELIEFS,
+    SOLVED,
+    Guess,
+    LampPosterior,
+    light_of,
+    recover_in_any_light,
+    temperature,
+    temperature_slope,
+)
 from camssf.curves.ssf import Weight, answer
 from camssf.documents.light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.documents.page import page
@@ -26,6 +35,7 @@ from camssf.documents.patches import patches_document, read_patches
 from camssf.documents.report import check_document
 from camssf.documents.result import Calibration, Refusal
 from camssf.errors import InvalidArgument, LampUnfit
+from camssf.evidence.checks import Checks
 from camssf.evidence.problem import pose_problem
 from camssf.evidence.rivals import weigh_rivals
 from camssf.evidence.verdict import RIVALS, _unnamed
@@ -194,9 +204,32 @@ def test_the_temperature_s_deviation_is_that_of_draws() -> None:
     assert std == pytest.approx(drawn.std(), rel=0.06)
 
 
+def test_the_temperature_s_slope_is_that_of_differences() -> None:
+    """∂T / ∂L against central differences of the formula, along waves of every length."""
+    for name in ("D55", "2700K", "LED-B3", "FL11"):
+        power = read_lamp(name).values
+        for count in (0, 1, 2, 5, 11):
+            wave = 1e-5 * np.cos(count * np.linspace(0.0, np.pi, power.size)) * power
+            rise = temperature(power + wave) - temperature(power - wave)
+            assert 2.0 * wave @ temperature_slope(power) == pytest.approx(float(rise), rel=1e-6, abs=1e-7)
+
+
+def test_the_temperature_s_deviation_hangs_on_no_choice_of_modes() -> None:
+    """The same errors told by other modes: a turn of them changes nothing, so that two languages agree."""
+    power = read_lamp("FL2").values
+    rng = np.random.default_rng(5)
+    modes = (
+        0.2 * rng.normal(size=(6, 1)) * np.cos(np.arange(6)[:, None] * np.linspace(0.0, np.pi, power.size)) * power
+    )
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    told, turned = LampPosterior(power, modes).kelvin, LampPosterior(power, turn @ modes).kelvin
+    assert turned == pytest.approx(told, rel=1e-12)
+
+
 # -- phones and cameras --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.requirement("R-FIELD")
 @pytest.mark.parametrize(("lamp", "kind"), [("D55", "daylight"), ("A", "bulb"), ("FL2", "fluorescent")])
 def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
     """Nothing named: curves within their bands, the light within its own, and no kelvin is invented."""
@@ -288,7 +321,7 @@ def test_bounds_of_the_probability() -> None:
 
     def said(phone: float, family: str | None) -> tuple[str, float | None]:
         weights = (Weight("phones", 1.0, 0.0, phone, ("bulb",)), Weight("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)))
-        reasons = _unnamed(replace(ssf, choice=weights), family)
+        reasons = _unnamed(replace(ssf, choice=weights), family, Checks())
         return ("accepted", None) if not reasons else (type(reasons[0]).__name__, reasons[0].value)
 
     assert said(0.81, "phones") == ("accepted", None)

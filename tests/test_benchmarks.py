@@ -184,6 +184,7 @@ def test_the_oracle_takes_the_one_problem() -> None:
     assert mean + atoms @ one.code[0] == pytest.approx(_common.curves(basis, three.code), abs=1e-12)
 
 
+@pytest.mark.requirement("R-OPTIMUM")
 @pytest.mark.slow
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
@@ -485,6 +486,7 @@ RAN = (
 )
 
 
+@pytest.mark.requirement("R-ARM")
 @pytest.mark.parametrize(
     ("said", "status"),
     [
@@ -519,6 +521,7 @@ def test_arm_jvm_says_what_is_missing(
     assert "mvn -f android-bindings" in capsys.readouterr().err
 
 
+@pytest.mark.requirement("R-ARM")
 def test_arm_compares_norm_wise() -> None:
     ours = {
         "cameras/a/code": np.array([1.0, -4.0]),
@@ -577,6 +580,7 @@ def test_sensing_of_a_problem_is_the_reference_s() -> None:
     assert sensing.target == pytest.approx(y.T)
 
 
+@pytest.mark.requirement("R-SPEED")
 @pytest.mark.parametrize(
     ("ratio", "peak", "status"),
     [(1.9, 3.9, 0), (2.0, 4.0, 0), (2.01, 3.9, 1), (1.9, 4.01, 1), (float("nan"), 1.0, 1)],
@@ -592,7 +596,18 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
 
 
 BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {"colour_story", "kotlin_variants", "nearest", "penalties", "phones", "rules_table", "spectrograph"}
+WITHOUT_BARS = {
+    "colour_story",
+    "error_pages",
+    "gallery",
+    "guide",
+    "kotlin_variants",
+    "nearest",
+    "penalties",
+    "phones",
+    "rules_table",
+    "spectrograph",
+}
 """Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
 
 
@@ -625,6 +640,17 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
         for how in ("known", "kind"):
             assert 0.0 < row[how]["rmse"] < 0.2
             assert row[how]["coverage"] > 0.4
+    assert status == ("MISSED" in capsys.readouterr().out)
+
+
+def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No speed is judged; each call is counted, and a kind's is dearer than a name's."""
+    from benchmarks import any_light_cost
+
+    status = any_light_cost.main(["--rounds", "1"])
+    kept = json.loads((results / "any_light_cost.json").read_text())
+    assert len(kept["rows"]) == 12
+    assert kept["kinds"] > 1.0
     assert status == ("MISSED" in capsys.readouterr().out)
 
 
@@ -689,6 +715,7 @@ def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: 
     assert "CAMSSF_PHONES" in capsys.readouterr().err
 
 
+@pytest.mark.requirement("R-COLOUR")
 @pytest.mark.slow
 def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

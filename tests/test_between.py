@@ -22,6 +22,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import surfaces
+from tests.schemas import check_schema
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "between.schema.json"
 CHART = read_chart("classic24").values
@@ -391,14 +392,4 @@ def test_regions_of_a_photo_are_converted(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_the_schema_is_sound_and_says_what_everything_is() -> None:
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads(SCHEMA.read_text("utf-8"))
-    jsonschema.Draft202012Validator.check_schema(schema)
-
-    def walk(node: Any, where: str) -> None:
-        for name, each in node.get("properties", {}).items():
-            if isinstance(each, dict) and each:
-                assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
-                walk(each, f"{where}.{name}")
-
-    walk(schema, "")
+    check_schema(SCHEMA)

@@ -33,6 +33,8 @@ from golden.scenes import BETWEEN, ODD, PHONE
 from tests.problems import measured_cameras, theory
 from tests.test_verdict import BLACK, Scene, frame, pose
 
+pytestmark = pytest.mark.requirement("R-CHOICE")
+
 TABLE = read_chart("classic24")
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 FAIR = np.zeros(2)
@@ -283,6 +285,7 @@ def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = N
     return Capture(tuple(shots), TABLE, None)
 
 
+@pytest.mark.requirement("R-UNUSUAL")
 def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     """Four lamps tell so clearly that the maker's 20 : 1 does not carry; the same file of a phone is accepted."""
     lamps = ["D55", "A", "LED-B3", "FL2"]
@@ -297,6 +300,7 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
         assert solve(capture(resolve(PHONE), lamps, make=make)).verdict.status == "accepted"
 
 
+@pytest.mark.requirement("R-UNUSUAL")
 def test_a_camera_beyond_both_is_unusual() -> None:
     """Narrow filters, half-way to those of `ODD`: no lamp would explain them better, so there is an answer."""
     narrow = {"bells": [[[1.0, 622, 22]], [[1.0, 553, 27]], [[1.0, 447, 21]]]}
@@ -408,6 +412,7 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
     assert best.gain > rules().number("verdict.condemned")
 
 
+@pytest.mark.requirement("R-WRONG-LAMP")
 def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
     """Blue sky called noon: the signals are a camera's, for whom noon it was. The phones' basis sees better."""
     shot = capture(resolve(PHONE), ["D:15000"], ["D55"])

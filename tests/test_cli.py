@@ -19,6 +19,7 @@ import pytest
 import camssf
 from camssf import cli, errors
 from camssf.curves.basis import read_basis
+from camssf.documents.keys import key_name, read_public
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
@@ -82,6 +83,7 @@ def leaves() -> list[type[CalibrationError]]:
 # The whole way
 
 
+@pytest.mark.requirement("R-PIPELINE")
 def test_calibrate_leaves_four_files_and_prints_no_data(result: Path, shots: Path) -> None:
     assert sorted(path.name for path in result.iterdir()) == FILES
     document = json.loads((result / "result.json").read_text("utf-8"))
@@ -107,6 +109,7 @@ def test_calibrate_without_a_folder_is_json_on_stdout(triple: list[str], capsys:
     assert "duality gap" in err
 
 
+@pytest.mark.requirement("R-PIPELINE")
 def test_the_pipe_is_calibrate_in_steps(
     triple: list[str],
     shots: Path,
@@ -169,6 +172,59 @@ def test_a_report_shows_no_other_photo(result: Path, triple: list[str], tmp_path
     assert not out.exists()
 
 
+def test_a_report_beside_a_passport_and_another_result(
+    result: Path, triple: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("cryptography", reason="cryptography is not here: nothing is signed")
+    own, keys, out = result / "result.json", tmp_path / "keys", tmp_path / "out"
+    assert cli.main(["passport", "key", "-o", str(keys)]) == 0
+    assert cli.main(["passport", "key", "-o", str(tmp_path / "strange")]) == 0
+    private, public = keys / "passport-key.pem", keys / "passport-key.pub.pem"
+    signed = tmp_path / "camera.jws"
+    said = ["--serial", "A1B2", "--lens", "main lens", "--captured", "2026-11-22T10:30:00+01:00"]
+    assert cli.main(["passport", "sign", str(own), "--key", str(private), "-o", str(signed), *said]) == 0
+    beside = [str(own), "-o", str(out), "--compare", str(own), "--passport", str(signed)]
+    assert cli.main(["report", *beside]) == 0
+    page = (out / "report.html").read_text("utf-8")
+    for words in ("A1B2", "main lens", "2026-11-22 10:30:00+01:00", "not verified for this page", "Compared with"):
+        assert words in page
+    assert cli.main(["report", *beside, "--key", str(public)]) == 0
+    assert "Signature verified." in (out / "report.html").read_text("utf-8")
+    assert (out / "result.json").read_bytes() == own.read_bytes()
+    before = (out / "report.html").read_bytes()
+    strange = str(tmp_path / "strange" / "passport-key.pub.pem")
+    assert cli.main(["report", *beside, "--key", strange]) == 10
+    revoked = tmp_path / "revoked.txt"
+    revoked.write_text(key_name(read_public([public]).popitem()[1]) + "\n", "utf-8")
+    assert cli.main(["report", *beside, "--key", str(public), "--revoked", str(revoked)]) == 10
+    changed = tmp_path / "changed.json"
+    changed.write_bytes(own.read_bytes() + b" ")
+    for key in ([], ["--key", str(public)]):
+        call = ["report", str(changed), "-o", str(out), "--passport", str(signed), *key]
+        assert cli.main(call) == 10
+        assert "another result" in capsys.readouterr().err
+    assert cli.main(["report", str(own), "-o", str(out), "--key", str(public)]) == 2
+    refusal = tmp_path / "refused.json"
+    document = json.loads(own.read_text("utf-8"))
+    for name in [*(set(document) - set(REFUSED))]:
+        del document[name]
+    document["verdict"] = {
+        "status": "refused",
+        "reasons": [{"code": "glare", "message": "m", "advice": "a", "value": None, "threshold": None}],
+    }
+    document |= {"shots": []}
+    refusal.write_text(json.dumps(document), "utf-8")
+    assert cli.main(["report", str(own), "-o", str(out), "--compare", str(refusal)]) == 2
+    assert "has no curves" in capsys.readouterr().err
+    assert (out / "report.html").read_bytes() == before
+
+
+REFUSED = (
+    "format", "generator", "camera", "chart", "basis", "engine", "shots", "verdict", "assumptions", "hashes",
+)  # fmt: skip
+
+
+@pytest.mark.requirement("R-PIPELINE")
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["demo", "-o", str(tmp_path / "out")]) == 0
     _, err = capsys.readouterr()
@@ -188,9 +244,58 @@ def test_simulate_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixtu
     said = json.loads(capsys.readouterr().out)
     assert [shot["lamp"] for shot in said["shots"]] == ["D55", "2856K"]
     paths = {Path(shot[kind]) for shot in said["shots"] for kind in ("chart", "white", "dark")} | {
-        Path(said["truth"])
+        Path(said["truth"]),
+        Path(said["corners"]),
     }
     assert paths == set(out.iterdir())
+
+
+def test_the_corners_that_simulate_wrote_are_taken(
+    shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By `calibrate` as they stand: its answer is that of the same four points written out, and lies on the truth."""
+    photo, stored = str(shots / "chart.dng"), shots / "corners.json"
+    true = json.loads(stored.read_text("utf-8"))["photos"]["chart.dng"]
+    assert true["layout"] == "classic24"
+    text = " ".join(f"{x!r},{y!r}" for x, y in true["corners"])
+    answers = []
+    for corners in (str(stored), text):
+        assert cli.main(["calibrate", photo, "--lamp", "D55", "--basis", "cameras", "--corners", corners]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    assert answers[0] == answers[1]
+    pose = answers[0]["shots"][0]["pose"]
+    assert pose["method"] == "by hand"
+    np.testing.assert_allclose(pose["corners"], true["corners"], atol=1.0)  # moved to the printed borders
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "Cannot read the corners"),
+        ("{", "holds no corners"),
+        ("[" * 100_000, "holds no corners"),
+        ('{"format": "camssf-corners/2", "photos": {}}', "holds no corners"),
+        ('{"format": "camssf-corners/1", "photos": {"chart.dng": {"corners": [[1, 2]]}}}', "holds no corners"),
+        ('{"format": "camssf-corners/1", "photos": {"chart.dng": {"corners": "1234"}}}', "holds no corners"),
+        ('{"format": "camssf-corners/1", "photos": {"chart.dng": [4]}}', "holds no corners"),
+        ("7", "holds no corners"),
+        ('{"format": "camssf-corners/1", "photos": []}', "holds no corners"),
+        ('{"format": "camssf-corners/1", "photos": {"other.dng": {}}}', "names no photo chart.dng"),
+        (" " * (1 << 20) + "{}", "holds no corners"),
+    ],
+)
+def test_a_wrong_file_of_corners_is_said(
+    content: str | None, words: str, shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored = tmp_path / "corners.json"
+    if content is not None:
+        stored.write_text(content, "utf-8")
+    photo = str(shots / "chart.dng")
+    assert cli.main(["calibrate", photo, "--lamp", "D55", "--corners", str(stored), "-o", str(tmp_path / "o")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.startswith("invalid_argument: ")
 
 
 def test_the_readme_s_python_runs(
@@ -229,6 +334,7 @@ def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.Capt
 # Refusals
 
 
+@pytest.mark.requirement("R-REFUSAL")
 @pytest.mark.parametrize("kind", leaves(), ids=lambda kind: kind.code)
 def test_each_family_has_its_exit_status(
     kind: type[CalibrationError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -241,6 +347,7 @@ def test_each_family_has_its_exit_status(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.requirement("R-REFUSAL")
 def test_a_refused_capture_leaves_its_evidence(
     shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -646,6 +753,8 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
                 "100K",
                 "--lens-shading",
                 "apply",
+                "--light-per-patch",
+                "8%",
             ]
         )
         == 2
@@ -667,6 +776,7 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
         "gamma": 0.1,
         "l2": 1.0,
         "engine": "onnx",
+        "light_per_patch": 0.08,
         "truth": None,
     }
 

@@ -24,6 +24,8 @@ from golden.reading import ROOT, read_case
 from golden.running import problem
 from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
 
+pytestmark = pytest.mark.requirement("R-OPTIMUM")
+
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
 
 

@@ -44,6 +44,7 @@ from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, L
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces
+from tests.schemas import check_schema
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = Path(camssf.__file__).parent / "data" / "colour.schema.json"
@@ -222,6 +223,7 @@ def test_colours_of_a_camera_that_is_nearly_an_observer_are_true(view: View) -> 
     assert np.abs(found.lab - colours).max() < 1e-6
 
 
+@pytest.mark.requirement("R-COLOUR")
 def test_parts_add_up_and_are_covariances() -> None:
     y = signals_of(CHART, power("A"), toy_camera())
     found = standard_colour(blurred(), "A", y, 0.01 * y, view=View(white="D65"))
@@ -613,6 +615,7 @@ def test_a_result_s_own_covariance_is_taken(calibrated: tuple[Path, dict[str, An
     assert camera_of_result(nameless).own is None
 
 
+@pytest.mark.requirement("R-COLOUR")
 @pytest.mark.slow
 @pytest.mark.parametrize("told", ["A", "bulb", "auto"])
 def test_the_command_states_true_colours(
@@ -686,17 +689,7 @@ def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
 
 
 def test_the_schema_is_sound_and_says_what_everything_is() -> None:
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads(SCHEMA.read_text("utf-8"))
-    jsonschema.Draft202012Validator.check_schema(schema)
-
-    def walk(node: Any, where: str) -> None:
-        for name, each in node.get("properties", {}).items():
-            if isinstance(each, dict) and each:
-                assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
-                walk(each, f"{where}.{name}")
-
-    walk(schema, "")
+    check_schema(SCHEMA)
 
 
 def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:

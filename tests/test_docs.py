@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+import yaml
 from problems import theory, toy_camera
 from test_report import document
 
@@ -64,6 +65,7 @@ def written() -> list[str]:
     return [line for line in [*lines, *epilogs()] if calls(line)]
 
 
+@pytest.mark.requirement("R-DOCS")
 @pytest.mark.parametrize("line", sorted(set(written())))
 def test_a_written_command_is_one(line: str) -> None:
     """Parsed by the command line itself, which knows every option and its type; nothing is run."""
@@ -105,6 +107,7 @@ def test_the_readme_s_two_commands_make_their_own_environment() -> None:
     assert all(line.startswith("python3 -m venv .venv && .venv/bin/pip install -e ") for line in lines)
 
 
+@pytest.mark.requirement("R-DOCS")
 @by_page
 def test_links_lead_somewhere(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
@@ -121,6 +124,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, target
 
 
+@pytest.mark.requirement("R-DOCS")
 @by_page
 def test_files_named_in_backticks_exist(page: Path) -> None:
     for name in re.findall(
@@ -251,6 +255,7 @@ def test_the_python_of_colour_md_runs(
         assert ita > 0
 
 
+@pytest.mark.requirement("R-DOCS")
 def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
     text = (ROOT / "docs" / "cli.md").read_text("utf-8").partition("## Exit status")[2]
     rows = {
@@ -268,14 +273,25 @@ def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
 
 
 def test_every_page_is_in_the_navigation() -> None:
-    listed = set(re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
-    assert listed == {str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")}
+    listed = set(re.findall(r": ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
+    assert listed == {
+        page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.is_relative_to(ROOT / "docs")
+    }
 
 
 def test_the_pages_need_no_other_server() -> None:
     text = (ROOT / "mkdocs.yml").read_text("utf-8")
     assert "font: false" in text
-    assert "plugins: [search]" in text
+    settings = yaml.safe_load(text)
+    assert [next(iter(each)) if isinstance(each, dict) else each for each in settings["plugins"]] == [
+        "search",
+        "mkdocstrings",
+    ]
+    for place in (*settings["extra_javascript"], *settings["extra_css"]):
+        assert (ROOT / "docs" / place).is_file(), place
+    for path in (ROOT / "docs" / "assets").rglob("*.css"):
+        for place in re.findall(r"url\(([^)]+)\)", path.read_text("utf-8")):
+            assert (path.parent / place).is_file(), place
 
 
 TORCH_ALONE = {"install", "-q", "torch", "onnxscript"}

@@ -14,6 +14,8 @@ from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import WAVELENGTHS
 from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
+pytestmark = pytest.mark.requirement("R-ENGINE")
+
 
 @pytest.mark.parametrize("name", engine.SHIPPED)
 def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:

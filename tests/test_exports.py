@@ -437,9 +437,9 @@ def test_rawtherapee_develops_true_colours_with_the_dcp(tmp_path: Path) -> None:
     import tifffile
 
     from camssf.calibration import attempt
-    from camssf.colour.transforms import delta_e00
     from camssf.options import Options
     from camssf.simulation.frames import Scene, simulate
+    from camssf.spectra.appearance import delta_e00
 
     scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
     shot = scene.shots[0]

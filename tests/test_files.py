@@ -13,6 +13,8 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.files import write_file, write_files
 
+pytestmark = pytest.mark.requirement("R-WHOLE-FILES")
+
 
 @pytest.mark.parametrize("content", [b"\x00bytes", "words, ψ", b"", b"x" * 3_000_000])
 def test_a_file_is_what_was_written(tmp_path: Path, content: bytes | str) -> None:

@@ -16,7 +16,16 @@ import camssf
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import colour_science, lamp_names, read_camera, read_chart, read_lamp, shipped_cameras
+from camssf.spectra import (
+    CameraLike,
+    MeasuredCurves,
+    colour_science,
+    lamp_names,
+    read_camera,
+    read_chart,
+    read_lamp,
+    shipped_cameras,
+)
 from camssf.spectra.formats import CURVES, LAMPS
 from camssf.spectra.lamps import Lamp
 from camssf.spectra.spoken import FORMAT, spoken
@@ -447,12 +456,14 @@ def test_an_object_that_is_no_camera_is_refused(change: str) -> None:
 
 def test_a_validation_takes_an_object_as_truth() -> None:
     import inspect
+    from typing import get_args
 
     from camssf.calibration import calibrate, solve
     from camssf.simulation.frames import simulate
 
+    assert MeasuredCurves in get_args(CameraLike)
     for function, name in ((calibrate, "truth"), (solve, "truth"), (simulate, "camera")):
-        assert "MeasuredCurves" in str(inspect.signature(function).parameters[name].annotation)
+        assert "CameraLike" in str(inspect.signature(function).parameters[name].annotation)
 
 
 # -- what people call lamps -------------------------------------------------------------------------------------

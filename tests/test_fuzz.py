@@ -27,6 +27,7 @@ def test_sound_files_are_read(reader: str, tmp_path: Path) -> None:
     assert len(refused) <= (0.25 * len(_files(reader)) if reader == "dng" else 0)
 
 
+@pytest.mark.requirement("R-HOSTILE")
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "dng"])
 def test_damaged_files(reader: str, tmp_path: Path) -> None:
@@ -35,6 +36,7 @@ def test_damaged_files(reader: str, tmp_path: Path) -> None:
     assert {"invalid_argument"} <= {kind for kind, _ in outcomes}
 
 
+@pytest.mark.requirement("R-HOSTILE")
 @pytest.mark.slow
 def test_damaged_photos_in_a_process_of_their_own() -> None:
     seen = []

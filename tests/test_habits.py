@@ -116,7 +116,7 @@ def test_the_numerical_files_exist() -> None:
 def test_markers_are_registered_and_strict() -> None:
     options = PROJECT["tool"]["pytest"]["ini_options"]
     assert "--strict-markers" in options["addopts"]
-    assert {line.partition(":")[0] for line in options["markers"]} == {"slow", "numerical"}
+    assert {line.partition(":")[0] for line in options["markers"]} == {"slow", "numerical", "requirement(name)"}
 
 
 # -- other processors ---------------------------------------------------------------------------------------------

@@ -21,6 +21,8 @@ from camssf.errors import InvalidArgument
 from camssf.fleet import run as batch
 from camssf.simulation.frames import Scene, simulate
 
+pytestmark = pytest.mark.requirement("R-HOSTILE")
+
 PACKAGE = Path(camssf.__file__).parent
 SOURCES = sorted(PACKAGE.glob("*.py"))
 ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -22,6 +22,8 @@ from camssf.grid import STEP, Floats
 from camssf.spectra import read_chart, read_lamp
 from tests.problems import theory, toy_camera
 
+pytestmark = pytest.mark.requirement("R-LAYERS")
+
 SIGNED = pytest.mark.parametrize("nonnegative", [False, True], ids=["signed", "nonnegative"])
 PENALTIES = pytest.mark.parametrize(
     ("l2", "gamma"), [(1.0, 0.05), (0.3, 2.0), (0.0, 0.7)], ids=["product", "both", "l1"]

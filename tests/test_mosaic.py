@@ -34,6 +34,8 @@ from golden.dngs import (
 )
 from golden.reading import ROOT
 
+pytestmark = pytest.mark.requirement("R-SAMPLES")
+
 REAL = Path(__file__).parents[1] / "data" / "dng"
 ORDERS = {"RGGB": (0, 1, 1, 2), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1), "BGGR": (2, 1, 1, 0)}
 
@@ -395,6 +397,7 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
         np.testing.assert_array_equal(found.black, whole.black)
 
 
+@pytest.mark.requirement("R-HOSTILE")
 @pytest.mark.slow
 def test_damaged_bytes_give_typed_errors_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(20)

@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves.basis import read_basis
+from camssf.curves.basis import read_basis, widened
 from camssf.curves.engine import SHIPPED, Model, load_model, onnx_runtime
 from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import Sensing
+from camssf.curves.light import by_modes, posterior
+from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import Ssf
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
 from golden.running import arrays, by_model, findings, judge, layers, problem, run
-from tests.problems import chart_and_lamp, recovered, theory, toy_camera, whiten_in_80_bits
+from tests.problems import chart_and_lamp, recovered, theory, told, toy_camera, whiten_in_80_bits
 
 EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 CASES = {name: case for name, case in EVERY.items() if by_model(case)}
@@ -145,6 +146,70 @@ def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -
     assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
 
+def modes_told(model: Model, evidence: Evidence, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
+    """The model's posterior of the lamps' modes, (k, q) and (k q, k q)."""
+    y = evidence.signals
+    modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
+    names = ("standard_error", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp",
+             "lamp_tolerance")  # fmt: skip
+    found = model.run({
+        "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "lamp_modes": modes, "l2": np.array(1.0),
+        "gamma": np.array(0.05), "prior_scale": np.array(prior_scale),
+    } | {name: np.asarray(getattr(evidence, name), float) for name in names})  # fmt: skip
+    return found["mode_estimate"], found["mode_covariance"]
+
+
+def unlike(given: tuple[Floats, Floats], expected: tuple[Floats, Floats]) -> float:
+    """How far two posteriors of modes are from each other, in standard deviations of the prior, which are 1."""
+    (mean, spread), (other, known) = given, expected
+    assert mean.size == other.size
+    apart = np.max(np.abs(mean.ravel() - other.ravel())) / max(1.0, np.max(np.abs(other)))
+    return float(max(apart, np.max(np.abs(spread - known))))
+
+
+@pytest.mark.parametrize("seed", range(0, 24, 2))
+def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
+    """Light itself, as `light_of` asks for it: every smooth error is a mode; one shot to three."""
+    a = seeded(seed)
+    basis, k = a["basis"], len(a["lamp"])
+    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes[-1] = read_lamp("white-led").modes
+    given = told(**a | {"lamp_modes": modes, "lamp_tolerance": 0.02})[0]
+    for evidence in (given, by_modes(given)):
+        for scale in (1.0, 1.7):
+            found = modes_told(load_model(basis), evidence, scale)
+            assert found[0].shape == evidence.lamp_modes.shape[:2]
+            assert unlike(found, posterior(sense(evidence, widened(read_basis(basis), scale)))) <= 1e-10
+
+
+@pytest.mark.parametrize("seed", range(0, 40, 4))
+def test_the_posterior_of_loose_modes_is_as_good_as_its_inputs(seed: int) -> None:
+    """As for the curves: no engine adds to what one unit in the last place of the inputs does."""
+    a = far(seed)
+    given, model = told(**a)[0], load_model(a["basis"])
+    rng = np.random.default_rng(seed)
+    found, inherent = modes_told(model, given), 0.0
+    for _ in range(3):
+        moved = {name: getattr(given, name) * (1 + 2.0**-52 * rng.integers(-1, 2, getattr(given, name).shape))
+                 for name in ("signals", "reflectance", "lamp")}  # fmt: skip
+        inherent = max(inherent, unlike(modes_told(model, replace(given, **moved)), found))
+    assert unlike(found, posterior(sense(given, read_basis(a["basis"])))) <= 30 * inherent + 1e-10
+
+
+def test_without_modes_or_a_prior_nothing_is_said_of_them() -> None:
+    """The prior stands where there are none; the paper's basis has none to speak of."""
+    a = seeded(2)
+    mean, spread = modes_told(load_model("phones"), told(**a)[0])
+    assert (mean == 0).all()
+    assert (spread == np.eye(len(spread))).all()
+    paper = next(a for a in map(seeded, range(1, 9, 2)) if a["basis"] == "gaussian")
+    mean, spread = modes_told(load_model("gaussian"), told(**paper | {"lamp_modes": np.ones((1, 2, 681))})[0])
+    assert mean.shape == (1, 2)
+    assert spread.shape == (2, 2)
+    assert np.isnan(mean).all()
+    assert np.isnan(spread).all()
+
+
 ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family", "ssf/cameras-lamp-one-of-two",
         "ssf/gaussian-paper", "ssf/gaussian-three-patches"]  # fmt: skip
 
@@ -208,8 +273,10 @@ def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     basis = given["basis"]
     modes = given["lamp_modes"] if given["lamp_modes"].shape[1] else np.zeros((len(given["lamp"]), 1, 681))
     inputs = {i.name: np.asarray(given[i.name], float) for i in load_model(basis).session.get_inputs()
-              if i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
+              if i.name in given and i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
     inputs |= {"lamp_modes": modes, "nonnegative": np.array(float(given["nonnegative"]))}
+    k, n, _ = given["chart"].shape
+    inputs = {"gain_modes": np.zeros((k, 1, n))} | inputs
     own = row_reader(basis).run(["rows", "target"], inputs)
     assert rows_apart(own, reference) <= 1e-11
     assert rows_apart(own, replace(reference, covariance=reference.covariance * (1 + 1e-9))) > 1e-10

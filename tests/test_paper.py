@@ -46,6 +46,7 @@ def test_the_page_is_written_from_the_json(found: dict[str, Any], text: str) -> 
     assert text == page(found)
 
 
+@pytest.mark.requirement("R-PAPER")
 def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str) -> None:
     """Rounded as the page rounds; not by the page's own code."""
     known = list(numbers(found))
@@ -77,6 +78,7 @@ def test_derived_numbers_by_hand(found: dict[str, Any], text: str) -> None:
     assert f"wrong by up to {worst:.1f} times as much, and RMSRE stays at {largest:.2f} % or less" in text
 
 
+@pytest.mark.requirement("R-PAPER")
 def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
     rows = found["figure_4"]
     for noise in NOISES[1:]:
@@ -111,6 +113,7 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
     assert colours[9] < 1.15 * colours[15]
 
 
+@pytest.mark.requirement("R-PAPER")
 def test_the_bars_hold(found: dict[str, Any]) -> None:
     for bar in found["bars"]:
         right = bar["value"] >= bar["limit"] if bar["at_least"] else bar["value"] <= bar["limit"]

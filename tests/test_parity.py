@@ -109,10 +109,20 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
     ("band", "evidence", lambda d: d.update(evidence=d["evidence"] * (1 + 1e-6))),
     ("band", "probability of phones × 1", lambda d: d["choice"][0].update(probability=0.5)),
     ("band", "log_evidence of cameras × 2", lambda d: d["choice"][3].update(log_evidence=1.0)),
+    ("band", "predicted_std, shot 1, patch 4", lambda d: scale(patch(d, 4)["predicted_std"], 1, 1e-4)),
+    ("band", "unseen_std, shot 1, patch 9", lambda d: patch(d, 9).update(unseen_std=None)),
+    ("band", "half_width", lambda d: d["uncertainty"].update(half_width=0.5)),
+    ("band", "lamp, share[2]", lambda d: scale(d["uncertainty"]["budget"][3]["share"], 2, 1e-3)),
+    ("band", "white: '9 %' there", lambda d: d["uncertainty"]["budget"][2].update(size="9 %")),
+    ("band", "sources of the band", lambda d: d["uncertainty"]["budget"].pop()),
+    ("band", "uncertainty is missing", lambda d: d.update(uncertainty=None)),
     ("gap", "there", lambda d: d.update(gap=[1e-15, 1e-3, 1e-15])),
     ("gap", "layers_gap: 0.001 there", lambda d: d.update(layers_gap=[1e-3])),
     ("gap", "finish_steps: [4] there", lambda d: d.update(finish_steps=[4])),
     ("scores", "rmsre", lambda d: scale(d["scores"]["rmsre_percent"], 1, 1e-3)),
+    ("scores", "delta_e00", lambda d: d["scores"].update(delta_e00=9.0)),
+    ("scores", "unseen, shot 1, patch 12", lambda d: scale(patch(d, 12)["unseen"], 0, 1e-4)),
+    ("scores", "synthetic_srgb, shot 1, patch 2", lambda d: scale(patch(d, 2)["synthetic_srgb"], 0, 1e-4)),
     ("verdict", "glare", lambda d: d["verdict"]["reasons"].append(REASON)),
     ("verdict", "refused", lambda d: d["verdict"].update(status="refused")),
     ("verdict", "assumptions", lambda d: d["assumptions"].pop()),
@@ -149,6 +159,16 @@ def test_a_result_of_before_the_proof(result: Json, shots: Path) -> None:
     assert first(compared(document, shots)) is None
 
 
+def test_a_result_of_before_the_budget(result: Json, shots: Path) -> None:
+    """A phone's of an older release: no shares, no predicted_std, no unseen_std."""
+    document = copy.deepcopy(result)
+    document["uncertainty"]["budget"] = []
+    for number in range(1, 25):
+        for key in ("predicted_std", "unseen_std"):
+            del patch(document, number)[key]
+    assert first(compared(document, shots)) is None
+
+
 def test_a_result_on_a_told_basis(shots: Path, tmp_path: Path) -> None:
     """Solved here on the basis that it names, not by a choice; one of before the choice says no more than that."""
     frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]
@@ -178,6 +198,19 @@ def test_a_result_in_a_light_that_nobody_named(shots: Path, tmp_path: Path) -> N
     found = first(compared(document, shots))
     assert found is not None
     assert found.words.startswith("log_evidence of phones × 1 under bulb")
+    document["choice"][1]["log_evidence"] -= 1.0
+    for key, change in (("kelvin", 1.0), ("kelvin_std", 1.0), ("power", 1e-6), ("std", 1e-6)):
+        other = copy.deepcopy(document)
+        light = shot(other)["light"]
+        light[key] = [value + change for value in light[key]] if isinstance(light[key], list) else light[key] + change
+        found = first(compared(other, shots))
+        assert found is not None
+        assert (found.stage, found.words.partition(",")[0]) == ("band", f"{key} of the light of shot 1")
+    other = copy.deepcopy(document)
+    del shot(other)["light"]
+    found = first(compared(other, shots))
+    assert found is not None
+    assert found.words == "lights of the shots [] there, [1] here"
 
 
 def test_another_lamp_there_is_another_curve(result: Json, shots: Path) -> None:

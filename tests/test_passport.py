@@ -188,6 +188,7 @@ def turned(data: bytes) -> Iterator[bytes]:
         yield data[:i]
 
 
+@pytest.mark.requirement("R-PASSPORT")
 @pytest.mark.slow
 def test_any_bit_matters() -> None:
     """Some 9,000 documents, none accepted; and the one that was not changed is, so that this test can fail."""
@@ -241,6 +242,7 @@ def with_signature(data: bytes, r: int, s: int) -> bytes:
     return data[: data.rindex(b".") + 1] + b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
 
 
+@pytest.mark.requirement("R-PASSPORT")
 @pytest.mark.slow
 def test_ten_thousand_changed_passports_of_a_whole_result() -> None:
     data = sign(draw_up(result_json(), Said(), now=NOW), key())
@@ -302,6 +304,7 @@ def test_headers_that_are_none() -> None:
     refuses(resigned(text.encode() + b" " * 1024))
 
 
+@pytest.mark.requirement("R-PASSPORT")
 def test_swapped_algorithms() -> None:
     """The old tricks: no signature at all; the public key as the secret of an HMAC."""
     header, payload, signature = signed().split(b".")
@@ -348,6 +351,7 @@ def test_nothing_before_and_nothing_behind(more: bytes) -> None:
     refuses(more + signed())
 
 
+@pytest.mark.requirement("R-PASSPORT")
 def test_a_foreign_signature() -> None:
     foreign = sign(small(), key(1))
     refuses(foreign, "not trusted")
@@ -423,6 +427,7 @@ def test_joserfc_agrees() -> None:
         assert verify(with_signature(theirs, r, min(s, ORDER - s)), trusted(), now=LATER) == small()
 
 
+@pytest.mark.requirement("R-PASSPORT")
 def test_a_jvm_with_java_security_alone_agrees(tmp_path: Path) -> None:
     if shutil.which("java") is None:
         pytest.skip("no java here")
@@ -460,6 +465,7 @@ def test_kotlin_was_told_what_is_so() -> None:
         assert told == {name: case[name] for name in told}, case["name"]
 
 
+@pytest.mark.requirement("R-PASSPORT")
 def test_kotlins_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Signed by `java.security`: verified here, and shown alike."""
     known = json.loads((STORED / "kotlin.json").read_text("utf-8"))

@@ -42,6 +42,7 @@ def spread(dictionary: Floats) -> Floats:
     return np.einsum("cmr,cnr->cmn", dictionary, dictionary)
 
 
+@pytest.mark.requirement("R-PHONES")
 def test_the_shipped_basis_is_the_one_that_was_judged() -> None:
     """Its hash on the nodes, whitened components, and the phones' centres of gravity; cameras' lie 8 to 12 nm off."""
     basis = read_basis("phones")
@@ -185,6 +186,7 @@ def test_the_benchmark_says_what_is_missing(
     assert "none.csv" in capsys.readouterr().err
 
 
+@pytest.mark.requirement("R-PHONES")
 def test_no_phone_teaches_its_own_basis() -> None:
     nodes = toys()
     for device in phones.phones_left_out(nodes):
@@ -198,6 +200,7 @@ def test_no_phone_teaches_its_own_basis() -> None:
         assert (device.bases[OTHERS].dictionary[:, ::10] == expected).all()
 
 
+@pytest.mark.requirement("R-LABORATORY")
 def test_scores_and_odds_are_counted_by_hand() -> None:
     rmse, coverage = np.array([[0.1, 0.3], [0.2, 0.4]]), np.array([[0.9, 1.0], [0.7, 1.0]])
     row = Runs(rmse, coverage, np.zeros((2, 2))).row(["a", "b"])
@@ -219,6 +222,7 @@ def test_scores_and_odds_are_counted_by_hand() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.requirement("R-PHONES", "R-LABORATORY")
 def test_the_benchmark_runs_on_any_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,6 +19,8 @@ import pytest
 from camssf.curves import engine
 from camssf.errors import InvalidArgument
 
+pytestmark = pytest.mark.requirement("R-PRIVACY")
+
 ROOT = Path(__file__).parents[1]
 TRACES = ("mat-debug", "DeveloperTools", "ORT_DISABLE_TELEMETRY", "events.data.microsoft.com")
 """Of ONNX Runtime 1.29.0: names of its log, its folder in the home, its variable, and the address it reports to."""

@@ -93,6 +93,7 @@ def test_no_nikon_is_in_the_claim_s_basis() -> None:
 # what is said of the camera
 
 
+@pytest.mark.requirement("R-REAL")
 @pytest.mark.parametrize("basis", [CLAIM, LEFT_OUT])
 def test_curves_without_a_nikon_in_the_basis(basis: str) -> None:
     """Measured: .060 and .056, 95 and 94 % of the values in the band. Captures simulated like it have .051 to .077
@@ -102,6 +103,20 @@ def test_curves_without_a_nikon_in_the_basis(basis: str) -> None:
     assert APART < rmse < 0.07
     assert coverage > 0.88
     assert row(basis)["band"] < 0.13  # a band that holds because it is wide is worth nothing; measured: .10
+
+
+@pytest.mark.parametrize(("basis", "most"), [(CLAIM, 0.06), (AUTO, 0.053)])
+def test_the_light_of_each_patch_solved_for(basis: str, most: float) -> None:
+    """Measured: .055 and .054 without a Nikon, .047 and .049 as shipped, less than with 8 % on the chart; and the
+    published table, of no use with 3 % on the chart (.26), comes to .064."""
+    free = real.attempt(basis, MEASURED, 0.03, light_per_patch=real.SCATTERED)
+    rmse, coverage = worst(free)
+    assert APART < rmse < most
+    assert rmse < worst(row(basis))[0]
+    assert coverage > 0.88
+    published = real.attempt(basis, PUBLISHED, 0.03, light_per_patch=real.SCATTERED)
+    assert worst(published)[0] < 0.3 * worst(row(basis, PUBLISHED, 0.03))[0]
+    assert published["z"] < 3.5 < row(basis, PUBLISHED, 0.03)["z"]
 
 
 @pytest.mark.parametrize("basis", [AUTO, SHIPPED])
@@ -199,6 +214,9 @@ def test_a_missed_bar_shows() -> None:
     claim["passes"]["2010"] |= {"rmse": 0.09, "coverage": 0.8}
     claim["z"] = 4.0
     real.row_of(found["rows"], LEFT_OUT, tolerance=0.03)["log_evidence"] += 100
+    free = {"tolerance": 0.03, "light": real.SCATTERED}
+    real.row_of(found["rows"], CLAIM, **free)["passes"]["2010"] |= {"rmse": 0.095}
+    real.row_of(found["rows"], AUTO, **free)["passes"]["2011"] |= {"rmse": 0.06, "coverage": 0.8}
     missed = {bar["bar"] for bar in real.bars(found) if not bar["met"]}
     assert missed == set(real.BARS) - {"claim over 95 % of the simulated captures: RMSE"}
 
@@ -226,6 +244,7 @@ def test_the_page_s_tables_are_the_benchmark_s() -> None:
         real.page(text.replace(real.END, ""), found)
 
 
+@pytest.mark.requirement("R-REAL")
 def test_the_page_s_numbers_are_what_is_measured_now() -> None:
     """Half of the last digit printed, and a little for other processors."""
     rows = json.loads((DOCS / "real.json").read_text("utf-8"))["rows"]

@@ -55,6 +55,8 @@ def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
         if name in CHANNELS or name.endswith("_std"):
             given = document("D55", "A")["ssf_std" if "_" in name else "ssf"][name.partition("_")[0]]
             assert found[name] == pytest.approx(given[::STRIDE], rel=1e-6)
+        elif name == "code_covariance":
+            assert found[name] == pytest.approx(document("D55", "A")[name], rel=1e-6)
         else:
             assert found[name] == (list(value) if isinstance(value, tuple) else value), name
     assert found["captured"] == datetime(2026, 11, 20, 9)
@@ -124,6 +126,7 @@ def test_lists(one: Registry) -> None:
 # What may go wrong
 
 
+@pytest.mark.requirement("R-REGISTRY")
 def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
     """What it leaves is not in its place yet."""
     one.add([made(1)])
@@ -235,6 +238,7 @@ def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyP
 # Many at once
 
 
+@pytest.mark.requirement("R-REGISTRY")
 @pytest.mark.slow
 def test_eight_writers_two_of_them_killed(one: Registry) -> None:
     """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
@@ -430,6 +434,15 @@ def test_the_nearest_models(one: Registry) -> None:
 # The command line
 
 
+def validated(found: dict[str, Any], form: str) -> dict[str, Any]:
+    """By the schema, under its own name: `camssf-nearest/1` is what `cameras --nearest` says."""
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((Path(registry.__file__).parents[1] / "data" / "registry.schema.json").read_text("utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(found)
+    assert found["format"] == form
+    return found
+
+
 def run(*words: object) -> int:
     return cli.main(["registry", *map(str, words)])
 
@@ -447,7 +460,9 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert (found["serial"], found["captured"], found["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
     assert "1 doubtful" in err
     assert run("compare", folder, "--result", result, "--doubtful") == 0
-    (near,) = json.loads(capsys.readouterr().out)["models"]
+    told = json.loads(capsys.readouterr().out)
+    validated(told, "camssf-registry-nearest/1")
+    (near,) = told["models"]
     assert near["model"] == document()["camera"]["model"]
     assert near["distance"] < 1e-6
     assert Registry(folder).query("SELECT place FROM rows") == [{"place": "../out/result.json"}]
@@ -489,13 +504,13 @@ def test_a_drift_on_the_command_line_ends_with_1(
     one.add([*history(13, 6), *(replace(each, key=each.key[::-1], serial="B2") for each in history(13, 0))])
     assert run("compare", one.folder, "--serial", "A1") == cli.PARTED
     out, err = capsys.readouterr()
-    assert json.loads(out)["alarm"] is True
+    assert validated(json.loads(out), "camssf-drift/1")["alarm"] is True
     assert "red centre" in err
     assert run("compare", one.folder, "--serial", "B2") == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["alarm"] is False
     assert run("compare", one.folder, "--model", "Model") == 0
-    assert json.loads(capsys.readouterr().out)["units"] == 2
+    assert validated(json.loads(capsys.readouterr().out), "camssf-spread/1")["units"] == 2
 
 
 @pytest.mark.parametrize(
@@ -521,8 +536,8 @@ def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pyt
 def test_rows_know_what_they_must() -> None:
     """The words of the issue: verdict, unit, scores, lamp, hashes, times, place, curves and bands."""
     assert {
-        "status", "reason", "make", "model", "serial", "delta_e00", "evidence", "lamps", "inputs", "onnx", "captured",
-        "added", "place", *CHANNELS, *(f"{colour}_std" for colour in CHANNELS),
+        "status", "reason", "make", "model", "serial", "delta_e00", "evidence", "odds", "lamps", "inputs", "onnx",
+        "captured", "added", "place", *CHANNELS, *(f"{colour}_std" for colour in CHANNELS),
     } <= set(columns(Row))  # fmt: skip
     assert not [name for name in columns(Row) if "gps" in name or "photo" in name]
     assert plain().key

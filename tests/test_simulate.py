@@ -322,7 +322,7 @@ def test_glare_dark_current_gains_and_clipping() -> None:
 
 
 def test_same_seed_same_bytes(tmp_path: Path) -> None:
-    names = ("chart.dng", "white.dng", "dark.dng", "truth.csv")
+    names = ("chart.dng", "white.dng", "dark.dng", "truth.csv", "corners.json")
     for folder, seed in (("a", 1), ("b", 1), ("c", 2)):
         simulate(CAMERA, FLAT, tmp_path / folder, chart=table(), scene=Scene(size=SIZE, blur=1.0), seed=seed)
     contents = {folder: [Path(tmp_path, folder, name).read_bytes() for name in names] for folder in "abc"}
@@ -337,7 +337,7 @@ def test_several_lamps_and_the_truth(tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
     tags = ["flat", "red-lamp", "red-lamp~2"]
     wanted = [f"{kind}-{tag}.dng" for tag in tags for kind in ("chart", "white", "dark")]
-    assert sorted(path.name for path in out.iterdir()) == sorted([*wanted, "truth.csv"])
+    assert sorted(path.name for path in out.iterdir()) == sorted([*wanted, "truth.csv", "corners.json"])
     assert [shot.chart.name for shot in done.shots] == wanted[::3]
     assert [shot.lamp for shot in done.shots] == ["flat", "red lamp", "red lamp"]
     assert read_dng(done.shots[1].chart).sha256 != read_dng(done.shots[2].chart).sha256  # other noise

@@ -271,7 +271,7 @@ def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
     slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
     band = np.sum(std**2, axis=0)
-    assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "unseen"}
+    assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen"}
     for source, term in rows.terms.items():
         own = np.einsum("cmx,xz,cmz->c", slopes, gain @ term[0] @ gain.T, slopes)
         assert shares[source] * band == pytest.approx(own, rel=1e-5, abs=1e-9 * band.max())

@@ -18,7 +18,7 @@ from camssf.errors import InvalidArgument
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet import stream
+from camssf.fleet import pools, stream
 from camssf.fleet.manifest import Item, Manifest
 from camssf.fleet.registry import Registry, connection
 from camssf.fleet.rows import Task
@@ -236,6 +236,11 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     assert (second.resumed, second.duplicates, second.total) == (3, 0, 7)
     assert desk.visits() == {"good": 1, "bug": 2, "wrong": 2, "refused": 1}
     assert second.by_status == first.by_status
+    assert second.by_model == first.by_model
+    assert {model.split()[-1]: dict(each) for model, each in first.by_model.items() if model} == {
+        "Phone": {"doubtful": 2}, "refused": {"refused": 1},
+    }  # fmt: skip
+    assert first.by_model[""] == {"failed": 2, "refused": 2}
     (desk.home / "a").write_text("Phone 2")
     third = desk.run()
     assert (third.resumed, desk.visits()["good"]) == (2, 2)
@@ -261,7 +266,7 @@ def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
 def test_a_done_run_begins_no_process(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     desk.run()
-    monkeypatch.setattr(stream, "ProcessPoolExecutor", None)
+    monkeypatch.setattr(pools, "ProcessPoolExecutor", None)
     assert desk.run().resumed == 1
 
 

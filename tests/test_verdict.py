@@ -16,6 +16,7 @@ from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import anchor, sense
 from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
+from camssf.evidence.checks import Check, Checks
 from camssf.evidence.light import rivalled as rule_4
 from camssf.evidence.surprise import _covariance
 from camssf.evidence.verdict import (
@@ -34,7 +35,6 @@ from camssf.evidence.verdict import (
     judge,
     refusal,
     strangeness,
-    surprise,
 )
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.patches import FrameMeans, PatchMeans
@@ -116,7 +116,10 @@ class Scene:
         )
 
     def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> Surprise:
-        return surprise(self.signals, TABLE, lamps or self.lamps, ssf or self.ssf, self.rho, 0.01)
+        return self.told(lamps or self.lamps).surprise(ssf or self.ssf)
+
+    def told(self, lamps: list[Lamp]) -> Weighed:
+        return Weighed(self.signals, TABLE, self.shots, self.poses, lamps, self.rho, 0.01)
 
     def judged(self, **changes: Any) -> Verdict:
         given = {
@@ -149,6 +152,52 @@ def test_a_clean_capture_is_accepted(white: bool) -> None:
     verdict = Scene(clean() * (1.0 if white else 0.8), white=white).judged()
     assert verdict.status == "accepted"
     assert not verdict.reasons
+
+
+WHOLE = {"surprise", "hopeless", "strange", "vague", "unusual"}
+OF_A_SHOT = {"suspect", "dark_white", "veil", "few_patches", "dirty", "greens", "smooth", "rough", "poor_pose"}
+
+
+def kept(check: Check) -> bool:
+    return check.value <= check.limit if check.beyond == "above" else check.value >= check.limit
+
+
+def test_an_accepted_capture_names_every_number_that_was_weighed() -> None:
+    scene = Scene(clean(), clean("A"), lamps=("D55", "A"))
+    verdict = scene.judged()
+    assert verdict.status == "accepted"
+    assert all(map(kept, verdict.checks))
+    found = [(check.name, check.shot) for check in verdict.checks]
+    assert len(set(found)) == len(found)
+    assert {name for name, shot in found if shot is None} == WHOLE
+    for number in (1, 2):
+        assert {name for name, shot in found if shot == number} == OF_A_SHOT
+    bounds = rules().numbers
+    for check in verdict.checks:
+        assert check.limit == bounds[f"verdict.{check.name}"].value
+        assert check.beyond == bounds[f"verdict.{check.name}"].beyond
+    (fog,) = {check.refuses for check in verdict.checks if check.name == "veil"}
+    assert fog == bounds["verdict.fog"].value
+    (pose_score,) = {check.value for check in verdict.checks if check.name == "poor_pose"}
+    assert pose_score == pose().score
+
+
+def test_a_broken_number_is_the_reason_s() -> None:
+    """Each reason's value and bound stand among the checks, broken; what keeps its limit is no reason."""
+    scene = Scene(clean() * np.linspace(1.0, 0.7, 24)[:, None] * 0.05 + 0.05)
+    scene.rivals = (Rival(0, "A", 1.0), Rival(0, "D65", 2.0))
+    verdict = scene.judged(poses=[replace(pose(), score=0.8)])
+    broken = {check.value for check in verdict.checks if not kept(check)}
+    assert {reason.value for reason in verdict.reasons} <= broken
+    assert len(verdict.reasons) >= 3
+    assert refusal(verdict).checks == verdict.checks
+    assert not [check for check in verdict.checks if check.name == "rival"]  # refused already: none was tried
+    good = Scene(clean(), white=False)
+    good.rivals = scene.rivals
+    found = {check.name: check for check in good.judged().checks}
+    assert (found["rival"].value, found["rival"].limit, found["rival"].refuses) == (2.0, RIVAL, CONDEMNED)
+    assert "black" not in found  # there is a dark frame
+    assert not {"smooth", "rough"} & set(found)  # and no white frame
 
 
 def test_every_reason_says_what_to_do() -> None:
@@ -199,7 +248,7 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
         ),
         answer,
     )
-    mine, theirs = _covariance(scene.signals, TABLE, scene.lamps, scene.ssf, scene.rho, 0.01), known.covariance[0]
+    mine, theirs = _covariance(scene.told(scene.lamps), scene.ssf), known.covariance[0]
     n = 3 * 2 * used.sum()
     assert mine.shape == theirs.shape == (n, n)
     # The sensing matrix knows errors times curves on 5-nm nodes and straight between.
@@ -214,8 +263,7 @@ def test_modes_are_in_the_covariance() -> None:
     scene = Scene(clean())
     mode = 0.05 * (WAVELENGTHS - 550.0) / 170.0
     bent = [replace(scene.lamps[0], modes=mode[None])]
-    plain, more = (_covariance(scene.signals, TABLE, lamps, scene.ssf, scene.rho, 0.01)
-                   for lamps in (scene.lamps, bent))  # fmt: skip
+    plain, more = (_covariance(scene.told(lamps), scene.ssf) for lamps in (scene.lamps, bent))
     step = 1e-4
     light = scene.lamps[0].values
     high, low = (theory(TABLE.values, light * (1 + sign * step * mode), scene.ssf.values) for sign in (1, -1))
@@ -442,6 +490,7 @@ def rivalled(told: str, rivals: tuple[str, ...]) -> Scene:
     return scene
 
 
+@pytest.mark.requirement("R-WRONG-LAMP")
 def test_another_lamp_fits_far_better() -> None:
     reason = next(r for r in rivalled("D65", ("D:5000", "2856K", "FL2")).judged().reasons if "fits" in r.message)
     assert reason.code == "lamp_unfit"
@@ -450,6 +499,7 @@ def test_another_lamp_fits_far_better() -> None:
     assert reason.value > RIVAL
 
 
+@pytest.mark.requirement("R-WRONG-LAMP")
 @pytest.mark.parametrize(
     ("gains", "said"),
     [
@@ -467,19 +517,20 @@ def test_the_probability_of_another_lamp(gains: tuple[float, ...], said: float) 
     assert isinstance(reason, Fatal) == (gains[0] > CONDEMNED)
 
 
+@pytest.mark.requirement("R-WRONG-LAMP")
 def test_two_witnesses_against_a_lamp_refuse_it() -> None:
     """A rival that alone would be doubtful, and the raw white of the same shot; of another shot it is not enough."""
     scene = Scene(clean())
     scene.rivals = (Rival(0, "A", RIVAL + 1.0),)
     assert scene.judged().status == "doubtful"
-    found = rule_4(scene.rivals, scene.lamps, [0])
+    found = rule_4(scene.rivals, scene.lamps, [0], Checks())
     (reason,) = found
     assert isinstance(reason, Fatal)
     assert reason.threshold == RIVAL
-    assert not isinstance(rule_4(scene.rivals, scene.lamps, [1])[0], Fatal)
-    (reason,) = rule_4([Rival(0, "A", CONDEMNED + 1.0)], scene.lamps, [0])
+    assert not isinstance(rule_4(scene.rivals, scene.lamps, [1], Checks())[0], Fatal)
+    (reason,) = rule_4([Rival(0, "A", CONDEMNED + 1.0)], scene.lamps, [0], Checks())
     assert reason.threshold == CONDEMNED
-    assert rule_4([Rival(0, "A", RIVAL)], scene.lamps, [0]) == []
+    assert rule_4([Rival(0, "A", RIVAL)], scene.lamps, [0], Checks()) == []
 
 
 def test_the_right_lamp_has_no_rival() -> None:

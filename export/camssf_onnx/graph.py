@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from string import ascii_uppercase
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,27 +26,34 @@ class Graph:
         self.initializers: list[onnx.TensorProto] = [] if parent is None else parent.initializers
         self.counter: list[int] = [0] if parent is None else parent.counter
 
-    def fresh(self, word: str) -> str:
+    def fresh(self) -> str:
+        """A name that no other value has, as short as can be: names would be a quarter of the file.
+
+        A to Z, AA to ZZ, AAA ...: no input or output is written in capitals.
+        """
         self.counter[0] += 1
-        return f"{word}_{self.counter[0]}"
+        number, name = self.counter[0], ""
+        while number:
+            number, letter = divmod(number - 1, 26)
+            name = ascii_uppercase[letter] + name
+        return name
 
     def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
-        """A constant; equal ones are stored once, and a large identity is made in place, not stored."""
+        """A constant; equal ones are stored once, and a large identity or a multiple of one is made in place."""
         array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
         key = (array.dtype.str, array.shape, array.tobytes())
-        if (
-            key not in self.constants
-            and array.ndim == 2
-            and len(array) > 8
-            and np.array_equal(array, np.eye(len(array)))
-        ):
+        if key not in self.constants and array.ndim == 2 and len(array) > 8 and _scales_identity(array):
             outermost = self
             while outermost.parent is not None:
                 outermost = outermost.parent
-            size = outermost.op("ConstantOfShape", outermost.ints(*array.shape))
-            self.constants[key] = outermost.op("EyeLike", size, dtype=TensorProto.DOUBLE).name
+            if array[0, 0] == 1.0:
+                size = outermost.op("ConstantOfShape", outermost.ints(*array.shape))
+                made = outermost.op("EyeLike", size, dtype=TensorProto.DOUBLE)
+            else:
+                made = array[0, 0] * outermost.constant(np.eye(len(array)))
+            self.constants[key] = made.name
         if key not in self.constants:
-            self.constants[key] = name or self.fresh("c")
+            self.constants[key] = name or self.fresh()
             self.initializers.append(numpy_helper.from_array(array, self.constants[key]))
         return Value(self, self.constants[key])
 
@@ -60,7 +68,7 @@ class Graph:
 
     def ops(self, kind: str, *inputs: Value | ArrayLike, outputs: int = 1, **attributes: object) -> list[Value]:
         names = [value.name if isinstance(value, Value) else self.constant(value).name for value in inputs]
-        results = [self.fresh(kind.lower()) for _ in range(outputs)]
+        results = [self.fresh() for _ in range(outputs)]
         self.nodes.append(helper.make_node(kind, names, results, **attributes))
         return [Value(self, name) for name in results]
 
@@ -79,9 +87,9 @@ class Graph:
         `body(graph, step, state)` gives a Body: the next state, values to stack, and whether to go on (None: always).
         `begin`: whether to take a first step at all (None: yes).
         """
-        inner = Graph(self.fresh(word), self)
-        step, go_in = inner.fresh("step"), inner.fresh("go")
-        names = [inner.fresh("state") for _ in state]
+        inner = Graph(f"{word}_{self.fresh()}", self)
+        step, go_in = inner.fresh(), inner.fresh()
+        names = [inner.fresh() for _ in state]
         after = body(inner, Value(inner, step), [Value(inner, name) for name in names])
         go = after.go or Value(inner, go_in)
         inputs = [
@@ -96,7 +104,7 @@ class Graph:
         ]
         subgraph = helper.make_graph(inner.nodes, inner.name, inputs, outputs)
         start = begin or self.constant(np.array(True), np.bool_)
-        results = [self.fresh(word) for _ in (*after.state, *after.left)]
+        results = [self.fresh() for _ in (*after.state, *after.left)]
         self.nodes.append(
             helper.make_node("Loop", [trips.name, start.name, *(v.name for v in state)], results, body=subgraph)
         )
@@ -112,7 +120,7 @@ class Graph:
         """An If: what one of the two branches gives, as many float64 values in either."""
         branches = []
         for branch in (then, otherwise):
-            inner = Graph(self.fresh(word), self)
+            inner = Graph(f"{word}_{self.fresh()}", self)
             # A branch gives values of its own nodes only.
             given = [inner.op("Identity", value) for value in branch(inner)]
             infos = [helper.make_tensor_value_info(value.name, TensorProto.DOUBLE, None) for value in given]
@@ -120,9 +128,14 @@ class Graph:
         (first, count), (second, other) = branches
         if count != other:
             raise ValueError(f"{word}: {count} values in one branch, {other} in the other")
-        results = [self.fresh(word) for _ in range(count)]
+        results = [self.fresh() for _ in range(count)]
         self.nodes.append(helper.make_node("If", [condition.name], results, then_branch=first, else_branch=second))
         return [Value(self, name) for name in results]
+
+
+def _scales_identity(array: NDArray[Any]) -> bool:
+    """Whether it is the identity times a number."""
+    return np.array_equal(array, array[0, 0] * np.eye(*array.shape))
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from camssf_onnx.algebra import D, M, inverse
 from camssf_onnx.finish import finish as walk
 from camssf_onnx.graph import Graph, Value
 from camssf_onnx.layers import ista, splitting, splitting_weight, unroll
-from camssf_onnx.problem import pose
+from camssf_onnx.problem import beside, pose
 from camssf_onnx.proof import gap as gap_of
 from camssf_onnx.sensing import Rows, learned_rows, paper_rows
 
@@ -45,12 +45,13 @@ INPUTS: dict[str, list[str | int]] = {
     "lamp": ["k", M],
     "lamp_tolerance": ["k"],
     "lamp_modes": ["k", "q", M],
+    "gain_modes": ["k", "g", "n"],
     "l2": [],
     "gamma": [],
 }
-DEFAULTS = {"nonnegative": 0.0, "prior_scale": 1.0}
-"""Inputs that may be left out: x ≥ 0 where above ½ (1 on a basis without a mean unless told), and how much wider than
-its basis the prior is taken."""
+DEFAULTS = {"gain_own": 0.0, "nonnegative": 0.0, "prior_scale": 1.0}
+"""Inputs that may be left out: what part of the gain modes each channel has for itself; x ≥ 0 where above ½ (1 on a
+basis without a mean unless told); how much wider than its basis the prior is taken."""
 
 
 def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:
@@ -68,7 +69,7 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     g = Graph(f"camssf-{basis.name}")
     given = {name: Value(g, name) for name in INPUTS}
-    nonnegative, prior_scale = (Value(g, name) for name in DEFAULTS)
+    given["gain_own"], nonnegative, prior_scale = (Value(g, name) for name in DEFAULTS)
     r = basis.dictionary.shape[2]
     p, R = (1, 3 * r) if basis.prior else (3, r)
 
@@ -94,20 +95,30 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         x, gap, steps = z, before, 0.0 * before
 
     own = None
+    many = g.op("Shape", given["lamp_modes"]).slice(0, 2, 0)  # k, q
+    count = many.slice(0, 1, 0) * many.slice(1, 2, 0)
     if basis.prior:
         assert inverses is not None
         assert log_dets is not None
         assert whitened.log_det is not None
+        assert whitened.modes is not None
         spread = inverses.slice(0, 1, 0).squeeze(0)
         own = g.op("Concat", *(spread.slice(c * r, c * r + r, 0).slice(c * r, c * r + r, 1).unsqueeze(0)
                                for c in range(3)), axis=0)  # fmt: skip
         mean = (spread @ problem.g).squeeze(2)  # (1, R) the posterior mean
         rest = problem.rest(mean)
+        loose, of_modes = beside(problem, whitened.modes, spread.unsqueeze(0), rest)
         squares = (rest * rest).sum(1, 2) + (mean * mean).sum(1)
         evidence = (-0.5 * (squares + whitened.log_det + log_dets.slice(0, 1, 0))).squeeze(0)
     else:
         spread = g.op("Expand", np.nan, g.ints(3 * r, 3 * r))
         evidence = g.constant(np.nan)
+        loose, of_modes = g.op("Expand", np.nan, many), g.op("Expand", np.nan, g.op("Concat", count, count, axis=0))
+    gained = g.op("Shape", given["gain_modes"]).slice(0, 2, 0)
+    if whitened.gains is not None:
+        gain_code = (whitened.gains.transpose(0, 2, 1) @ problem.rest(x)).like(gained)
+    else:
+        gain_code = g.op("Expand", 0.0, gained)
     code = x.reshape(3, r)
     answer = curves(code, own)
     outputs = {
@@ -123,6 +134,10 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         "evidence": evidence,
         "channel_gain": rows.gain(),
         "lamp_estimate": answer.lamp,
+        "mode_estimate": loose.like(many),
+        "mode_covariance": of_modes.squeeze(0) if basis.prior else of_modes,
+        "gain_code": gain_code,
+        "gain_estimate": (gain_code.unsqueeze(1) @ given["gain_modes"]).squeeze(1),
     }
     shapes: dict[str, list[str | int]] = {
         "ssf": [M, 3],
@@ -137,6 +152,10 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         "evidence": [],
         "channel_gain": [3],
         "lamp_estimate": ["k", M],
+        "mode_estimate": ["k", "q"],
+        "mode_covariance": ["k q", "k q"],
+        "gain_code": ["k", "g"],
+        "gain_estimate": ["k", "n"],
     }
     for name in shapes:
         g.nodes.append(helper.make_node("Identity", [outputs[name].name], [name]))

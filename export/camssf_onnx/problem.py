@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camssf_onnx.algebra import identity, size_of
 from camssf_onnx.graph import Graph, Value
 
 
@@ -44,6 +45,25 @@ class Problem:
     def residual(self, x: Value) -> Value:
         """w = Aᵀ (b - A x) - λ₂ x, (p, r)."""
         return self.pull(x).squeeze(2) - self.l2 * x
+
+
+def beside(problem: Problem, D: Value, spread: Value, rest: Value) -> tuple[Value, Value]:
+    """What the rows say of unknowns u ~ N(0, I) that stand beside the code of one problem, D Dᵀ being in its Σ.
+
+    û = Dᵀ P⁻¹ b (1, K, 1) and I - Dᵀ P⁻¹ D (1, K, K) with P = I + A Aᵀ of whitened rows, P⁻¹ = I - A S Aᵀ:
+    `posterior` of `camssf.curves.light`.
+
+    Args:
+        problem: p = 1.
+        D: (1, N, K), whitened.
+        spread: (1, R, R) S = (H + I)⁻¹.
+        rest: (1, N, 1) b - A S Aᵀ b.
+    """
+    g = problem.graph
+    across = D.transpose(0, 2, 1)
+    on_code = across @ problem.A  # (1, K, R)
+    known = across @ D - on_code @ spread @ on_code.transpose(0, 2, 1)
+    return across @ rest, identity(g, size_of(g, D, 2)) - known
 
 
 def pose(

@@ -36,11 +36,17 @@ EYE = np.eye(3)
 
 @dataclass(frozen=True)
 class Whitened:
-    """p problems in rows of unit covariance: A (p, N, R), b (p, N); ln det Σ (p,), None without a prior."""
+    """p problems in rows of unit covariance: A (p, N, R), b (p, N).
+
+    With a prior (p = 1) ln det Σ (1,), and how the rows answer to the modes of lamps and of gains, D (1, N, k q) and
+    (1, N, k g); else None.
+    """
 
     A: Value
     b: Value
     log_det: Value | None
+    modes: Value | None
+    gains: Value | None
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,9 @@ def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     error = rows.error.slice(0, 1, 1).squeeze(1)
     tolerance = rows.given["chart_tolerance"] * b
     deviation = g.op("Sqrt", g.op("Max", error * error + tolerance * tolerance, FLOOR**2))  # (3, n)
-    whitened = Whitened(((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation, None)
+    whitened = Whitened(
+        ((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation, None, None, None
+    )
 
     def curves(x: Value, spread: Value | None) -> Answer:
         del spread  # no prior, no band
@@ -110,7 +118,8 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
     mean = g.constant(nodes, name="mean")  # (3, v)
     atoms = prior_scale * g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
     v, r = basis.dictionary[:, ::10].shape[1:]
-    k = g.op("Shape", rows.power).slice(0, 1, 0)
+    shape = g.op("Shape", rows.signals)
+    k, n = shape.slice(0, 1, 0), shape.slice(1, 2, 0)
     given_twice = g.op("Concat", given["reflectance"], slope(g, given["reflectance"]), axis=0)  # (2 n, m)
     folded = fold(g, rows.power.unsqueeze(1) * given_twice)  # (k, 2 n, v)
     parts = folded.like(g.op("Concat", k, g.ints(2, -1, v), axis=0))
@@ -123,17 +132,21 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
     atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
 
     known = fold_evidence(g, rows, (mean, atoms), (U, bends, V, plain), r)
-    K = known.K.squeeze(0)
+    one = g.ints(1)
     start = [
         mean * 1.0,
         V * 0.0 + 1.0,
-        g.op("Expand", 0.0, g.op("Concat", known.K, g.ints(1), axis=0)),
-        identity(g, K),
+        g.op("Expand", 1.0, g.op("Concat", k, n, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", known.K, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", known.G, one, axis=0)),
+        identity(g, known.K.squeeze(0)),
         g.constant(np.eye(3 * r)),
     ]
     turns = g.op("Cast", known.any_modes, to=I64) + g.constant(1, np.int64)
-    *_, A, b, log_det, lamp = g.loop(known.turn(turns), start, [D] * 5, turns, "look")
-    A, b, log_det, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in (A, b, log_det, lamp))  # the last turn's
+    left = g.loop(known.turn(turns), start, [D] * len(start), turns, "look")[len(start) :]
+    A, b, log_det, modes, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in left)  # the last turn's
+    gains = g.op("Slice", modes, known.K, g.ints(2**31), g.ints(2))
+    modes = g.op("Slice", modes, g.ints(0), known.K, g.ints(2))
 
     def curves(x: Value, spread: Value | None) -> Answer:
         assert spread is not None
@@ -162,19 +175,22 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
         predicted = seen / ((light * given["white_reflectance"]) @ values).unsqueeze(1)
         return Answer(values, std.transpose(1, 0), predicted, light)
 
-    return Whitened(A, b, log_det), curves
+    return Whitened(A, b, log_det, modes, gains), curves
 
 
 @dataclass(frozen=True)
 class Folded:
     """The evidence folded onto the nodes, and what its rows share: `_Folded` of `camssf.curves.sensing`.
 
-    Channel 3, shot k, patch n, mode q, node v, atom r; R = 3 r codes, K = k q modes, N = 3 k n rows.
+    Channel 3, shot k, patch n, mode q, gain mode g, node v, atom r; R = 3 r codes, K = k q modes, G = k g gain modes,
+    N = 3 k n rows.
 
     Attributes:
         mean, atoms: (3, v) and (3, v, r). U, bends: (k, n, v). V, plain: (k, v).
-        modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any; any_modes: of all. K: (1,) their number.
-        y: (3, k, n, 1). variance: (n, 3 k) noise and the chart's independent part.
+        modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any. K: (1,) their number.
+        gain_modes: (k, g, n). G: (1,) their number. any_modes: whether there is any, of lamps or gains.
+        gains: (n, 3, k, k, g) their D. gain_own: what part of them each channel has for itself.
+        y: (3, k, n, 1). variance: (n, 3 k) noise and the chart's independent part, in even light.
         tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (k, 1, 1).
         share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
         own: (k, 1, k, 1), 1 where a shot is the same.
@@ -190,8 +206,12 @@ class Folded:
     plain: Value
     modes: Value
     loose: Value
-    any_modes: Value
     K: Value
+    gain_modes: Value
+    G: Value
+    any_modes: Value
+    gains: Value
+    gain_own: Value
     y: Value
     variance: Value
     tolerance: Value
@@ -205,7 +225,7 @@ class Folded:
     r: int
 
     def turn(self, turns: Value) -> Callable[[Graph, Value, list[Value]], Body]:
-        """The Loop's body: point → next point; leaves the whitened rows, their ln det Σ and the point's lamp."""
+        """The Loop's body: point → next point; leaves the whitened rows, ln det Σ, D and the point's lamp."""
 
         def body(g: Graph, step: Value, state: list[Value]) -> Body:
             here = within(self, g)
@@ -219,14 +239,15 @@ class Folded:
             def named(branch: Graph) -> list[Value]:
                 return [*within(here, branch).sparse(within(rows, branch)), *(value.here(branch) for value in state)]
 
-            A, b, log_det, *after = g.choose(here.any_modes, loose, named, "sense")
-            return Body([value * 1.0 for value in after], [A, b, log_det, state[1] * 1.0])
+            A, b, log_det, modes, *after = g.choose(here.any_modes, loose, named, "sense")
+            return Body([value * 1.0 for value in after], [A, b, log_det, modes, state[1] * 1.0])
 
         return body
 
     def rows(self, state: Sequence[Value]) -> Rowed:
         """A, b and the parts of Σ about a point, patch by patch."""
-        curve, lamp, *_ = state
+        curve, lamp, level, *_ = state
+        y = self.y * level
         s = curve.unsqueeze(1, 3)  # (3, 1, v, 1)
         bend = lamp.unsqueeze(1)  # (k, 1, v)
         W = curve @ (self.V * lamp).transpose(1, 0)  # (3, k)
@@ -235,13 +256,14 @@ class Folded:
         light = (self.plain * lamp / W.unsqueeze(2)).unsqueeze(2)
         expected = seen @ s  # (3, k, n, 1) ŷ
         g = expected.graph
-        about = g.op("Where", self.loose, expected, self.y)
+        about = g.op("Where", self.loose, expected, y)
         a = seen - about * white
         against_white = seen - expected * white
         A = (a @ self.atoms.unsqueeze(1)).unsqueeze(3) * EYE[:, None, None, :, None]  # (3, k, n, 3, r)
-        b = self.y - about - a @ self.mean.unsqueeze(1, 3)
+        b = y - about - a @ self.mean.unsqueeze(1, 3)
         edges = EDGE * self.bends * bend / W.unsqueeze(2, 3)
-        block, common = covariance(self, Seen(s, expected, seen, edges, light, white, against_white))
+        level = g.op("Expand", level, g.op("Shape", y))
+        block, common = covariance(self, Seen(s, expected, level, seen, edges, light, white, against_white))
         rows = self.patchwise(A.transpose(2, 0, 1, 3, 4)), self.patchwise(b.transpose(2, 0, 1, 3))
         return Rowed(*rows, block, common, against_white, white)
 
@@ -250,7 +272,7 @@ class Folded:
         return rows.like(self.by_patch)
 
     def sparse(self, rows: Rowed) -> list[Value]:
-        """L⁻¹ A (1, N', R), L⁻¹ b (1, N') and ln det Σ (1,) where Σ is blocks B and U Uᵀ.
+        """L⁻¹ A (1, N', R), L⁻¹ b (1, N'), ln det Σ (1,) and L⁻¹ D = 0 where Σ is blocks B and U Uᵀ.
 
         The rows are whitened by B first; then Σ is I + U Uᵀ. With S = I + Uᵀ U and V = S⁻¹ Uᵀ (A b), the rows
         (A b) - U V, with V below them, have the products of whitened ones: those of the least squares in which U's
@@ -270,14 +292,15 @@ class Folded:
         V = back.transpose(0, 2, 1) @ found
         joined = g.op("Concat", own - U @ V, V, axis=1)
         A, b = joined.slice(0, 3 * self.r, 2), joined.slice(3 * self.r, 3 * self.r + 1, 2).squeeze(2)
-        return [A, b, log_blocks.sum(0, keep=True) + log_common]
+        none = b.unsqueeze(2) * g.op("Expand", 0.0, self.K + self.G)  # (1, N', K + G)
+        return [A, b, log_blocks.sum(0, keep=True) + log_common, none]
 
     def dense(self, rows: Rowed, state: Sequence[Value], looks: Value) -> list[Value]:
         """The same where lamps have modes, and the next point: `_look`.
 
         Σ holds D Dᵀ, but in a first look A Aᵀ instead.
         """
-        _, _, offset, of_u, of_x = state
+        _, _, _, offset, gained, of_u, of_x = state
         g, r = rows.b.graph, self.r
         A, b, U = (each.like(self.flat) for each in (rows.A, rows.b, rows.common))
         n = size_of(g, rows.block, 0)
@@ -288,14 +311,18 @@ class Folded:
         modes, bent = modes.like(self.flat), bent.like(self.blocks)
         spread = (of_u @ (bent @ of_x)).like(self.flat)
         sigma = sigma + spread @ bent.like(self.flat).transpose(0, 2, 1)
-        sigma = sigma + (1.0 - looks) * outer(modes) + looks * outer(A)
-        columns, log_det = whiten(g, sigma, g.op("Concat", A, b + modes @ offset, modes, axis=2))
+        gains = self.patchwise(self.gains).like(self.flat)
+        own = self.gain_own * self.patchwise(self.gains.unsqueeze(3) * EYE[:, None, :, None, None]).like(self.flat)
+        b = b + modes @ offset + gains @ gained
+        modes = g.op("Concat", modes, gains, axis=2)
+        sigma = sigma + outer(own) + (1.0 - looks) * outer(modes) + looks * outer(A)
+        columns, log_det = whiten(g, sigma, g.op("Concat", A, b, modes, axis=2))
         A, b, modes = (
             columns.slice(0, 3 * r, 2),
             columns.slice(3 * r, 3 * r + 1, 2),
             columns.slice(3 * r + 1, 2**31, 2),
         )
-        return [A, b.squeeze(2), log_det, *self.after(A, b, modes)]
+        return [A, b.squeeze(2), log_det, modes, *self.after(A, b, modes)]
 
     def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
         """D and B of `camssf.curves.sensing`, patch by patch: (n, 3, k, K) and (n, 3, k, K, 3, r)."""
@@ -313,20 +340,27 @@ class Folded:
         return D_.transpose(2, 0, 1, 3, 4), B_.transpose(2, 0, 1, 3, 4, 5, 6)
 
     def after(self, A: Value, b: Value, modes: Value) -> list[Value]:
-        """The next point, from rows whitened with A Aᵀ in Σ."""
+        """The next point, from rows whitened with A Aᵀ in Σ; modes are the lamps', then the gains'."""
         g = b.graph
         turned = modes.transpose(0, 2, 1)
-        one = identity(g, self.K.squeeze(0)).unsqueeze(0)
+        one = identity(g, (self.K + self.G).squeeze(0)).unsqueeze(0)
         root, _ = whiten(g, one + turned @ modes, g.op("Concat", turned @ b, one, axis=2), 1)
         pull, back = root.slice(0, 1, 2), root.slice(1, 2**31, 2)
         turned = back.transpose(0, 2, 1)
-        offset, of_u = (turned @ pull).squeeze(0), (turned @ back).squeeze(0)  # (K, 1), (K, K)
+        found, of_all = (turned @ pull).squeeze(0), (turned @ back).squeeze(0)  # (K + G, 1), (K + G, K + G)
         across = A.transpose(0, 2, 1)
-        code = (across @ (b - modes @ offset)).reshape(3, self.r, 1)
+        code = (across @ (b - modes @ found)).reshape(3, self.r, 1)
         curve = self.mean + (self.atoms @ code).squeeze(2)
+        offset = g.op("Slice", found, g.ints(0), self.K, g.ints(0))
+        gained = g.op("Slice", found, self.K, g.ints(2**31), g.ints(0))
+        of_u = g.op("Slice", of_all, g.ints(0, 0), g.op("Concat", self.K, self.K, axis=0), g.ints(0, 1))
         size = g.op("Concat", g.op("Shape", self.V).slice(0, 1, 0), g.ints(1, -1), axis=0)
         bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
-        return [curve, g.op("Max", bend, DARKEST), offset, of_u, np.eye(3 * self.r) - (across @ A).squeeze(0)]
+        level = 1.0 - (gained.like(size) @ self.gain_modes).squeeze(1)  # (k, n)
+        return [
+            curve, g.op("Max", bend, DARKEST), g.op("Max", level, DARKEST).unsqueeze(2), offset, gained, of_u,
+            np.eye(3 * self.r) - (across @ A).squeeze(0),
+        ]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -352,12 +386,13 @@ class Seen:
     """What the errors of the rows hang on: `Seen` of `camssf.curves.covariance`, the curve apart.
 
     Attributes:
-        curve: (3, 1, v, 1) s. predicted: (3, k, n, 1) ŷ.
+        curve: (3, 1, v, 1) s. predicted, level: (3, k, n, 1) ŷ and 1 - ĥ.
         patches, edges: (3, k, n, v). light, white: (3, k, 1, v). against_white: (3, k, n, v).
     """
 
     curve: Value
     predicted: Value
+    level: Value
     patches: Value
     edges: Value
     light: Value
@@ -382,7 +417,9 @@ def covariance(known: Folded, seen: Seen) -> tuple[Value, Value]:
     common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
     block = outer(rows) * known.share
     one = identity(g, size_of(g, block, 1))
-    return block + known.variance.unsqueeze(2) * one, g.op("Concat", *common, axis=2)
+    level = known.patchwise(seen.level.transpose(2, 0, 1, 3))  # (n, 3 k, 1)
+    variance = g.op("Max", level * level * known.variance.unsqueeze(2), FLOOR**2)
+    return block + variance * one, g.op("Concat", *common, axis=2)
 
 
 def fold_evidence(
@@ -398,21 +435,29 @@ def fold_evidence(
     sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
     K = k * g.op("Shape", modes).slice(1, 2, 0)
     independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
-    variance = g.op("Max", rows.error * rows.error + independent * independent, FLOOR**2)  # (3, k, n)
+    variance = rows.error * rows.error + independent * independent  # (3, k, n)
     three_k = k * g.constant([3], np.int64)
     share = g.op("Expand", CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * EYE[:, None, :, None],
                  g.op("Concat", g.ints(3), k, g.ints(3), k, axis=0))  # fmt: skip
     U, bends, V, plain = scenes
+    loose = g.op("Greater", sizes, 0.0)
+    gain_modes = given["gain_modes"]
+    uneven = g.op("Greater", g.op("Abs", gain_modes).max(0, 1, 2), 0.0)
+    own = identity(g, k.squeeze(0)).unsqueeze(1, 3)
+    gains = (rows.y.unsqueeze(3) * gain_modes.transpose(0, 2, 1)).unsqueeze(3) * own  # (3, k, n, k, g)
     return Folded(
         mean, atoms, U, bends, V, plain,
-        modes, g.op("Greater", sizes, 0.0), g.op("Greater", sizes.max(0, 1, 2), 0.0), K,
+        modes, loose, K,
+        gain_modes, k * g.op("Shape", gain_modes).slice(1, 2, 0),
+        g.op("Or", g.op("Greater", sizes.max(0, 1, 2), 0.0), uneven),
+        gains.transpose(2, 0, 1, 3, 4), given["gain_own"],
         rows.y.unsqueeze(3),
         variance.transpose(2, 0, 1).like(g.op("Concat", n, three_k, axis=0)),
         given["chart_tolerance"].unsqueeze(1),
         given["white_tolerance"],
         given["lamp_tolerance"].unsqueeze(1, 2),
         share.like(g.op("Concat", three_k, three_k, axis=0)),
-        identity(g, k.squeeze(0)).unsqueeze(1, 3),
+        own,
         g.op("Concat", n, three_k, g.ints(-1), axis=0),
         g.op("Concat", g.ints(1), n * three_k, g.ints(-1), axis=0),
         g.op("Concat", n * three_k, K, g.ints(3 * r), axis=0),

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from camssf.curves.choice import recover as recover
     from camssf.curves.evidence import Evidence as Evidence
     from camssf.documents.result import Calibration as Calibration
+    from camssf.documents.shown import Result as Result
     from camssf.errors import CalibrationError as CalibrationError
     from camssf.evidence.scores import validate as validate
     from camssf.options import Options as Options
@@ -37,6 +38,7 @@ _HOME = {
     "CalibrationError": "camssf.errors",
     "Evidence": "camssf.curves.evidence",
     "Options": "camssf.options",
+    "Result": "camssf.documents.shown",
 }
 
 __all__ = [
@@ -44,6 +46,7 @@ __all__ = [
     "CalibrationError",
     "Evidence",
     "Options",
+    "Result",
     "calibrate",
     "find_chart",
     "measure_patches",

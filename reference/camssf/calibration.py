@@ -15,31 +15,32 @@ from camssf.evidence.unseen import foretell, score
 from camssf.evidence.verdict import refusal
 from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
-from camssf.spectra import CameraCurves, ChartTable, Light, MeasuredCurves, read_camera
+from camssf.spectra import CameraLike, ChartLike, LightLike, read_camera
 
 Product = TypeVar("Product")
 
 
 def calibrate(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Light | Sequence[str | Light] | None = None,
+    lamps: LightLike | Sequence[LightLike] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,
-    chart: str | ChartTable = "classic24",
+    chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
+    truth: CameraLike | None = None,
     progress: Progress | None = None,
     **former: Any,
 ) -> Calibration:
     """From RAW photos to the camera's spectral sensitivity: `attempt`, with a refusal raised.
 
     Args:
-        photos: DNG of each shot.
-        lamps: the light of each shot, a name for `read_lamp` or a Lamp; "auto", or None for all shots, where nobody
-            knows it: the signals then tell its kind, on phones.
-        white, dark: DNG of each shot's white and dark frame; None where there is none.
-        chart: name or file for `read_chart`, or a table.
+        photos: RAW file of each shot (`camssf.photo.raw.read_raw`).
+        lamps: the light of each shot, as `read_lamp` takes it: a name, a file, a SpectralDistribution, a pair of
+            arrays, a Lamp; "auto", or None for all shots, where nobody knows it: the signals then tell its kind, on
+            phones.
+        white, dark: RAW file of each shot's white and dark frame; None where there is none.
+        chart: as `read_chart` takes it: a name, a file, spectra as objects or arrays, a ChartTable.
         options: all else that can be said.
         truth: measured curves of this camera, as `read_camera` takes them, to compare with.
         progress: called with a stage in words and the part done, 0 to 1.
@@ -60,13 +61,13 @@ def calibrate(
 
 def attempt(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Light | Sequence[str | Light] | None = None,
+    lamps: LightLike | Sequence[LightLike] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,
-    chart: str | ChartTable = "classic24",
+    chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
+    truth: CameraLike | None = None,
     progress: Progress | None = None,
 ) -> Calibration | Refusal:
     """`solve(measure(...))`, or what is known where one of them refuses; arguments as in `calibrate`.
@@ -103,7 +104,7 @@ def solve(
     capture: Capture,
     *,
     options: Options = DEFAULTS,
-    truth: PathLike | CameraCurves | MeasuredCurves | None = None,
+    truth: CameraLike | None = None,
     progress: Progress | None = None,
     record: Record | None = None,
 ) -> Calibration:
@@ -136,7 +137,8 @@ def solve(
     verdict = weigh(asked, ssf, alone)
     if verdict.status == "refused":
         raise refusal(verdict)
+    level = problem.level(ssf)
     return Calibration(
-        capture, signals, ssf, predicted_std, unseen.values, unseen.std, scores, verdict, known,
-        signals.assumptions + assume(capture, ssf), uncertainty,
+        capture, signals, ssf, level, predicted_std, unseen.values, unseen.std, scores, verdict, known,
+        signals.assumptions + assume(capture, ssf, level), uncertainty,
     )  # fmt: skip

@@ -14,13 +14,15 @@ CalibrationError
 │   ├── Underexposed       underexposed
 │   ├── UnevenLight        uneven_light
 │   ├── FramesDiffer       frames_differ
+│   ├── UnitDiffers        unit_differs
 │   ├── Blurred            blurred
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
 ├── NotConverged           not_converged       7   the solver's own proof failed
 ├── CameraUnusual          camera_unusual      8   no basis knows such a camera
 ├── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
-└── PassportInvalid        passport_invalid   10   a signed result that is not to be trusted
+├── PassportInvalid        passport_invalid   10   a signed result that is not to be trusted
+└── OutOfMemory            out_of_memory      11   the photo is too large for the memory that is left
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
 """
@@ -41,7 +43,7 @@ class CalibrationError(Exception):
         value, threshold: the number that decided and the bound it broke, where there is one.
         evidence, previews: of `camssf.calibrate`, for one more release: the document and the previews of its
             `Refusal`, which `camssf.calibration.attempt` gives without an error.
-        reasons: of a verdict that refused; empty where a stage did.
+        reasons, checks: of a verdict that refused; empty where a stage did.
     """
 
     code: ClassVar[str] = "calibration_error"
@@ -58,6 +60,7 @@ class CalibrationError(Exception):
         self.evidence: dict[str, Any] | None = None
         self.previews: tuple[bytes | None, ...] = ()
         self.reasons: tuple[Any, ...] = ()
+        self.checks: tuple[Any, ...] = ()
 
 
 class InvalidArgument(CalibrationError):
@@ -139,6 +142,12 @@ class FramesDiffer(CaptureError):
     code = "frames_differ"
 
 
+class UnitDiffers(CaptureError):
+    """Photos of different physical cameras or lenses."""
+
+    code = "unit_differs"
+
+
 class Blurred(CaptureError):
     """Neighbouring patches run into each other."""
 
@@ -184,3 +193,10 @@ class PassportInvalid(CalibrationError):
 
     code = "passport_invalid"
     exit_status = 10
+
+
+class OutOfMemory(CalibrationError):
+    """The photo does not fit into the memory that the program may use."""
+
+    code = "out_of_memory"
+    exit_status = 11

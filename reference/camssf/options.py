@@ -34,6 +34,8 @@ class Options:
         nonnegative: coefficients ≥ 0; None leaves it to the basis.
         l2, gamma: the penalties λ₂ and γ; None leaves them to the basis.
         engine: "onnx" or "reference".
+        light_per_patch: how much the light may differ from patch to patch where each was photographed for itself,
+            8 % is 0.08; None where they stood in one photo.
     """
 
     corners: Sequence[ArrayLike | None] | None = None
@@ -46,6 +48,7 @@ class Options:
     l2: float | None = None
     gamma: float | None = None
     engine: str = "onnx"
+    light_per_patch: float | None = None
 
 
 DEFAULTS = Options()

@@ -17,14 +17,25 @@ import numpy as np
 
 from camssf.calibration import attempt, recorded, solve
 from camssf.curves.choice import AUTO
-from camssf.documents.choice import hypotheses_in_words, hypothesis_in_words
+from camssf.documents.apart import (
+    choice_apart,
+    curves_apart,
+    list_apart,
+    patches_apart,
+    triple_apart,
+    uncertainty_apart,
+    walked,
+)
+from camssf.documents.choice import hypotheses_in_words
+from camssf.documents.light import lights_apart
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.pose import Pose, find_chart
+from camssf.photo.raw import read_raw
 from camssf.spectra import ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
@@ -57,7 +68,8 @@ _CAUSES = {
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
     "If the result was made with --fit, --signed or --white-reflectance, say so here too.",
-    "band": "The curve agrees, its standard deviation, the codes' covariance or the evidence does not.",
+    "band": "The curve agrees, its standard deviation, the codes' covariance, the evidence, the budget or how "
+    "far the truth may lie from a prediction does not.",
     "gap": "One of the two has not converged, or its layers have not.",
     "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
     "verdict": "All numbers agree, the conclusion does not: compare the versions of camssf on both sides.",
@@ -130,7 +142,7 @@ def parity(
     if not found[0].agrees:
         return tuple(found)
     tell("reading photos", 0.1)
-    frames = [[None if path is None else read_dng(path) for path in each] for each in (files, whites, darks)]
+    frames = [[None if path is None else read_raw(path) for path in each] for each in (files, whites, darks)]
     found += _photos(document, frames[0])
     refused = document["verdict"]["status"] == "refused"
     if any(shot["pose"] is None or not shot["patches"] for shot in shots):
@@ -359,75 +371,28 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
     yield Finding("inputs", not differ, max(colours, np.inf if differ else 0.0), COLOURS, words)
 
 
-def _chosen(document: Json, made: Json) -> Iterator[tuple[float, str]]:
-    """Evidence and probability of each hypothesis. A probability moves by at most as much as an evidence does."""
-    for theirs, ours in zip(document.get("choice", ()), made["choice"], strict=False):
-        size = max(1.0, abs(ours["log_evidence"]))
-        for key in ("log_evidence", "probability"):
-            place = f"{key} of {hypothesis_in_words(ours)}"
-            yield abs(theirs[key] - ours[key]) / size, f"{place}: {theirs[key]:.9g} there, {ours[key]:.9g} here"
-
-
-def _curve(document: Json, key: str) -> Floats | None:
-    found = document.get(key)
-    return None if found is None else np.stack([found[colour] for colour in ("red", "green", "blue")], axis=1)
-
-
-def _curves(document: Json, made: Json, key: str) -> tuple[float, str]:
-    theirs, ours = _curve(document, key), _curve(made, key)
-    if theirs is None or ours is None:
-        return (0.0, "no band on either side") if theirs is ours else (np.inf, f"{key} is missing on one side")
-    apart = np.abs(theirs - ours)
-    g, c = np.unravel_index(int(apart.argmax()), apart.shape)
-    nm = made["ssf"]["wavelength_nm"][int(g)]
-    place = f"{key}, {('red', 'green', 'blue')[c]} at {nm:g} nm"
-    return float(apart.max()), f"{place}: {theirs[g, c]:.9g} there, {ours[g, c]:.9g} here"
-
-
-def _triple(document: Json, made: Json, key: str) -> tuple[float, str]:
-    theirs, ours = np.array(document[key], float), np.array(made[key], float)
-    apart = np.abs(theirs - ours) / np.maximum(np.abs(ours), 1e-300)
-    return float(apart.max()), f"{key}: {theirs.tolist()} there, {ours.tolist()} here"
-
-
-def _list(document: Json, made: Json, key: str, scale: float | None) -> tuple[float, str]:
-    """Largest difference of a number or list that an older result does not have, in units of `scale` or of 1."""
-    if key not in document:
-        return 0.0, f"no {key} there"
-    if document[key] is None or made[key] is None:
-        return (0.0, f"no {key} on either side") if document[key] is made[key] else (np.inf, f"no {key} on one side")
-    theirs, ours = np.atleast_1d(document[key]).astype(float), np.atleast_1d(made[key]).astype(float)
-    if theirs.shape != ours.shape:
-        return np.inf, f"{key}: {theirs.size} numbers there, {ours.size} here"
-    apart = np.abs(theirs - ours) / max(abs(scale or 0.0), 1.0)
-    i = int(apart.argmax())
-    place = f"{key}[{i}]" if apart.size > 1 else key
-    return float(apart[i]), f"{place}: {theirs[i]:.9g} there, {ours[i]:.9g} here"
-
-
-def _walked(document: Json, made: Json) -> tuple[float, str]:
-    """Whether the finish had to walk. How far may differ: of two ways of equal length rounding chooses."""
-    ours: list[int] = made["finish_steps"]
-    theirs: list[int] = document.get("finish_steps", ours)
-    alike = [count > 0 for count in theirs] == [count > 0 for count in ours]
-    return 0.0 if alike else np.inf, f"finish_steps: {theirs} there, {ours} here"
-
-
 def _answers(document: Json, made: Json) -> Iterator[Finding]:
     """Curves, bands and evidence, gaps, scores."""
     parts = [
-        _curves(document, made, "ssf"),
-        _triple(document, made, "channel_gain"),
+        curves_apart(document, made, "ssf"),
+        triple_apart(document, made, "channel_gain"),
         _worst(document, "predicted", made, 1.0),
     ]
     yield _compare("curve", CURVES, parts)
-    spread = [_list(document, made, "code_covariance", 1.0), _list(document, made, "evidence", made.get("evidence"))]
-    weighed = _chosen(document, made)
-    yield _compare("band", CURVES, [_curves(document, made, "ssf_std"), *spread, *weighed])
+    spread = [
+        list_apart(document, made, "code_covariance", 1.0),
+        list_apart(document, made, "evidence", made.get("evidence")),
+    ]
+    spread += [patches_apart(document, made, key) for key in ("level", "predicted_std", "unseen_std")]
+    weighed = [*choice_apart(document, made), *lights_apart(document, made), *uncertainty_apart(document, made)]
+    yield _compare("band", CURVES, [curves_apart(document, made, "ssf_std"), *spread, *weighed])
     gaps = [("there", max(document["gap"])), ("here", max(made["gap"]))]
     parts = [(gap, f"largest {where} {gap:.2g}") for where, gap in gaps]
-    yield _compare("gap", GAP, [*parts, _list(document, made, "layers_gap", 1.0), _walked(document, made)])
-    yield _compare("scores", CURVES, [_triple(document["scores"], made["scores"], "rmsre_percent")])
+    yield _compare("gap", GAP, [*parts, list_apart(document, made, "layers_gap", 1.0), walked(document, made)])
+    scores = [triple_apart(document["scores"], made["scores"], "rmsre_percent")]
+    scores += [list_apart(document["scores"], made["scores"], "delta_e00", made["scores"]["delta_e00"])]
+    scores += [patches_apart(document, made, key) for key in ("unseen", "measured_srgb", "synthetic_srgb")]
+    yield _compare("scores", CURVES, scores)
 
 
 def _verdicts(document: Json, made: Json) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,6 +19,7 @@ from camssf.cli.options import (
     Lamps,
     LampTolerances,
     LensShading,
+    LightPerPatch,
     Out,
     OutFolder,
     Photos,
@@ -32,6 +33,7 @@ from camssf.cli.reading import (
     given_paths,
     parse_corners,
     parse_patches,
+    parse_percent,
     parse_share,
     parse_size,
 )
@@ -44,6 +46,8 @@ FAULTS = (
     "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
 )
 """Those of `camssf.simulation.faults`, which is not loaded to print the help."""
+MOST_MODELS = 20
+"""Of a batch's summary on the terminal; the JSON has all."""
 DEMO_SIZE = (1800, 1350)
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
@@ -57,6 +61,7 @@ def demo(
 ) -> None:
     """Simulate, calibrate, compare with truth."""
     from camssf.calibration import attempt
+    from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.options import Options
     from camssf.simulation.frames import Scene
@@ -81,7 +86,7 @@ def demo(
         )
         document = result.document()
         progress("writing the report", 0.95)
-        report(document, result.previews).save(out)
+        report(document, result.previews, beside=taken([shot.chart])).save(out)
     summarise(document, out)
     finish(document)
 
@@ -102,11 +107,13 @@ def calibrate(
     l2: L2 = None,
     gamma: Gamma = None,
     engine: Engine = "onnx",
+    light_per_patch: LightPerPatch = None,
     truth: Truth = None,
     out: Out = None,
 ) -> None:
     """RAW photos of a chart to the camera's curves."""
     from camssf.calibration import attempt
+    from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.options import Options
 
@@ -119,7 +126,7 @@ def calibrate(
                 dark=given_frames("--dark", dark),
                 chart=chart,
                 options=Options(
-                    corners=parse_corners(corners),
+                    corners=parse_corners(corners, photos),
                     white_reflectance=parse_share(white_reflectance),
                     lamp_tolerance=lamp_tolerance,
                     lens_shading=lens_shading,
@@ -129,18 +136,20 @@ def calibrate(
                     l2=l2,
                     gamma=gamma,
                     engine=engine,
+                    light_per_patch=parse_percent("--light-per-patch", light_per_patch),
                 ),
                 truth=truth,
                 progress=progress,
             ),
             out,
+            photos,
         )
         document = result.document()
         if out is None:
             emit(document)
         else:
             progress("writing the report", 0.95)
-            report(document, result.previews).save(out)
+            report(document, result.previews, beside=taken(photos)).save(out)
     summarise(document, out)
     finish(document)
 
@@ -159,6 +168,14 @@ def batch(
     jobs: Annotated[
         int | None,
         typer.Option("--jobs", "--workers", min=1, show_default=False, help="Processes; all cores unless given."),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            show_default=False,
+            help="With a registry: a Dask scheduler, as tcp://host:8786, whose workers do it instead.",
+        ),
     ] = None,
     registry: Annotated[
         Path | None,
@@ -181,12 +198,16 @@ def batch(
     from camssf.fleet.run import run_batch
 
     if registry is not None:
-        _stream(
-            manifest, out, registry, {"basis": basis, "engine": engine, "lens_shading": lens_shading}, jobs, pages
-        )
+        if dask is not None and jobs is not None:
+            raise InvalidArgument("--workers are here, those of --dask elsewhere.", "Give one of the two.")
+        how = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
+        _stream(manifest, out, registry, how, workers=jobs, dask=dask, pages=pages)
         return
-    if pages:
-        raise InvalidArgument("Without a registry every job has its pages.", "Leave --pages out.")
+    if pages or dask is not None:
+        raise InvalidArgument(
+            "Without a registry every job has its pages, and is done here.",
+            f"Leave {'--pages' if pages else '--dask'} out, or name a --registry.",
+        )
     with progress_bar() as progress:
         outcomes = run_batch(
             manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
@@ -203,9 +224,7 @@ def batch(
         raise typer.Exit(BATCH_FAILED)
 
 
-def _stream(
-    manifest: Path, out: Path, registry: Path, options: dict[str, str], workers: int | None, pages: bool
-) -> None:
+def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], **how: Any) -> None:
     """Into a registry; its summary as JSON on stdout."""
     from camssf.fleet.manifest import Manifest
     from camssf.fleet.registry import Registry
@@ -216,11 +235,16 @@ def _stream(
             Manifest(manifest, options),
             out,
             Registry(registry, new=True),
-            workers=workers,
-            pages=pages,
             progress=progress,
+            **how,
         )
     emit(summary_json(found))
+    models = sorted(found.by_model.items(), key=lambda each: (-each[1].total(), each[0]))
+    for model, counts in models[:MOST_MODELS]:
+        each = ", ".join(f"{count} {word}" for word, count in counts.items())
+        say("", f"{counts.total():>8} {model or 'of no known model'}: {each}")
+    if len(models) > MOST_MODELS:
+        say("", f"         and {len(models) - MOST_MODELS} more models")
     for code, count in found.by_code.most_common():
         say("", f"{count:>8} {code or 'without a reason'}")
     rest = f"{found.resumed} from before, {found.duplicates} duplicates"
@@ -261,7 +285,7 @@ def simulate(
 ) -> None:
     """Write DNG files of a simulated camera.
 
-    For each lamp a chart, a white and a dark frame; and truth.csv.
+    For each lamp a chart, a white and a dark frame; and truth.csv and corners.json.
     """
     from camssf.simulation.faults import strike
     from camssf.simulation.frames import Scene, Sensor
@@ -293,4 +317,12 @@ def simulate(
         {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}
         for s in scene.shots
     ]
-    emit({"camera": scene.camera, "chart": scene.chart, "shots": shots, "truth": str(scene.truth)})
+    emit(
+        {
+            "camera": scene.camera,
+            "chart": scene.chart,
+            "shots": shots,
+            "truth": str(scene.truth),
+            "corners": str(scene.corners),
+        }
+    )

@@ -218,7 +218,7 @@ def _measured(asked: _Asked, camera: dict[str, str], name: str) -> _Measured:
     from camssf.colour.regions import against, measure_regions
     from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
     from camssf.errors import FramesDiffer
-    from camssf.photo.mosaic import read_dng
+    from camssf.photo.raw import read_raw
 
     if asked.white_region is None:
         raise _no_region()
@@ -226,7 +226,7 @@ def _measured(asked: _Asked, camera: dict[str, str], name: str) -> _Measured:
         parse_rectangle("--white-region", asked.white_region),
         *(parse_rectangle("--region", each) for each in asked.regions),
     ]
-    mosaic = read_dng(asked.photo)
+    mosaic = read_raw(asked.photo)
     if any(
         ours and theirs and ours != theirs
         for ours, theirs in ((camera["make"], mosaic.make), (camera["model"], mosaic.model))
@@ -235,7 +235,7 @@ def _measured(asked: _Asked, camera: dict[str, str], name: str) -> _Measured:
             f"{asked.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
             "Calibrate that camera; each has its own curves.",
         )
-    dark = None if asked.dark is None else read_dng(asked.dark)
+    dark = None if asked.dark is None else read_raw(asked.dark)
     white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=asked.lens_shading)
     share = parse_share(asked.white_reflectance)
     reflectance = 1.0 if share is None else share

@@ -14,7 +14,7 @@ from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
 from camssf.cli.colour import colour
 from camssf.cli.exports import export
-from camssf.cli.others import cameras, charts, direct, lamps, parity
+from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
 from camssf.cli.passport import passport
 from camssf.cli.registry import registry
 from camssf.cli.steps import patches, report, solve, validate
@@ -37,6 +37,7 @@ COMMANDS = (
     ),
     (direct, "camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/"),
     (parity, "camssf parity phone.json photo.dng --white white.dng"),
+    (explain, "camssf explain uneven_light"),
     (lamps, "camssf lamps | grep LED"),
     (charts, "camssf charts"),
     (cameras, "camssf cameras"),

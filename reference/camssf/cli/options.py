@@ -74,6 +74,14 @@ LensShading: TypeAlias = Annotated[
         help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
     ),
 ]
+LightPerPatch: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="8%",
+        show_default=False,
+        help="How much the light differs from patch to patch, where each was photographed for itself.",
+    ),
+]
 BasisName: TypeAlias = Annotated[
     str,
     typer.Option(
@@ -120,3 +128,10 @@ Out: TypeAlias = Annotated[
 ]
 OutFolder: TypeAlias = Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the files go.")]
 Document: TypeAlias = Annotated[str, typer.Argument(metavar="JSON", help="A file, or - for stdin.")]
+CameraId: TypeAlias = Annotated[
+    str, typer.Option(metavar="TEXT", show_default=False, help="Of a phone with several cameras: which.")
+]
+Lens: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")]
+Captured: TypeAlias = Annotated[
+    str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
+]

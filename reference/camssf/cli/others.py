@@ -138,6 +138,17 @@ def parity(
         raise typer.Exit(PARTED)
 
 
+def explain(
+    code: Annotated[
+        str | None, typer.Argument(metavar="CODE", show_default=False, help="Of an error; without, all are listed.")
+    ] = None,
+) -> None:
+    """Say what an error code means and what to do."""
+    from camssf.evidence.codes import as_text, codes, explain_code
+
+    put(as_text(explain_code(code)) if code is not None else "\n".join(codes()))
+
+
 def lamps() -> None:
     """List the lamps known by name."""
     from camssf.spectra import lamp_names

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from camssf.cli.options import Document
+from camssf.cli.options import CameraId, Captured, Document, Lens
 from camssf.cli.reading import given_paths, parse_time, read_bytes
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
@@ -65,13 +65,9 @@ def sign(
         ),
     ] = None,
     serial: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera or phone.")] = "",
-    camera_id: Annotated[
-        str, typer.Option(metavar="TEXT", show_default=False, help="Of a phone with several cameras: which.")
-    ] = "",
-    lens: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")] = "",
-    captured: Annotated[
-        str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
-    ] = "",
+    camera_id: CameraId = "",
+    lens: Lens = "",
+    captured: Captured = "",
     chart_serial: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the chart.")] = "",
     lamp_serial: Annotated[
         list[str] | None,
@@ -124,7 +120,7 @@ def verify(
 ) -> None:
     """Verify a passport, offline.
 
-    The result goes to stdout if all is well, and nothing if not: exit status 8.
+    The result goes to stdout if all is well, and nothing if not: exit status 10.
     """
     from camssf.documents.keys import read_public, read_revoked
     from camssf.documents.passport import LARGEST_PASSPORT

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from camssf.errors import InvalidArgument
 
+if TYPE_CHECKING:
+    from camssf.documents.beside import Signature
+
 PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
 """The formats of the documents that travel down a pipe."""
+
+CORNERS = "camssf-corners/1"
+LARGEST_CORNERS = 1 << 20
+"""Bytes: four points each of thousands of photos."""
 
 
 def given_paths(word: str, paths: list[str]) -> list[str]:
@@ -25,9 +35,57 @@ def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
     return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
 
 
-def parse_corners(texts: list[str] | None) -> list[Any] | None:
-    """For each photo (4, 2) corners, None for the word `none`."""
-    return None if texts is None else [None if t.casefold() == "none" else _four(t) for t in texts]
+def parse_corners(texts: list[str] | None, photos: list[str]) -> list[Any] | None:
+    """For each photo (4, 2) corners, None for the word `none`. A file corners.json alone serves all photos."""
+    if texts is None:
+        return None
+    if len(texts) == 1 and _names_a_file(texts[0]):
+        texts = texts * len(photos)
+    named = [*photos, *[""] * len(texts)]  # too many are counted elsewhere
+    return [_corners(text, photo) for text, photo in zip(texts, named, strict=False)]
+
+
+def _names_a_file(text: str) -> bool:
+    return text.casefold().endswith(".json")
+
+
+def _corners(text: str, photo: str) -> Any:
+    if text.casefold() == "none":
+        return None
+    return _stored(text, Path(photo).name) if _names_a_file(text) else _four(text)
+
+
+def _stored(path: str, photo: str) -> list[list[float]]:
+    """The corners of a photo in a file that `simulate` wrote, or an app in its form."""
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(LARGEST_CORNERS + 1)
+    except OSError as error:
+        raise InvalidArgument(
+            f"Cannot read the corners in {path}: {error.strerror or error}.",
+            "Give four points, or the corners.json of `camssf simulate`.",
+        ) from error
+    try:
+        if len(content) > LARGEST_CORNERS:
+            raise ValueError
+        document = json.loads(content)
+        if document["format"] != CORNERS:
+            raise ValueError
+        known = document["photos"].get(photo)
+        points = known and [[float(number) for number in point] for point in known["corners"]]
+        if points is not None and [len(point) for point in points] != [2] * 4:
+            raise ValueError
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InvalidArgument(
+            f"{path} holds no corners of the form {CORNERS}.",
+            "Give four points, or the corners.json of `camssf simulate`.",
+        ) from error
+    if points is None:
+        raise InvalidArgument(
+            f"{path} names no photo {photo}.",
+            "Photos are known by their files' names: give the file that belongs to it.",
+        )
+    return points
 
 
 def _four(text: str) -> list[list[float]]:
@@ -70,6 +128,16 @@ def parse_share(text: str | None) -> float | None:
             f"--white-reflectance {text!r} is not a number.",
             "Write the target's reflectance, for example 0.95.",
         ) from None
+
+
+def parse_percent(option: str, text: str | None) -> float | None:
+    """`8%`, or 0.08; whether it can be is for the stage to say."""
+    if text is None:
+        return None
+    try:
+        return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        raise InvalidArgument(f"{option} {text!r} is no part of the light.", "Write 8 % as 8%.") from None
 
 
 def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]:
@@ -126,10 +194,15 @@ def read_bytes(source: str, most: int) -> bytes:
 
 def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
     """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
-    from camssf.documents.report import LARGEST_DOCUMENT, parse_json
+    from camssf.documents.report import LARGEST_DOCUMENT
 
-    name = name_of(source)
-    document = parse_json(read_bytes(source, LARGEST_DOCUMENT), name, "Give what another camssf command wrote.")
+    return _document(read_bytes(source, LARGEST_DOCUMENT), name_of(source), wanted, refusal=refusal)
+
+
+def _document(data: bytes, name: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
+    from camssf.documents.report import parse_json
+
+    document = parse_json(data, name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted and not (refusal and found == RESULT and _refused(document)):
         raise InvalidArgument(
@@ -146,9 +219,15 @@ def _refused(document: dict[str, Any]) -> bool:
 
 def read_result(source: str) -> dict[str, Any]:
     """A result document, checked against its form."""
-    from camssf.documents.report import check_document
+    return read_result_bytes(source)[0]
 
-    return check_document(read_json(source, RESULT), name_of(source))
+
+def read_result_bytes(source: str) -> tuple[dict[str, Any], bytes]:
+    """A result document, checked against its form, and the very bytes that hold it."""
+    from camssf.documents.report import LARGEST_DOCUMENT, check_document
+
+    data, name = read_bytes(source, LARGEST_DOCUMENT), name_of(source)
+    return check_document(_document(data, name, RESULT), name), data
 
 
 def name_of(source: str) -> str:
@@ -169,7 +248,7 @@ def parse_time(text: str | None) -> datetime | None:
 def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
     """Pictures of the shots, each from the very file that the result was made from."""
     from camssf.documents.previews import photo_preview
-    from camssf.photo.mosaic import read_dng
+    from camssf.photo.raw import read_raw
 
     shots, previews = result["shots"], []
     if len(photos) > len(shots):
@@ -177,7 +256,7 @@ def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | Non
             f"{len(photos)} photos for {len(shots)} shots.", "Give --photo once a shot, in the shots' order."
         )
     for path, shot in zip(given_paths("--photo", photos), shots, strict=False):
-        mosaic = read_dng(path)
+        mosaic = read_raw(path)
         if mosaic.sha256 != shot["photo"]["sha256"]:
             raise InvalidArgument(
                 f"{path} is not the photo that this result was made from ({shot['photo']['name']}).",
@@ -185,3 +264,18 @@ def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | Non
             )
         previews.append(photo_preview(mosaic))
     return previews
+
+
+def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Path | None) -> Signature:
+    """The passport of that result: verified by the keys, or, where there are none, only read."""
+    from camssf.documents.beside import Signature, belonging
+    from camssf.documents.keys import read_public, read_revoked
+    from camssf.documents.passport import LARGEST_PASSPORT, read, verify
+
+    data = read_bytes(source, LARGEST_PASSPORT)
+    passport, key = read(data)
+    if not keys:
+        return belonging(Signature(passport, key, False), result)
+    called_back = frozenset[str]() if revoked is None else read_revoked(revoked)
+    verify(data, read_public(keys), revoked=called_back, result=result)
+    return Signature(passport, key, True)

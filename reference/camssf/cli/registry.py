@@ -1,4 +1,4 @@
-"""Many results: camssf registry add, list, compare, export."""
+"""Many results: camssf registry add, list, compare, learn, export."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from camssf import __version__
+from camssf.cli.options import CameraId, Captured, Lens
 from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_result
-from camssf.cli.terminal import PARTED, emit, put, say
+from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
 
 registry = typer.Typer(
@@ -38,13 +40,9 @@ def add(
         list[str], typer.Argument(metavar="JSON|JWS...", help="Results, or passports, which know their unit.")
     ],
     serial: Serial = "",
-    camera_id: Annotated[
-        str, typer.Option(metavar="TEXT", show_default=False, help="Of a phone with several cameras: which.")
-    ] = "",
-    lens: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")] = "",
-    captured: Annotated[
-        str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
-    ] = "",
+    camera_id: CameraId = "",
+    lens: Lens = "",
+    captured: Captured = "",
     key: Annotated[
         list[Path] | None,
         typer.Option(metavar="PEM", show_default=False, help="A public key that is trusted, for passports."),
@@ -157,14 +155,15 @@ def compare(
         if "ssf" not in document:
             raise InvalidArgument("The result was refused: it has no curves.", "Give one with curves.")
         near = comparing.nearest(found, comparing.curves_of(document), statuses=statuses)
-        emit({"format": "camssf-nearest/1", "models": [vars(one) for one in near]})
+        emit(_document("registry-nearest") | {"models": [vars(one) for one in near]})
         for one in near:
             say("", f"{one.distance:.4f}  {one.make} {one.model} ({one.results})")
     elif serial:
         drifts = comparing.drift(found, serial, model=model, statuses=statuses)
         alarms = [each for each in drifts if each.alarm]
         emit(
-            {"format": "camssf-drift/1", "serial": serial, "alarm": bool(alarms)}
+            _document("drift")
+            | {"serial": serial, "alarm": bool(alarms)}
             | {"features": [{name: _finite(value) for name, value in vars(each).items()} for each in drifts]}
         )
         for each in alarms:
@@ -176,13 +175,71 @@ def compare(
     else:
         spread = comparing.spread(found, model, make=make, statuses=statuses)
         emit(
-            {"format": "camssf-spread/1"}
+            _document("spread")
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}
         )
         size = spread.seen if spread.between is None else spread.between
         for colour, s, low, high in zip(("red", "green", "blue"), size, spread.low, spread.high, strict=True):
             say("", f"{colour:<6} {s:.4f} of the peak ({low:.4f} to {high:.4f})")
         say("", f"{spread.units} units, {spread.results} results; {spread.without_serial} name no unit")
+
+
+@registry.command(epilog="Example: camssf registry learn phones/ -o ours.npz")
+def learn(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="The basis, .npz.")],
+    basis: Annotated[
+        str, typer.Option(metavar="NAME", help="Whose results count, and what is departed from: phones or cameras.")
+    ] = "phones",
+    make: Make = "",
+    model: Annotated[
+        str, typer.Option(metavar="TEXT", show_default=False, help="A basis of this model's units alone.")
+    ] = "",
+    camera_id: CameraId = "",
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV", show_default=False, help="Measured cameras beside them: camera,wavelength_nm,R,G,B."
+        ),
+    ] = None,
+    licence: Annotated[
+        str, typer.Option(metavar="TEXT", help="Of these curves, kept in the file.")
+    ] = "that of the curves",
+    leave: Annotated[
+        str, typer.Option(metavar="WORD", help="Left out for the judgement: model or maker; a unit with --model.")
+    ] = "model",
+    doubtful: Doubtful = False,
+) -> None:
+    """Make a basis of the results, and say by leaving out whether it would have helped.
+
+    JSON on stdout; `--basis FILE` of calibrate takes the file.
+    """
+    from camssf.fleet.compare import ACCEPTED
+    from camssf.fleet.learn import Asked, learn_basis
+    from camssf.fleet.registry import Registry
+
+    if out.suffix != ".npz":
+        raise InvalidArgument(f"{out} is no .npz.", "Name the basis file like that.")
+    statuses = ("accepted", "doubtful") if doubtful else ACCEPTED
+    asked = Asked(basis, make, model, camera_id, statuses, table, licence, leave)
+    with progress_bar() as progress:
+        lesson = learn_basis(Registry(folder), asked, progress=progress)
+    lesson.save(out)
+    emit(lesson.document())
+    for reason, count in lesson.left_aside.items():
+        say("", f"{count:>8} left aside: {reason}")
+    say("", lesson.source)
+    found = lesson.judgement
+    if found.nats is None or found.error is None:
+        say("", f"of one {found.left_out} alone nobody can tell whether it helps")
+    else:
+        word = {True: "it helps", False: "[bold red]it harms[/]", None: "whether it helps is not clear yet"}[
+            found.helps
+        ]
+        say(
+            f"{word}: ", f"{found.nats:+.1f} ± {found.error:.1f} nats a photo, each {found.left_out} left out in turn"
+        )
+    say("", f"basis: {out}")
 
 
 @registry.command(epilog="Example: camssf registry export phones/ -o phones.parquet")
@@ -197,6 +254,10 @@ def export(
 
     Registry(folder).export(out)
     say("", f"results: {out}")
+
+
+def _document(kind: str) -> dict[str, Any]:
+    return {"format": f"camssf-{kind}/1", "generator": {"name": "camssf", "version": __version__}}
 
 
 def _finite(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,7 @@ from camssf.cli.options import (
     Lamps,
     LampTolerances,
     LensShading,
+    LightPerPatch,
     OutFolder,
     Photos,
     Signed,
@@ -35,12 +37,16 @@ from camssf.cli.reading import (
     name_of,
     parse_corners,
     parse_patches,
+    parse_percent,
     parse_share,
     read_json,
     read_previews,
     read_result,
+    read_result_bytes,
+    read_signature,
 )
 from camssf.cli.terminal import emit, finish, pass_on, product_of, progress_bar, summarise
+from camssf.errors import InvalidArgument
 
 
 def patches(
@@ -68,7 +74,7 @@ def patches(
             dark=given_frames("--dark", dark),
             chart=chart,
             options=Options(
-                corners=parse_corners(corners),
+                corners=parse_corners(corners, photos),
                 white_reflectance=parse_share(white_reflectance),
                 lamp_tolerance=lamp_tolerance,
                 lens_shading=lens_shading,
@@ -90,6 +96,7 @@ def solve(
     l2: L2 = None,
     gamma: Gamma = None,
     engine: Engine = "onnx",
+    light_per_patch: LightPerPatch = None,
     truth: Truth = None,
 ) -> None:
     """Patches to curves: JSON in, JSON out.
@@ -109,7 +116,13 @@ def solve(
         return
     capture = read_patches(given)
     options = Options(
-        basis=basis, fit=parse_patches(fit), nonnegative=False if signed else None, l2=l2, gamma=gamma, engine=engine
+        basis=basis,
+        fit=parse_patches(fit),
+        nonnegative=False if signed else None,
+        l2=l2,
+        gamma=gamma,
+        engine=engine,
+        light_per_patch=parse_percent("--light-per-patch", light_per_patch),
     )
     with progress_bar() as progress:
         result = product_of(
@@ -141,15 +154,55 @@ def report(
     out: OutFolder = Path("out"),
     photo: Annotated[
         list[str] | None,
-        typer.Option(metavar="DNG", show_default=False, help="Photo of a shot, to be shown; in the shots' order."),
+        typer.Option(
+            metavar="DNG",
+            show_default=False,
+            help="Photo of a shot, to be shown, and asked for unit, lens and time; in the shots' order.",
+        ),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="JSON", show_default=False, help="Another result: of this unit earlier, or of a reference unit."
+        ),
+    ] = None,
+    passport: Annotated[
+        str | None,
+        typer.Option(metavar="JWS", show_default=False, help="Passport of this result: unit, validity, signature."),
+    ] = None,
+    key: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="PEM",
+            show_default=False,
+            help="A public key that is trusted: the passport is verified. May be repeated.",
+        ),
+    ] = None,
+    revoked: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", show_default=False, help="What was called back: ids of passports or keys, one a line."
+        ),
     ] = None,
 ) -> None:
     """Write result.json, ssf.csv, ssf.png and report.html."""
+    from camssf.documents.beside import taken
     from camssf.documents.report import report as render
 
+    if passport is None and (key or revoked):
+        raise InvalidArgument("A key verifies a passport, and none is given.", "Add --passport JWS.")
     with progress_bar() as progress:
-        result = read_result(document)
+        result, data = read_result_bytes(document)
+        previews = read_previews(result, photo or [])
+        beside = replace(
+            taken(photo or []),
+            signature=None if passport is None else read_signature(passport, data, key or [], revoked),
+            other=None if compare is None else read_result(compare),
+            other_name="" if compare is None else name_of(compare),
+        )
+        if beside.other is not None and "ssf" not in beside.other:
+            raise InvalidArgument(f"{compare} was refused: it has no curves.", "Compare with a result that has some.")
         progress("writing the report", 0.5)
-        render(result, read_previews(result, photo or [])).save(out)
+        render(result, previews, beside=beside).save(out)
     summarise(result, out)
     finish(result)

@@ -9,7 +9,7 @@ import re
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -81,8 +81,9 @@ def pass_on(document: dict[str, Any]) -> None:
     finish(document)
 
 
-def product_of(found: Product | Refusal, out: Path | None) -> Product:
+def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str] = ()) -> Product:
     """The product; a refusal leaves what it knows, as files or on stdout, and is raised."""
+    from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.documents.result import Refusal
 
@@ -92,7 +93,7 @@ def product_of(found: Product | Refusal, out: Path | None) -> Product:
         if out is None:
             emit(found.document())
         else:
-            report(found.document(), found.previews).save(out)
+            report(found.document(), found.previews, beside=taken(photos)).save(out)
             say("", f"What is known of this capture lies in {out / 'report.html'}")
     except InvalidArgument as lost:  # the refusal itself matters more
         say("", f"{lost.message} {lost.advice}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from camssf.colour.between import Conversion, Converted, convert
-from camssf.colour.camera import Camera, camera_of_result, camera_of_ssf
+from camssf.colour.camera import Camera, ColourCamera, camera_of_result, camera_of_ssf
 from camssf.colour.indices import Quality, quality_of
 from camssf.colour.spaces import adapt, lab, white_of
 from camssf.colour.spread import Reference
@@ -14,6 +14,7 @@ __all__ = [
     "KINDS",
     "PARTS",
     "Camera",
+    "ColourCamera",
     "Colours",
     "Conversion",
     "Converted",

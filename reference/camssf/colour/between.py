@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.colour.camera import Camera
+from camssf.colour.camera import Camera, ColourCamera, as_camera
 from camssf.colour.light import Light
 from camssf.colour.reach import distances
 from camssf.colour.spread import Reference, checked_signals, metamers, of_reference, outer, signal_moves
@@ -20,7 +20,7 @@ from camssf.colour.standard import PARTS, lights
 from camssf.colour.transforms import KINDS, fit, level, signals_of, terms, unseen
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.spectra import Lamp
+from camssf.spectra import LampLike
 from camssf.spectra.surfaces import surfaces
 
 WHITE: Floats = np.ones(3)
@@ -83,9 +83,9 @@ class Converted:
 
 
 def convert(
-    source: Camera,
-    target: Camera,
-    lamp: str | Lamp,
+    source: ColourCamera,
+    target: ColourCamera,
+    lamp: LampLike,
     signals: ArrayLike,
     standard_error: ArrayLike = 0.0,
     *,
@@ -98,7 +98,7 @@ def convert(
     errors, and the conversion is the identity without any.
 
     Args:
-        source: that the signals are of.
+        source: that the signals are of: a result, its document, or a Camera.
         target: that they are wanted of.
         lamp: as in `standard_colour`.
         signals, standard_error: as in `standard_colour`; (0, 3) where the conversion alone is wanted.
@@ -113,6 +113,7 @@ def convert(
     if kind is not None and kind not in KINDS:
         raise InvalidArgument(f"There is no transform {kind!r}.", f"Take one of {', '.join(KINDS)}.")
     given = reference or Reference()
+    source, target = as_camera(source), as_camera(target)
     y, error = checked_signals(signals, standard_error)
     try:
         with np.errstate(all="ignore"):  # what came out is checked

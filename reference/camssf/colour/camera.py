@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -52,8 +53,8 @@ class Camera:
     """
 
     name: str
-    values: Floats
-    modes: Floats
+    values: Floats = field(repr=False)
+    modes: Floats = field(repr=False)
     own: OwnWhite | None = None
     whole: bool = True
 
@@ -66,6 +67,35 @@ class Camera:
             )
         if not (np.isfinite(self.values).all() and np.isfinite(self.modes).all() and (self.values.max(0) > 0).all()):
             raise InvalidArgument("A curve is not finite, or has no positive peak.", "Give measured curves.")
+
+
+class HasDocument(Protocol):
+    """A result: `Calibration`, or one that was loaded."""
+
+    def document(self) -> dict[str, Any]:
+        """The result as plain data, "camssf-result/1"."""
+
+
+ColourCamera: TypeAlias = Camera | HasDocument | Mapping[str, Any]
+"""What colour is asked of: a Camera, a result, or a result's document."""
+
+
+def as_camera(given: ColourCamera) -> Camera:
+    """The camera of whatever holds one.
+
+    Raises:
+        InvalidArgument: it holds none, or the result was refused.
+    """
+    if isinstance(given, Camera):
+        return given
+    if hasattr(given, "document"):
+        return camera_of_result(given.document())
+    if isinstance(given, Mapping) and given.get("format") == "camssf-result/1":
+        return camera_of_result(dict(given))
+    raise InvalidArgument(
+        f"A {type(given).__name__} is no camera for colour.",
+        "Give what calibrate or Calibration.load gave, a result document, or a Camera.",
+    )
 
 
 def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = None) -> Camera:

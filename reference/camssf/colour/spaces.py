@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from camssf.grid import Floats
+from camssf.spectra.appearance import BEND, SLOPE, lab
 from camssf.spectra.surfaces import observer
+
+__all__ = ["CAT16", "adapt", "adaptation", "lab", "lab_slopes", "white_of", "xyz_of"]
 
 CAT16: Floats = np.array(
     [[0.401288, 0.650173, -0.051461], [-0.250268, 1.204414, 0.045854], [-0.002079, 0.048952, 0.953127]]
 )
 """XYZ to the sharpened cone signals of CAT16 (Li et al., Color Res. Appl. 2017, 42, 703)."""
 CAT16.setflags(write=False)
-_BEND, _SLOPE = 216.0 / 24389.0, 24389.0 / 27.0
 
 
 def xyz_of(reflectance: Floats, lamp: Floats, functions: Floats) -> Floats:
@@ -27,18 +29,10 @@ def white_of(lamp: Floats, name: str = "1931") -> Floats:
     return np.asarray(light / light[1])
 
 
-def lab(xyz: Floats, white: Floats) -> Floats:
-    """CIE 1976 L*a*b* (..., 3) of XYZ (..., 3) seen under a white (..., 3): CIE 15."""
-    t = np.asarray(xyz) / white
-    f = np.where(t > _BEND, np.cbrt(np.maximum(t, _BEND)), (_SLOPE * t + 16.0) / 116.0)
-    x, y, z = np.moveaxis(f, -1, 0)
-    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
-
-
 def lab_slopes(xyz: Floats, white: Floats) -> Floats:
     """∂ Lab / ∂ XYZ, (..., 3, 3)."""
     t = np.asarray(xyz) / white
-    f = np.where(t > _BEND, np.cbrt(np.maximum(t, _BEND)) ** -2 / 3.0, _SLOPE / 116.0) / white
+    f = np.where(t > BEND, np.cbrt(np.maximum(t, BEND)) ** -2 / 3.0, SLOPE / 116.0) / white
     x, y, z = np.moveaxis(f, -1, 0)
     none = np.zeros_like(x)
     rows = ([none, 116.0 * y, none], [500.0 * x, -500.0 * y, none], [none, 200.0 * y, -200.0 * z])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.colour.camera import Camera
+from camssf.colour.camera import Camera, ColourCamera, as_camera
 from camssf.colour.light import Light, see
 from camssf.colour.reach import distances
 from camssf.colour.spaces import adaptation, lab, lab_slopes, white_of, xyz_of
@@ -16,7 +16,7 @@ from camssf.colour.spread import Reference, checked_signals, metamers, of_refere
 from camssf.colour.transforms import KINDS, Transform, choose, fit, terms
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import Floats
-from camssf.spectra import Lamp, read_lamp
+from camssf.spectra import LampLike, read_lamp
 from camssf.spectra.families import FAMILIES
 from camssf.spectra.surfaces import observer, surfaces
 
@@ -80,8 +80,8 @@ class Colours:
 
 
 def standard_colour(
-    camera: Camera,
-    lamp: str | Lamp,
+    camera: ColourCamera,
+    lamp: LampLike,
     signals: ArrayLike,
     standard_error: ArrayLike = 0.0,
     *,
@@ -91,7 +91,7 @@ def standard_colour(
     """Colours of surfaces from their signals.
 
     Args:
-        camera: `camera_of_ssf` or `camera_of_result`.
+        camera: a result, its document, or a Camera.
         lamp: as `read_lamp` takes it; "auto" weighs the four kinds by what the reference's raw ratios say.
         signals: (m, 3) or (3,), in units of a perfect white diffuser in the same place: raw signal of the surface
             over that of a white or grey reference, times the reference's reflectance.
@@ -108,7 +108,7 @@ def standard_colour(
     y, error = checked_signals(signals, standard_error)
     try:
         with np.errstate(all="ignore"):  # what came out is checked
-            found = _answer(lights(camera, lamp, given), y, error, given, view)
+            found = _answer(lights(as_camera(camera), lamp, given), y, error, given, view)
     except np.linalg.LinAlgError as fault:
         raise _no_colour() from fault
     if not all(np.isfinite(each).all() for each in (found.lab, found.xyz_covariance, found.lab_covariance)):
@@ -130,7 +130,7 @@ def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference,
     return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
 
 
-def lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:
+def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
     """The lamp, or the four kinds, conditioned on the reference's raw ratios where they can be used."""
     ratios = None
     if given.raw is not None and camera.own is not None:
@@ -139,8 +139,8 @@ def lights(camera: Camera, lamp: str | Lamp, given: Reference) -> list[Light]:
             raise InvalidArgument("The reference's raw signals are not three positive numbers.", "Take a lit white.")
         ratios = np.log(raw[[0, 2]] / raw[1])
     error = float(np.hypot(given.error, given.tolerance / 2.0))
-    if lamp != AUTO:
-        known = lamp if isinstance(lamp, Lamp) else read_lamp(lamp)
+    if not isinstance(lamp, str) or lamp != AUTO:
+        known = read_lamp(lamp)
         light = see(camera, known, ratios, error)
         if light.surprise is not None and light.surprise > CONTRADICTED:
             raise LampUnfit(

@@ -16,7 +16,7 @@ import numpy as np
 from camssf.colour.spaces import lab, xyz_of
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.spectra import colour_science
+from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
 
 KINDS = {"matrix": 3, "root-polynomial": 6}
@@ -136,11 +136,6 @@ def choose(
     best = min(delta, key=lambda each: (delta[each], KINDS[each]))
     coefficients = fit(y, target, white, best)
     return Transform(best, coefficients, white, delta, (foretold[best] - target) / level(y), y)
-
-
-def delta_e00(one: Floats, other: Floats) -> Floats:
-    """CIEDE2000 of Lab (..., 3) and Lab (..., 3)."""
-    return np.asarray(colour_science().delta_E(one, other, method="CIE 2000"), dtype=np.float64)
 
 
 def unseen(y: Floats, target: Floats, white: Floats, kind: str) -> Floats:

@@ -70,28 +70,37 @@ def recover(
     how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
     if basis != AUTO:
         return answer(evidence, basis, prior_scale=prior_scale, **how)
-    odds = prior or {}
-    answers = [answer(evidence, name, prior_scale=scale, **how) for name in FAMILIES for scale in SCALES]
-    beliefs = [np.log(odds.get(name, 1.0) * belief) for name in FAMILIES for belief in (1.0 - UNUSUAL, UNUSUAL)]
-    return choose(evidence, answers, np.array(beliefs))
+    asked = hypotheses(prior or {})
+    answers = [answer(evidence, name, prior_scale=scale, **how) for name, scale, _ in asked]
+    return choose(evidence, answers, np.array([belief for _, _, belief in asked]))
+
+
+def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """What "auto" weighs: family, how wide its prior is taken, and ln of what is believed of both beforehand."""
+    return [
+        (name, scale, float(np.log(odds.get(name, 1.0) * belief)))
+        for name in FAMILIES
+        for scale, belief in zip(SCALES, (1.0 - UNUSUAL, UNUSUAL), strict=True)
+    ]
 
 
 def choose(evidence: Evidence, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
-    """One answer of several to the same signals, each with ln of what was believed of it beforehand.
-
-    A basis that is CLEAR times as probable as all others answers alone, with its own scales mixed.
-    """
+    """One answer of several to the same signals, each with ln of what was believed of it beforehand."""
     likely = probabilities(np.array([each.log_evidence for each in answers], float) + beliefs)
     told = tuple(
         Weight(each.basis, each.prior_scale, float(each.log_evidence or 0.0), float(share))
         for each, share in zip(answers, likely, strict=True)
     )
-    bases = [each.basis for each in answers]
-    share = {name: float(likely[[b == name for b in bases]].sum()) for name in bases}
+    return replace(mixed(evidence, answers, answering([each.basis for each in answers], likely)), choice=told)
+
+
+def answering(bases: Sequence[str], likely: Floats) -> Floats:
+    """The weights that answer: a basis that is CLEAR times as probable as all others answers alone."""
+    share = {name: float(likely[[basis == name for basis in bases]].sum()) for name in bases}
     winner = max(share, key=lambda name: share[name])
     if share[winner] >= CLEAR * (1.0 - share[winner]):
-        likely = np.where([b == winner for b in bases], likely, 0.0)
-    return replace(mixed(evidence, answers, likely / likely.sum()), choice=told)
+        likely = np.where([basis == winner for basis in bases], likely, 0.0)
+    return np.asarray(likely / likely.sum())
 
 
 def probabilities(logarithms: Floats) -> Floats:
@@ -123,6 +132,7 @@ def mixed(evidence: Evidence, answers: Sequence[Ssf], weights: Floats) -> Ssf:
         layers_gap=np.max([each.layers_gap for each, _ in kept], axis=0),
         finish_steps=np.max([each.finish_steps for each, _ in kept], axis=0),
         lamp=lamp,
+        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each, _ in kept])),
     )
 
 

@@ -23,7 +23,7 @@ SWITCH = "ORT_DISABLE_TELEMETRY"
 """The whole of that switch, an environment variable; read once, when the library is loaded."""
 OUTPUTS = (
     "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
-    "evidence", "channel_gain", "lamp_estimate",
+    "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code", "gain_estimate",
 )  # fmt: skip
 
 
@@ -42,7 +42,9 @@ class Model:
     metadata: dict[str, str]
 
     def run(self, inputs: dict[str, Floats]) -> dict[str, Floats]:
-        """Outputs by name; inputs as docs/architecture.md names them, float64."""
+        """Outputs by name; inputs as docs/architecture.md names them, float64; `gain_modes` may be left out."""
+        k, n, _ = inputs["chart"].shape
+        inputs = {"gain_modes": np.zeros((k, 1, n))} | inputs
         values = self.session.run(list(OUTPUTS), {name: np.asarray(value, float) for name, value in inputs.items()})
         return dict(zip(OUTPUTS, values, strict=True))
 

@@ -36,6 +36,10 @@ class Evidence:
         lamp_tolerance: (k,) or one number, the smooth relative error of each lamp.
         lamp_modes: (k, q, m) or (q, m) directions in which L may be off, relative to it, each one standard deviation
             long.
+        gain_modes: (k, g, n), or (g, n) of one shot, directions φ in which the light on the patches may be off,
+            relative to the white's, each one standard deviation long: y (1 - Σ v φ) is what even light would have
+            given.
+        gain_own: what part of them each channel has for itself besides.
         frames: chart, white and dark (k, n, 3) DN that the signals came from, for the ratio between the channels;
             None where they are not known.
 
@@ -54,6 +58,8 @@ class Evidence:
     white_tolerance: float = 0.01
     lamp_tolerance: Floats = field(default_factory=lambda: np.array(0.0))
     lamp_modes: Floats = field(default_factory=lambda: np.zeros((0, WAVELENGTHS.size)))
+    gain_modes: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    gain_own: float = 0.0
     frames: tuple[Floats, Floats, Floats] | None = None
 
     def __post_init__(self) -> None:
@@ -88,7 +94,9 @@ class Evidence:
             "white_reflectance": rho,
             "white_tolerance": float(tolerance_of("white_tolerance", self.white_tolerance, 1)[0]),
             "lamp_tolerance": tolerance_of("lamp_tolerance", self.lamp_tolerance, k),
-            "lamp_modes": _modes(self.lamp_modes, k),
+            "lamp_modes": _modes("lamp_modes", self.lamp_modes, (k, m)),
+            "gain_modes": _modes("gain_modes", self.gain_modes, (k, n)),
+            "gain_own": float(tolerance_of("gain_own", self.gain_own, 1)[0]),
             "frames": None if self.frames is None else _frames(self.frames, y.shape),
         }
         for name, value in checked.items():
@@ -222,14 +230,17 @@ def _mask(value: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] 
     return mask
 
 
-def _modes(value: ArrayLike, k: int) -> Floats:
-    m = WAVELENGTHS.size
-    modes = array_of("lamp_modes", value)
+def _modes(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
+    """(k, q, size), of one shot also from (q, size); shape is (k, size)."""
+    k, size = shape
+    modes = array_of(name, value)
+    if not modes.size:
+        return np.zeros((k, 0, size))
     if modes.ndim == 2:
-        modes = modes[None] if len(modes) else np.zeros((k, 0, m))
-    if modes.ndim != 3 or modes.shape[::2] != (k, m):
+        modes = modes[None]
+    if modes.ndim != 3 or modes.shape[::2] != (k, size):
         raise InvalidArgument(
-            f"`lamp_modes` have shape {modes.shape}; ({k}, q, {m}) is needed.", "Give q modes a shot."
+            f"`{name}` have shape {modes.shape}; ({k}, q, {size}) is needed.", "Give q modes a shot."
         )
     return modes
 

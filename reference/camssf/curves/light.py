@@ -15,11 +15,12 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.choice import AUTO, CLEAR, FAMILIES, SCALES, UNUSUAL, of_peak_one, probabilities
+from camssf.curves.choice import AUTO, answering, of_peak_one, probabilities
+from camssf.curves.choice import hypotheses as families
 from camssf.curves.code import log_evidence
 from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import DARKEST, sense
+from camssf.curves.sensing import DARKEST, Sensing, sense
 from camssf.curves.ssf import FoundLight, Ssf, Weight, answer, respond
 from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats
@@ -101,11 +102,8 @@ def recover_in_any_light(
         InvalidArgument: as `recover`; a basis without a prior, which weighs nothing.
         NotConverged: as `recover`.
     """
-    hypotheses = [
-        Hypothesis(guess, name, scale, belief)
-        for name, scale, belief in _bases(basis, prior or {}, prior_scale)
-        for guess in guesses
-    ]
+    asked = families(prior or {}) if basis == AUTO else [(basis, prior_scale, 0.0)]
+    hypotheses = [Hypothesis(guess, name, scale, belief) for name, scale, belief in asked for guess in guesses]
     without = next((each.known for each in hypotheses if not each.known.prior), None)
     if without is not None:
         raise InvalidArgument(
@@ -118,7 +116,7 @@ def recover_in_any_light(
         Weight(each.name, each.scale, float(size), float(share), each.guess.kinds)
         for each, size, share in zip(hypotheses, nats, likely, strict=True)
     )
-    weights = _answering([each.name for each in hypotheses], likely)
+    weights = answering([each.name for each in hypotheses], likely)
     kept = np.flatnonzero(weights >= min(SOLVED, weights.max()))
     share = weights[kept] / weights[kept].sum()
     answers = [
@@ -144,26 +142,6 @@ def recover_in_any_light(
     )
 
 
-def _bases(basis: str | Basis, odds: Mapping[str, float], scale: float) -> list[tuple[str | Basis, float, float]]:
-    """Basis, scale of its prior and ln of its belief."""
-    if basis != AUTO:
-        return [(basis, scale, 0.0)]
-    return [
-        (name, wide, float(np.log(odds.get(name, 1.0) * belief)))
-        for name in FAMILIES
-        for wide, belief in zip(SCALES, (1.0 - UNUSUAL, UNUSUAL), strict=True)
-    ]
-
-
-def _answering(names: Sequence[str], likely: Floats) -> Floats:
-    """The weights that answer: of a basis CLEAR times as probable as all others, its own alone, as in `choose`."""
-    share = {name: float(likely[[other == name for other in names]].sum()) for name in names}
-    winner = max(share, key=lambda name: share[name])
-    if share[winner] >= CLEAR * (1.0 - share[winner]):
-        likely = np.where([name == winner for name in names], likely, 0.0)
-    return np.asarray(likely / likely.sum())
-
-
 def _mixed(answers: Sequence[Ssf], share: Floats, evidence: Evidence) -> Ssf:
     """The mixture of answers under different lamps; `evidence` is the likeliest's."""
     best = answers[int(share.argmax())]
@@ -181,6 +159,7 @@ def _mixed(answers: Sequence[Ssf], share: Floats, evidence: Evidence) -> Ssf:
         layers_gap=np.max([each.layers_gap for each in answers], axis=0),
         finish_steps=np.max([each.finish_steps for each in answers], axis=0),
         lamp=np.einsum("a,akm->km", share, lamps),
+        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each in answers])),
         between=apart / np.sum(std**2, axis=0),
     )
 
@@ -202,27 +181,21 @@ class LampPosterior:
 
     @property
     def kelvin(self) -> tuple[float, float]:
-        """Correlated colour temperature and its standard deviation, K, by central differences along the modes."""
-        half = 0.5 * self.modes
-        change = temperature(_lit(self.power + half)) - temperature(_lit(self.power - half))
+        """Correlated colour temperature and its standard deviation, K, in linear propagation.
+
+        So it does not hang on which modes tell the errors, as long as they tell the same ones.
+        """
+        change = self.modes @ temperature_slope(self.power)
         return float(temperature(self.power)), float(np.sqrt(np.sum(change**2)))
 
 
 def light_of(evidence: Evidence, basis: Basis) -> list[LampPosterior]:
-    """Each shot's lamp: the Gaussian posterior of its modes and of its smooth error, which is asked as modes, too.
-
-    With b = A x + D u + e, P = Σ + A Aᵀ and D Dᵀ in Σ: û = Dᵀ P⁻¹ b with covariance I - Dᵀ P⁻¹ D.
-    """
-    smooth = smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
-    k, q, _ = evidence.lamp_modes.shape
-    every = np.concatenate([evidence.lamp_modes, evidence.lamp_tolerance[:, None, None] * smooth], axis=1)
-    sensing = sense(replace(evidence, lamp_modes=every, lamp_tolerance=np.zeros(k)), basis)
-    A, b, D = sensing.matrix[0], sensing.target[0], sensing.modes
-    root = np.linalg.cholesky(sensing.covariance[0] + A @ A.T)
-    white = solve_triangular(root, np.column_stack([D, b]), lower=True)
-    D, b = white[:, :-1], white[:, -1]
-    size = q + len(smooth)
-    mean, spread = (D.T @ b).reshape(k, size), np.eye(k * size) - D.T @ D
+    """Each shot's lamp: the Gaussian posterior of its modes and of its smooth error, which is asked as modes, too."""
+    asked = by_modes(evidence)
+    every = asked.lamp_modes
+    k, size, _ = every.shape
+    mean, spread = posterior(sense(asked, basis))
+    mean = mean.reshape(k, size)
     found = []
     for j in range(k):
         values, vectors = np.linalg.eigh(spread[j * size : (j + 1) * size, j * size : (j + 1) * size])
@@ -232,6 +205,25 @@ def light_of(evidence: Evidence, basis: Basis) -> list[LampPosterior]:
         power = power / level
         found.append(LampPosterior(power, modes - modes.mean(axis=1, keepdims=True) * power))  # a scale is nothing
     return found
+
+
+def by_modes(evidence: Evidence) -> Evidence:
+    """The same evidence with the lamps' smooth errors as modes beside their own."""
+    smooth = smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
+    every = np.concatenate([evidence.lamp_modes, evidence.lamp_tolerance[:, None, None] * smooth], axis=1)
+    return replace(evidence, lamp_modes=every, lamp_tolerance=np.zeros(len(every)))
+
+
+def posterior(sensing: Sensing) -> tuple[Floats, Floats]:
+    """Mean (k q,) and covariance of the lamps' modes: the model's `mode_estimate` and `mode_covariance`.
+
+    With b = A x + D u + e, P = Σ + A Aᵀ and D Dᵀ in Σ: û = Dᵀ P⁻¹ b with covariance I - Dᵀ P⁻¹ D.
+    """
+    A, b, D = sensing.matrix[0], sensing.target[0], sensing.modes
+    root = np.linalg.cholesky(sensing.covariance[0] + A @ A.T)
+    white = solve_triangular(root, np.column_stack([D, b]), lower=True)
+    D, b = white[:, :-1], white[:, -1]
+    return D.T @ b, np.eye(D.shape[1]) - D.T @ D
 
 
 def _found(
@@ -264,6 +256,11 @@ def temperature(power: Floats) -> Floats:
     return np.asarray(((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33)
 
 
-def _lit(power: Floats) -> Floats:
-    """No power below the darkest share: a mode's own length may dip under it."""
-    return np.asarray(np.maximum(power, DARKEST * power.mean(axis=-1, keepdims=True)))
+def temperature_slope(power: Floats) -> Floats:
+    """∂T / ∂L of `temperature` at a power (681,), K: dx = (x̄ - x (x̄ + ȳ + z̄)) / (X + Y + Z), and dy alike."""
+    functions = observer("1931")  # (681, 3)
+    xyz = power @ functions
+    x, y = xyz[:2] / xyz.sum()
+    dx, dy = ((functions[:, i] - share * functions.sum(axis=1)) / xyz.sum() for i, share in enumerate((x, y)))
+    n = (x - 0.3320) / (y - 0.1858)
+    return np.asarray(((-1347.0 * n + 7050.0) * n - 6823.3) * (dx - n * dy) / (y - 0.1858))

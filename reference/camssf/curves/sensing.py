@@ -17,7 +17,7 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 
 DARKEST = 0.02
 """No lamp is taken to be dimmer than this share of its mean at any wavelength."""
-SOURCES = ("noise", "chart", "white", "lamp", "lamp modes")
+SOURCES = ("noise", "chart", "white", "lamp", "lamp modes", "uneven light")
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Sensing:
         lamp: (k, 681) each shot's lamp as the rows take it: as given, but for what the signals say of its modes.
         white: (3, k) W, the white signals that the rows are divided by.
         modes: (N, k q) D, how the rows answer to the lamps' modes; D Dᵀ is in the terms.
+        gains: (N, k g) D of the gain modes, in the terms, too.
     """
 
     matrix: Floats
@@ -44,6 +45,7 @@ class Sensing:
     lamp: Floats = field(default_factory=lambda: np.zeros((0, WAVELENGTHS.size)))
     white: Floats = field(default_factory=lambda: np.zeros((3, 0)))
     modes: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    gains: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def anchor(basis: Basis, white: Floats) -> Basis:
@@ -92,6 +94,14 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
         modes     D_jq = Σ (R_i - ŷ_cij ρ_w) L_j m_jq s₀ dλ / W_cj,   b += D û,   covariance D Dᵀ
         curvature Σ over q, r, p, s of B_qr C_qp X_rs B_ps with B_qr = ∂²y / ∂u_q ∂x_r: such a lamp also bends how
                   the signals answer to the curve
+
+    Gain modes φ_q say how the light on the patches may be off: y_cij (1 - h_ij) is what even light would have given,
+    h_ij = Σ v_jq φ_jq(i), v ~ N(0, I), the same h for the three channels. With the measured y the rows are linear in
+    v as they stand; predicted signals would leave h (y (1 - h) - ŷ). In the first look v stands beside u, and where
+    y stands above, the second look has y (1 - ĥ), but in these:
+
+        gains     D_jq = y_cij φ_jq(i),   b += D v̂,   covariance D Dᵀ
+                  κ² D Dᵀ within a channel: gains that differ a little from channel to channel
     """
     if not basis.mean.any():
         return _paper_rows(evidence, basis)
@@ -106,10 +116,11 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
         fold(power * evidence.white_reflectance),
         fold(power),
     )  # fmt: skip
-    point = _look(given) if given.modes.any() else _start(given)
+    point = _look(given) if given.modes.any() or given.gains.any() else _start(given)
     rows = _rows(given, point)
     terms = {source: rows.terms[source][None] for source in SOURCES}
     terms["lamp modes"] = terms["lamp modes"] + rows.modes @ rows.modes.T
+    terms["uneven light"] = terms["uneven light"] + rows.gains @ rows.gains.T
     return Sensing(
         rows.matrix[None],
         rows.target[None],
@@ -118,6 +129,7 @@ def sense(evidence: Evidence, basis: Basis) -> Sensing:
         evidence.lamp * interpolate(point.lamp.T).T,
         point.curves @ (given.white * point.lamp).T,
         rows.modes,
+        rows.gains,
     )
 
 
@@ -144,63 +156,85 @@ class _Folded:
     white: Floats
     light: Floats
 
+    @property
+    def gains(self) -> Floats:
+        """(k, g, n) the gain modes."""
+        return self.evidence.gain_modes
+
 
 @dataclass(frozen=True)
 class _Expansion:
-    """The curves and lamps about which the rows are linear, and how far the true ones may lie from there.
+    """The curves, lamps and gains about which the rows are linear, and how far the true ones may lie from there.
 
     Attributes:
         curves: (3, v) s₀.
         lamp: (k, v) 1 + Σ û m.
+        level: (k, n) 1 - ĥ.
         offset: (k q,) û.
+        gained: (k g,) v̂.
         of_u: (k q, k q) covariance of u.
         of_x: (3 r, 3 r) covariance of x.
     """
 
     curves: Floats
     lamp: Floats
+    level: Floats
     offset: Floats
+    gained: Floats
     of_u: Floats
     of_x: Floats
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """The one problem: A, b, D (N, k q), and covariances by source, but for D Dᵀ."""
+    """The one problem: A, b, D of lamps (N, k q) and of gains (N, k g), and covariances by source, but for D Dᵀ."""
 
     matrix: Floats
     target: Floats
     modes: Floats
+    gains: Floats
     terms: dict[str, Floats]
 
 
 def _start(given: _Folded) -> _Expansion:
-    """At the means: μ, the lamp as given, u and x ~ N(0, I)."""
-    k, q, v = given.modes.shape
-    return _Expansion(given.mean, np.ones((k, v)), np.zeros(k * q), np.eye(k * q), np.eye(3 * given.atoms.shape[2]))
+    """At the means: μ, the lamp as given, even light, u and x ~ N(0, I)."""
+    (k, q, v), (_, g, n) = given.modes.shape, given.gains.shape
+    return _Expansion(
+        given.mean, np.ones((k, v)), np.ones((k, n)), np.zeros(k * q), np.zeros(k * g), np.eye(k * q),
+        np.eye(3 * given.atoms.shape[2]),
+    )  # fmt: skip
 
 
 def _look(given: _Folded) -> _Expansion:
-    """What a first look says of lamps and curves: their Gaussian posterior, linearised at the means.
+    """What a first look says of lamps, gains and curves: their Gaussian posterior, linearised at the means.
 
-    With P = Σ + A Aᵀ the rows know Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b of u: û = C h with C = (I + Λ)⁻¹, and
-    x̂ = Aᵀ P⁻¹ (b - D û). Of x̂ the covariance given the lamp is taken, I - Aᵀ P⁻¹ A.
+    With P = Σ + A Aᵀ the rows know Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b of u and v: û = C h with C = (I + Λ)⁻¹, and
+    x̂ = Aᵀ P⁻¹ (b - D û). Of x̂ the covariance given lamps and gains is taken, I - Aᵀ P⁻¹ A.
     """
     rows = _rows(given, _start(given))
     # Whitened, P = L Lᵀ: an explicit P⁻¹ would cost twice the digits, and modes may make P's condition 1e12 and more.
     spread = np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T
-    whitened = _whiten(spread, np.concatenate([rows.matrix, rows.target[:, None], rows.modes], axis=1))
+    columns = np.concatenate([rows.matrix, rows.target[:, None], rows.modes, rows.gains], axis=1)
+    whitened = _whiten(spread, columns)
     r = rows.matrix.shape[1]
     matrix, target, modes = (whitened[:, part] for part in (slice(r), r, slice(r + 1, None)))
     precision = np.eye(modes.shape[1]) + modes.T @ modes
     root = _whiten(precision, np.column_stack([np.eye(len(precision)), modes.T @ target]))
     back, pull = root[:, :-1], root[:, -1]
-    offset = back.T @ pull
-    code = (matrix.T @ (target - modes @ offset)).reshape(3, -1)
-    k, q, _ = given.modes.shape
+    found = back.T @ pull
+    code = (matrix.T @ (target - modes @ found)).reshape(3, -1)
+    (k, q, _), lamps = given.modes.shape, rows.modes.shape[1]
+    offset, gained = found[:lamps], found[lamps:]
     bend = 1.0 + np.einsum("kq,kqv->kv", offset.reshape(k, q), given.modes)
-    curves = given.mean + np.einsum("cvr,cr->cv", given.atoms, code)
-    return _Expansion(curves, np.maximum(bend, DARKEST), offset, back.T @ back, np.eye(r) - matrix.T @ matrix)
+    return _Expansion(
+        given.mean + np.einsum("cvr,cr->cv", given.atoms, code),
+        np.maximum(bend, DARKEST),
+        levels(gained.reshape(k, -1), given.gains),
+        offset,
+        gained,
+        back[:, :lamps].T @ back[:, :lamps],
+        np.eye(r) - matrix.T @ matrix,
+    )
 
 
 def _whiten(covariance: Floats, columns: Floats) -> Floats:
@@ -211,7 +245,8 @@ def _whiten(covariance: Floats, columns: Floats) -> Floats:
 def _rows(given: _Folded, point: _Expansion) -> _Rows:
     """The rows about a point. A has ŷ for y where the shot's lamp has modes: y bends with such a lamp."""
     k, n, _ = given.evidence.signals.shape
-    y, se = (np.moveaxis(each, -1, 0) for each in (given.evidence.signals, given.standard_error))  # (3, k, n)
+    measured, se = (np.moveaxis(each, -1, 0) for each in (given.evidence.signals, given.standard_error))  # (3, k, n)
+    y = measured * point.level
     curve = point.curves
     white = curve @ (given.white * point.lamp).T  # (3, k) W
     per_white = (point.lamp / white[:, :, None])[:, :, None]  # (3, k, 1, v)
@@ -228,7 +263,7 @@ def _rows(given: _Folded, point: _Expansion) -> _Rows:
     channel, shot, patch = (index.ravel() for index in np.indices((3, k, n)))
     each_row = np.ones((1, 1, n, 1))
     seen = Seen(
-        channel, shot, patch, y.ravel(), expected.ravel(), se.ravel(),
+        channel, shot, patch, y.ravel(), expected.ravel(), (se * point.level).ravel(),
         *((part * s * each_row).reshape(3 * k * n, -1) for part in (
             patches, given.edges * per_white, given.light[:, None] * per_white, seen_white,
         )),
@@ -241,7 +276,11 @@ def _rows(given: _Folded, point: _Expansion) -> _Rows:
     spread = bent @ point.of_x
     spread = np.einsum("Nqr,qp->Npr", spread, point.of_u)
     terms["lamp modes"] = spread.reshape(len(shot), -1) @ bent.reshape(len(shot), -1).T
-    return _Rows(_by_channel(matrix.reshape(3, k * n, -1)), target.ravel() + modes @ point.offset, modes, terms)
+    gains = gain_rows(measured, given.gains)
+    own = channel[:, None] == channel
+    terms["uneven light"] = own * (given.evidence.gain_own**2 * (gains @ gains.T))
+    target = target.ravel() + modes @ point.offset + gains @ point.gained
+    return _Rows(_by_channel(matrix.reshape(3, k * n, -1)), target, modes, gains, terms)
 
 
 def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[Floats, Floats]:
@@ -261,6 +300,19 @@ def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[
     bent -= off[..., None] * np.einsum("cknv,cvr->cknr", a, given.atoms)[:, :, :, None]
     bent -= steps[..., None] * np.einsum("cknv,cvr->cknr", white, given.atoms)[:, :, :, None]
     return np.concatenate(_by_shot(steps[..., None])[..., 0]), _by_channel(_by_shot(bent))
+
+
+def levels(code: Floats, modes: Floats) -> Floats:
+    """1 - ĥ (k, n) of gains v̂ (k, g) along modes (k, g, n), never below the darkest; ones where none were found."""
+    if not code.size:
+        return np.ones((len(modes), modes.shape[2]))
+    return np.asarray(np.maximum(1.0 - np.einsum("kg,kgn->kn", code, modes), DARKEST))
+
+
+def gain_rows(signals: Floats, modes: Floats) -> Floats:
+    """D (3 k n, k g) of gain modes (k, g, n): y φ, of measured signals (3, k, n), zero between shots."""
+    steps = signals[..., None] * np.swapaxes(modes, 1, 2)  # (3, k, n, g)
+    return np.asarray(np.concatenate(_by_shot(steps[..., None])[..., 0]))
 
 
 def _by_channel(factors: Floats) -> Floats:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.code import Code, solve
+from camssf.curves.code import Code, solve, whiten
 from camssf.curves.engine import SHIPPED, Model, load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.penalties import penalties
-from camssf.curves.sensing import anchor, sense
+from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
 
@@ -83,6 +83,8 @@ class Ssf:
         basis: its name.
         engine: "onnx" or "reference".
         lamp: (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes.
+        gain_code: (k, g) v̂, what the signals say of the gain modes φ: y (1 - Σ v̂ φ) is to be held against
+            `predicted`.
         prior_scale: how much wider than its basis the prior was taken, 1.
         choice: what was weighed where the evidence chose the basis or a light's kind; empty where all was told.
         lights: of each shot what the signals say of its light, None where it was named; empty where all were.
@@ -105,6 +107,7 @@ class Ssf:
     basis: str
     engine: str
     lamp: Floats
+    gain_code: Floats = field(default_factory=lambda: np.zeros((1, 0)))
     prior_scale: float = 1.0
     choice: tuple[Weight, ...] = ()
     lights: tuple[FoundLight | None, ...] = ()
@@ -150,7 +153,11 @@ def answer(
         return _run(load_model(basis), evidence, known, prior_scale, (weight, sparsity, positive))
     sensing = sense(evidence, known)
     code = solve(sensing, weight, sparsity[: len(sensing.matrix)], nonnegative=positive)
-    return replace(_curves(evidence, known, sensing.lamp, code, weight, sparsity), prior_scale=prior_scale)
+    return replace(
+        _curves(evidence, known, sensing.lamp, code, weight, sparsity),
+        gain_code=_gains(evidence, sensing, code),
+        prior_scale=prior_scale,
+    )
 
 
 def _curves(evidence: Evidence, basis: Basis, lamp: Floats, code: Code, l2: float, gamma: Floats) -> Ssf:
@@ -178,6 +185,16 @@ def _curves(evidence: Evidence, basis: Basis, lamp: Floats, code: Code, l2: floa
         values, std, x.T, spread, predicted, code.gap * np.ones(3), code.layers_gap, code.finish_steps,
         float(code.log_evidence[0]) if basis.prior else None, gamma, l2, gain, basis.name, "reference", lamp,
     )  # fmt: skip
+
+
+def _gains(evidence: Evidence, sensing: Sensing, code: Code) -> Floats:
+    """v̂ (k, g) beside the code, Dᵀ Σ⁻¹ (b - A x): the likeliest gains once the curves are known."""
+    k, g, _ = evidence.gain_modes.shape
+    if not sensing.gains.size:
+        return np.zeros((k, g))
+    rest = sensing.target[0] - sensing.matrix[0] @ code.values[0]
+    rows, rest, _ = whiten(sensing.gains, rest, sensing.covariance[0])
+    return np.asarray(rows.T @ rest).reshape(k, g)
 
 
 def own_blocks(covariance: Floats) -> Floats:
@@ -208,6 +225,7 @@ def _run(model: Model, evidence: Evidence, basis: Basis, prior_scale: float, how
     y, (l2, gamma, nonnegative) = evidence.signals, how
     chart, white, dark = evidence.frames or (y, np.ones_like(y), np.zeros_like(y))
     modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
+    gains = evidence.gain_modes if evidence.gain_modes.shape[1] else np.zeros((len(y), 1, y.shape[1]))
     inputs: dict[str, Floats] = {
         "chart": chart,
         "white": white,
@@ -220,6 +238,8 @@ def _run(model: Model, evidence: Evidence, basis: Basis, prior_scale: float, how
         "lamp": evidence.lamp,
         "lamp_tolerance": evidence.lamp_tolerance,
         "lamp_modes": modes,
+        "gain_modes": gains,
+        "gain_own": np.array(evidence.gain_own),
         "l2": np.array(l2),
         "nonnegative": np.array(float(nonnegative)),
         "prior_scale": np.array(prior_scale),
@@ -238,7 +258,7 @@ def _run(model: Model, evidence: Evidence, basis: Basis, prior_scale: float, how
     return Ssf(
         out["ssf"], std, out["code"], spread, out["predicted"], out["gap"], out["layers_gap"],
         np.rint(out["finish_steps"]).astype(np.int64), evidence_, gamma, l2, out["channel_gain"], basis.name, "onnx",
-        out["lamp_estimate"], prior_scale,
+        out["lamp_estimate"], out["gain_code"][:, : evidence.gain_modes.shape[1]], prior_scale,
     )  # fmt: skip
 
 

@@ -22,7 +22,8 @@ Json: TypeAlias = dict[str, Any]
 
 CHANNELS = ("red", "green", "blue")
 
-FIRST, LAST = 400.0, 700.0
+FIRST = 400.0
+LAST = 700.0
 """Both frames, or a sweep, must cover these, nm."""
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from camssf.errors import InvalidArgument
+from camssf.libraries import library
 
 PRIVATE, PUBLIC = "passport-key.pem", "passport-key.pub.pem"
 LARGEST_KEY = 64 * 1024
@@ -26,18 +27,9 @@ KEY_ID = re.compile(r"[A-Za-z0-9_-]{43}")
 _MAKE = "`camssf passport key -o FOLDER` makes a pair."
 
 
-def library() -> None:
-    """See that `cryptography` is there.
-
-    Raises:
-        InvalidArgument: it is not.
-    """
-    try:
-        import cryptography  # noqa: F401
-    except ImportError as error:
-        raise InvalidArgument(
-            "Passports need the library cryptography, which is not there.", "Run pip install 'camssf[passport]'."
-        ) from error
+def need_cryptography() -> None:
+    """See that `cryptography` is there."""
+    library("cryptography", "Passports need", "passport")
 
 
 def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
@@ -53,7 +45,7 @@ def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
     Raises:
         InvalidArgument: it cannot be written, or there is one already.
     """
-    library()
+    need_cryptography()
     from cryptography.hazmat.primitives import serialization as form
     from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -90,7 +82,7 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
     Raises:
         InvalidArgument: it is none, or it is locked and `passphrase` does not open it.
     """
-    library()
+    need_cryptography()
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -115,7 +107,7 @@ def read_public(paths: Iterable[Path | str]) -> dict[str, Any]:
     Raises:
         InvalidArgument: a file is no public key on P-256.
     """
-    library()
+    need_cryptography()
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_public_key

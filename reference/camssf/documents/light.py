@@ -1,8 +1,12 @@
-"""A result document's lights that nobody named, in words."""
+"""A result document's lights that nobody named: in words, and beside another's."""
 
 from __future__ import annotations
 
 from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf.grid import Floats
 
 Json: TypeAlias = dict[str, Any]
 
@@ -15,6 +19,25 @@ OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 def lights_of(document: Json) -> list[tuple[int, Json]]:
     """The number of each shot whose light was not named, from 1, and what the signals say of it."""
     return [(j, shot["light"]) for j, shot in enumerate(document.get("shots") or [], 1) if "light" in shot]
+
+
+def lights_apart(document: Json, other: Json) -> list[tuple[float, str]]:
+    """How far two results lie apart in each number of their lights, relative to the largest of its kind, in words."""
+    theirs, ours = (dict(lights_of(each)) for each in (document, other))
+    if theirs.keys() != ours.keys():
+        return [(np.inf, f"lights of the shots {sorted(theirs)} there, {sorted(ours)} here")]
+    found = []
+    for j, light in ours.items():
+        for key in ("kinds", "power", "std", "kelvin", "kelvin_std"):
+            one, own = (_numbers(each[key]) for each in (theirs[j], light))
+            alike = one.shape == own.shape
+            apart = float(np.max(np.abs(one - own)) / np.max(np.abs(own))) if alike else np.inf
+            found.append((apart, f"{key} of the light of shot {j}, by {apart:.2g} of its largest"))
+    return found
+
+
+def _numbers(value: Any) -> Floats:
+    return np.atleast_1d([value[key] for key in sorted(value)] if isinstance(value, dict) else value).astype(float)
 
 
 def kinds_in_words(light: Json) -> str:

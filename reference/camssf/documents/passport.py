@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf import __version__
-from camssf.documents.keys import KEY_ID, PASSPORT_ID, key_name, library, unpadded
+from camssf.documents.keys import KEY_ID, PASSPORT_ID, key_name, need_cryptography, unpadded
 from camssf.documents.report import LARGEST_DOCUMENT, check_document, parse_json
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.files import readable
@@ -196,7 +196,7 @@ def sign(passport: Passport, key: Any) -> bytes:
     Raises:
         InvalidArgument: the result is too large.
     """
-    library()
+    need_cryptography()
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
     from cryptography.hazmat.primitives.hashes import SHA256
@@ -239,7 +239,7 @@ def verify(
     Raises:
         PassportInvalid: anything of it is not as it must be.
     """
-    library()
+    need_cryptography()
     parts, kid = _parts(data)
     key = trusted.get(kid)
     if key is None:

@@ -14,12 +14,15 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import LIGHT_SOURCES, MOST_SHOTS, Capture, Photo, Shot, check_shots, check_target
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
 from camssf.photo.pose import LAYOUTS, Pose
+from camssf.photo.unit import Area, Unit
 from camssf.spectra import ChartTable, Lamp, Light, Unnamed
 from camssf.spectra.lamps import AUTO
 
 Json: TypeAlias = dict[str, Any]
 
 MOST_PATCHES = 1000
+UNIT = ("camera_id", "lens", "focal_length", "aperture")
+"""What a patches document says of a photo's unit, beside make and model."""
 
 
 def patches_document(capture: Capture) -> Json:
@@ -33,9 +36,9 @@ def patches_document(capture: Capture) -> Json:
         "shots": [
             {
                 "lamp": plain(vars(shot.lamp)) if isinstance(shot.lamp, Lamp) else {"name": shot.lamp.name},
-                "photo": vars(shot.photo),
-                "white": vars(shot.white) if shot.white else None,
-                "dark": vars(shot.dark) if shot.dark else None,
+                "photo": _photo_document(shot.photo),
+                "white": _photo_document(shot.white) if shot.white else None,
+                "dark": _photo_document(shot.dark) if shot.dark else None,
                 "pose": plain(vars(shot.pose)),
                 "lens_shading": shot.lens_shading,
                 "saturation": shot.means.saturation,
@@ -160,6 +163,32 @@ def _means_from(entry: Mapping[str, Any] | None, name: str, n: int) -> FrameMean
     return FrameMeans(**fields)
 
 
+def _photo_document(photo: Photo) -> Json:
+    """A photo as plain data; whose word its levels are only where they are not a DNG's.
+
+    The body's serial number stays at home, since such documents travel.
+    """
+    facts = {key: value for key, value in vars(photo).items() if key != "levels" or value}
+    return facts | {"unit": {key: value for key, value in vars(photo.unit).items() if key in UNIT and value}}
+
+
+def _unit_from(entry: Any, role: str) -> Unit:
+    _need(isinstance(entry, dict) and entry.keys() <= set(UNIT), f"{role}.unit", f"may hold {', '.join(UNIT)}")
+    camera_id, lens = (_text(entry.get(key, ""), f"{role}.unit.{key}") for key in UNIT[:2])
+    focal_length, aperture = (
+        float(_numbers(entry[key], f"{role}.unit.{key}", (), least=1e-9)) if key in entry else None
+        for key in UNIT[2:]
+    )
+    return Unit(camera_id=camera_id, lens=lens, focal_length=focal_length, aperture=aperture)
+
+
+def _area_from(entry: Any, role: str) -> Area | None:
+    if entry is None:
+        return None
+    top, left, bottom, right = (int(side) for side in _numbers(entry, f"{role}.active_area", (4,), least=0.0))
+    return top, left, bottom, right
+
+
 def _photo_from(entry: Mapping[str, Any] | None, role: str) -> Photo | None:
     if entry is None:
         return None
@@ -180,8 +209,11 @@ def _photo_from(entry: Mapping[str, Any] | None, role: str) -> Photo | None:
             (_light_source(name), tuple(_numbers(white, f"{role}.neutrals", (3,), least=1e-6).tolist()))
             for name, white in entry.get("neutrals", ())
         ),
+        unit=_unit_from(entry.get("unit", {}), role),
+        active_area=_area_from(entry.get("active_area"), role),
         exposure=exposure,
         iso=iso,
+        levels=_text(entry.get("levels", ""), f"{role}.levels"),
         **texts,
     )
 

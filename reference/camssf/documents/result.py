@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from camssf.curves.engine import load_model
 from camssf.curves.ssf import FoundLight, Ssf, Weight
 from camssf.documents.patches import plain
 from camssf.documents.previews import previews
+from camssf.documents.shown import Result, SavedResult
 from camssf.errors import CalibrationError
 from camssf.evidence.scores import Scores, reflectance_srgb, rmse
 from camssf.evidence.verdict import Reason, Verdict
@@ -20,17 +21,24 @@ from camssf.photo.capture import Capture, Photo, Record, Shot, Unfinished
 from camssf.photo.signals import Assumption, Signals, normalise
 from camssf.spectra import CameraCurves, ChartTable, Lamp, Light
 
+__all__ = ["Calibration", "Json", "Refusal", "Result", "SavedResult", "compare"]
+
 Json: TypeAlias = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Result):
     """Everything one calibration found.
+
+    It shows itself in a notebook (`plot`, `to_pandas`, `to_xarray`, `to_colour`), and `save` writes its document,
+    which `load` reads. A pickle, and a copy, leave out the pictures of the photos, which are most of it.
 
     Attributes:
         capture: what was measured.
         signals: Eq. (5).
         ssf: the curves.
+        level: (k, n) times this, signals are what the answer says that even light would have given; ones where a
+            white frame says so.
         predicted_std: (k, n, 3) one standard deviation of the true signals less `ssf.predicted` (`predict`); None
             without a prior.
         unseen: (k, n, 3) predictions of fits that had not seen the patch; NaN where every fit had.
@@ -45,6 +53,7 @@ class Calibration:
     capture: Capture
     signals: Signals
     ssf: Ssf
+    level: Floats
     predicted_std: Floats | None
     unseen: Floats
     unseen_std: Floats | None
@@ -56,8 +65,13 @@ class Calibration:
 
     @property
     def previews(self) -> tuple[bytes | None, ...]:
-        """A JPEG of each shot's active area, for the report."""
+        """A JPEG of each shot's active area, for the report; None where it did not travel."""
         return previews(_record(self.capture))
+
+    def __getstate__(self) -> Json:
+        """What a pickle holds: all but the thumbnails."""
+        shots = tuple(replace(shot, thumbnail=None) for shot in self.capture.shots)
+        return vars(self) | {"capture": replace(self.capture, shots=shots)}
 
     def document(self) -> Json:
         """The result as plain data (data/result.schema.json)."""
@@ -95,6 +109,7 @@ class Calibration:
         for j, entry in enumerate(document["shots"]):
             for i, patch in enumerate(entry["patches"]):
                 unseen = self.unseen[j, i]
+                patch["level"] = float(self.level[j, i])
                 patch["predicted"] = self.ssf.predicted[j, i].tolist()
                 patch["unseen"] = unseen.tolist() if np.isfinite(unseen).all() else None
                 for name, band in (("predicted_std", self.predicted_std), ("unseen_std", self.unseen_std)):
@@ -106,8 +121,8 @@ class Calibration:
         return document
 
 
-@dataclass(frozen=True)
-class Refusal:
+@dataclass(frozen=True, repr=False)
+class Refusal(Result):
     """A capture that gave no curves.
 
     Attributes:
@@ -127,7 +142,7 @@ class Refusal:
         """The refused result as plain data, without curves (data/result.schema.json)."""
         error = self.error
         reasons = error.reasons or (Reason(error.code, error.message, error.advice, error.value, error.threshold),)
-        return _head(self.record, Verdict("refused", reasons), ()) | {"basis": "none", "engine": "none"}
+        return _head(self.record, Verdict("refused", reasons, error.checks), ()) | {"basis": "none", "engine": "none"}
 
 
 def compare(document: Json, truth: CameraCurves) -> None:
@@ -145,7 +160,10 @@ def _weight(weight: Weight) -> Json:
 
 def _lamp(lamp: Light) -> Json:
     """A lamp as it was told; nobody knows how well where nobody told it."""
-    return {"name": lamp.name, "tolerance": lamp.tolerance if isinstance(lamp, Lamp) else None, "source": lamp.source}
+    told = {"name": lamp.name, "tolerance": None, "source": lamp.source}
+    if not isinstance(lamp, Lamp):
+        return told
+    return told | {"tolerance": lamp.tolerance, "power": (lamp.values / lamp.values.mean()).tolist()}
 
 
 def _light(found: FoundLight) -> Json:
@@ -192,7 +210,8 @@ def _head(record: Record, verdict: Verdict, assumptions: tuple[Assumption, ...])
             "source": table.source if table else "",
         },
         "shots": shots,
-        "verdict": {"status": verdict.status, "reasons": [vars(reason) for reason in verdict.reasons]},
+        "verdict": {"status": verdict.status, "reasons": [vars(reason) for reason in verdict.reasons]}
+        | ({"checks": [vars(check) for check in verdict.checks]} if verdict.checks else {}),
         "assumptions": [vars(assumption) for assumption in assumptions],
         "hashes": {"inputs": inputs, "model": None},
     }
@@ -214,7 +233,8 @@ def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
 
 
 def _photo_facts(photo: Photo) -> Json:
-    facts = {key: value for key, value in vars(photo).items() if key not in ("make", "model", "neutrals")}
+    apart = ("make", "model", "neutrals", "unit", "active_area", "levels")
+    facts = {key: value for key, value in vars(photo).items() if key not in apart}
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
 
 
@@ -247,6 +267,7 @@ def _shot_document(shot: Shot, table: ChartTable) -> Json:
                 "measured_srgb": None,
                 "synthetic_srgb": None,
                 "signal": y[i].tolist(),
+                "level": 1.0,
                 "predicted": None,
                 "unseen": None,
                 "standard_error": error[i].tolist(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from camssf.curves.ssf import FoundLight, Ssf
+from camssf.grid import Floats
 from camssf.photo.capture import Capture, Shot
 from camssf.photo.signals import Assumption
 from camssf.spectra import Lamp, Light
@@ -11,8 +12,8 @@ SHOWN = 0.005
 """A kind less probable than this goes unsaid."""
 
 
-def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
-    """What the answer takes for granted beyond the fallbacks of Eq. (5)."""
+def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
+    """What the answer takes for granted beyond the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ."""
     table = capture.chart
     found = [
         Assumption(
@@ -23,6 +24,9 @@ def assume(capture: Capture, ssf: Ssf) -> tuple[Assumption, ...]:
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
         light = ssf.lights[j] if ssf.lights else None
         found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
+        found += _uneven(where, shot, ssf, level[j])
+        told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
+        found += [Assumption("raw_levels", where + _levels(name, whose)) for whose, name in told.items()]
         if shot.photo.gain_map:
             found.append(Assumption("lens_shading", where + _shading(shot)))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
@@ -41,6 +45,25 @@ def _named(lamp: Light) -> str:
     )
 
 
+def _uneven(where: str, shot: Shot, ssf: Ssf, level: Floats) -> list[Assumption]:
+    """How the light fell, where no white frame says so, in words."""
+    if not ssf.gain_code.size:
+        flat = "the light was the same all over the chart."
+        return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
+    if shot.means.white is not None:
+        return [
+            Assumption("uneven_light", f"{where}each patch's light was solved for with the curves, by its colours.")
+        ]
+    least, most = 100.0 / level.max() - 100.0, 100.0 / level.min() - 100.0
+    return [
+        Assumption(
+            "uneven_light",
+            f"{where}how the light fell was solved for with the curves: {least:+.0f} % to {most:+.0f} % on the "
+            "patches beside the white one, the same for the three channels but for a small part.",
+        )
+    ]
+
+
 def _unnamed(light: FoundLight) -> str:
     """A light that nobody named, in words."""
     likely = sorted(light.kinds.items(), key=lambda each: -each[1])
@@ -49,6 +72,14 @@ def _unnamed(light: FoundLight) -> str:
         f"nobody named the light; the signals of a chart and a phone say what it was: {kinds}, "
         f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of "
         "them, or two lights at once, is not foreseen."
+    )
+
+
+def _levels(name: str, whose: str) -> str:
+    """Of a file that does not say its levels itself."""
+    return (
+        f"{name} is no DNG: its colour pattern, black level and white level are the word of {whose}. A wrong level "
+        "bends every signal; a dark frame makes the black level unnecessary."
     )
 
 

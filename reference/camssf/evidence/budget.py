@@ -10,6 +10,7 @@ import numpy as np
 from camssf.curves.budget import explain
 from camssf.curves.covariance import CHART_CORRELATION, LAMP_CORRELATION
 from camssf.curves.ssf import Ssf
+from camssf.evidence.gains import BOWL, PLANE
 from camssf.evidence.problem import Problem
 from camssf.evidence.scores import FAINTEST
 from camssf.grid import WAVELENGTHS
@@ -34,6 +35,7 @@ def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] |
         "white": f"{white:.1%}, smooth over {CHART_CORRELATION:g} nm",
         "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + f", smooth over {LAMP_CORRELATION:g} nm",
         "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
+        "uneven light": _evenness(problem),
         "unseen": "what the prior leaves open and no patch has seen",
     }
     if ssf.between is not None:  # the shares of the likeliest kind's variance, and what the hypotheses differ by
@@ -47,6 +49,14 @@ def budget(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> dict[str, Any] |
             {"source": source, "size": sizes[source], "share": share.tolist()} for source, share in shares.items()
         ],
     }
+
+
+def _evenness(problem: Problem) -> str:
+    if problem.options.light_per_patch is not None:
+        return f"{problem.options.light_per_patch:.1%} from patch to patch, the same for all channels"
+    if not problem.gains[0].size:
+        return "none: a white frame was taken"
+    return f"{PLANE:.0%} of plane and {BOWL:.0%} of bowl across the chart, no white frame"
 
 
 def _half_width(ssf: Ssf) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.curves.ssf import Ssf
+from camssf.evidence.checks import Checks
 from camssf.evidence.reasons import Reason, because
 from camssf.grid import Floats
 from camssf.photo.signals import Signals
@@ -46,15 +47,20 @@ class Neutral:
     white: Floats
 
 
-def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Collection[int] = ()) -> list[Reason]:
+def rivalled(
+    rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Collection[int], checks: Checks
+) -> list[Reason]:
     """Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong.
 
     Args:
         rivals: of all shots.
         lamps: as told.
         tinted_shots: 0-based, those whose raw white contradicts the lamp, too: with two witnesses it is refused.
+        checks: told of the best.
     """
     best = max(rivals, key=lambda rival: rival.gain, default=None)
+    if best is not None:
+        checks.note("rival", best.gain, best.shot)
     if best is None or best.gain <= RIVAL:
         return []
     own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
@@ -71,7 +77,9 @@ def rivalled(rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Colle
     return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
 
 
-def tinted(name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: int, answer: Ssf) -> list[Reason]:
+def tinted(
+    name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: int, answer: Ssf, checks: Checks
+) -> list[Reason]:
     """Rule 5, by the answer to shot j alone."""
     raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
     offs = []
@@ -81,6 +89,8 @@ def tinted(name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: 
             continue  # curves that foretell no white; other rules see to them
         ratio = np.log(raw / expected)
         offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
+    if offs:
+        checks.note("tinted", min(offs), j)
     if not offs or min(offs) <= TINTED:
         return []
     off = min(offs)

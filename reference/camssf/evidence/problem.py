@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from numbers import Integral
 from typing import Any
@@ -16,8 +17,10 @@ from camssf.curves.choice import AUTO, CLEAR, recover
 from camssf.curves.evidence import Evidence
 from camssf.curves.light import Guess, recover_in_any_light
 from camssf.curves.predict import predict
+from camssf.curves.sensing import levels
 from camssf.curves.ssf import Ssf, respond
 from camssf.errors import InvalidArgument
+from camssf.evidence.gains import gain_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, listed
@@ -51,6 +54,27 @@ class Problem:
     options: Options
     basis: str | Basis
     prior_scale: float = 1.0
+
+    @cached_property
+    def gains(self) -> tuple[Floats, float]:
+        """Gain modes (k, g, n) of all patches, and what part of them each channel has for itself.
+
+        None on a basis without a prior, which knows of no error but the signals': what is not solved for there must
+        not be excused by the verdict either.
+        """
+        modes, own = gain_modes(self.capture, self.options.light_per_patch)
+        return (modes[:, :0], 0.0) if self.exact else (modes, own)
+
+    def level(self, ssf: Ssf) -> Floats:
+        """1 - ĥ (k, n): times this, signals are what the answer says that even light would have given."""
+        return levels(ssf.gain_code, self.gains[0])
+
+    def levelled(self, ssf: Ssf) -> Signals:
+        """The signals as even light would have given them."""
+        level = self.level(ssf)[:, :, None]
+        return replace(
+            self.signals, values=level * self.signals.values, standard_error=level * self.signals.standard_error
+        )
 
     def settled(self, ssf: Ssf) -> Problem:
         """The same problem on the basis, and in the light, that gave the answer: parts are held against these."""
@@ -132,15 +156,21 @@ class Problem:
         table, taken = self.capture.chart, used.any(axis=0)
         others, tolerance = table.values[~taken], table.tolerance[~taken]
         given = self.given(used)
-        found = predict(ssf, given, of=others, of_tolerance=tolerance, basis=self.basis).std
+        modes = self.gains[0][:, :, ~taken]
+        found = predict(ssf, given, of=others, of_tolerance=tolerance, of_gains=modes, basis=self.basis).std
         std = np.empty_like(self.signals.values)
         std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
         return std
 
+    @property
+    def exact(self) -> bool:
+        """Is it the paper's basis? Eq. (10) knows of no error but the signals'."""
+        return self.basis == "gaussian" or (isinstance(self.basis, Basis) and not self.basis.prior)
+
     def given(self, used: NDArray[np.bool_]) -> Evidence:
         """What `recover`, `predict` and `explain` take: the patches that some shot may use."""
-        signals, table, basis, taken = self.signals, self.capture.chart, self.basis, used.any(axis=0)
-        exact = basis == "gaussian" or (isinstance(basis, Basis) and not basis.prior)
+        signals, table, taken = self.signals, self.capture.chart, used.any(axis=0)
+        exact, (gains, own) = self.exact, self.gains
         rho, white_tolerance = self.white_reference()
         return Evidence(
             signals=signals.values[:, taken],
@@ -148,11 +178,13 @@ class Problem:
             lamp=np.stack([lamp.values for lamp in self.lamps]),
             standard_error=signals.standard_error[:, taken],
             used=used[:, taken],
-            chart_tolerance=np.zeros(1) if exact else table.tolerance[taken],  # Eq. (10) knows of no error in it
+            chart_tolerance=np.zeros(1) if exact else table.tolerance[taken],
             white_reflectance=rho,
             white_tolerance=white_tolerance,
             lamp_tolerance=np.array([lamp.tolerance for lamp in self.lamps]),
             lamp_modes=_modes(self.lamps),
+            gain_modes=gains[:, :, taken],
+            gain_own=own,
             frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
         )
 
@@ -161,9 +193,13 @@ def pose_problem(capture: Capture, options: Options) -> Problem:
     """The problem of a whole capture.
 
     Raises:
-        InvalidArgument: patches that the chart does not have, or fewer than FEWEST_PATCHES of them usable.
+        InvalidArgument: patches that the chart does not have, fewer than FEWEST_PATCHES of them usable, or light
+            that is said to differ by nothing, or by all, from patch to patch.
         CalibrationError: what `normalise` refuses.
     """
+    differs = options.light_per_patch
+    if differs is not None and not 0.0 < differs <= 1.0:
+        raise InvalidArgument(f"Light cannot differ by {differs:g} from patch to patch.", "Write 8 % as 0.08.")
     asked = _asked(options.fit, len(capture.chart.patches))
     signals = normalise([shot.means for shot in capture.shots], capture.chart)
     signals = replace(signals, used=signals.used & asked)
@@ -172,7 +208,13 @@ def pose_problem(capture: Capture, options: Options) -> Problem:
         raise InvalidArgument(
             f"Only {count} patches are left for the fit.", "Name more patches by --fit, or leave it out."
         )
-    return Problem(capture, signals, asked, options, options.basis)
+    problem = Problem(capture, signals, asked, options, options.basis)
+    if differs is not None and problem.exact:
+        raise InvalidArgument(
+            "The basis has no prior, so it has no place for light that differs from patch to patch.",
+            "Take --basis auto, phones or cameras.",
+        )
+    return problem
 
 
 def believed(make: str, model: str) -> dict[str, float]:

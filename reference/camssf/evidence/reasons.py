@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from camssf import errors
 from camssf.errors import CalibrationError
+from camssf.evidence.checks import Check
 from camssf.rules import rules
 
 
@@ -27,10 +28,17 @@ class Fatal(Reason):
 
 @dataclass(frozen=True)
 class Verdict:
-    """status is "accepted", "doubtful" or "refused"; reasons are empty only when accepted."""
+    """What the evidence says.
+
+    Attributes:
+        status: "accepted", "doubtful" or "refused".
+        reasons: empty only when accepted.
+        checks: every number that was looked at, whether it held or not; empty where a stage refused before.
+    """
 
     status: str
     reasons: tuple[Reason, ...]
+    checks: tuple[Check, ...] = field(default=(), compare=False)
 
 
 def because(
@@ -62,5 +70,5 @@ def refusal(verdict: Verdict) -> CalibrationError:
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, CalibrationError)]
     kind = next(kind for kind in kinds if kind.code == reason.code)
     error = kind(reason.message, reason.advice, value=reason.value, threshold=reason.threshold)
-    error.reasons = verdict.reasons
+    error.reasons, error.checks = verdict.reasons, verdict.checks
     return error

@@ -36,6 +36,7 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             settled.lamps,
             rho,
             tolerance,
+            problem.gains,
         ),
         ssf,
         rivals=lambda: weigh_rivals(problem, ssf),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.evidence.checks import Checks
 from camssf.evidence.reasons import Reason, because
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import Signals
@@ -19,42 +20,51 @@ SMOOTH, ROUGH = _NUMBER("verdict.smooth"), _NUMBER("verdict.rough")
 GREENS, DIRTY = _NUMBER("verdict.greens"), _NUMBER("verdict.dirty")
 
 
-def exposure(name: str, signals: Signals, j: int, shot: PatchMeans) -> list[Reason]:
+def exposure(name: str, signals: Signals, j: int, shot: PatchMeans, checks: Checks) -> list[Reason]:
     """The white's level, and light where there should be none, of shot j."""
     reasons: list[Reason] = []
     span = shot.saturation - signals.dark[j]
     level = float(((signals.white[j] - signals.dark[j]) / span).mean(axis=0).max())
+    checks.note("dark_white", level, j)
     if level < DARK_WHITE:
         reasons.append(because("dark_white", level, {"shot": name, "level": level}))
     veil = float(signals.values[j].min(axis=0).max())
+    checks.note("veil", veil, j)
     if veil > VEIL:
         reasons.append(because("darkest_patch", veil, {"shot": name, "share": veil}, fatal=veil > FOG))
     return reasons
 
 
-def few(name: str, used: NDArray[np.bool_], means: PatchMeans) -> list[Reason]:
+def few(name: str, used: NDArray[np.bool_], j: int, means: PatchMeans, checks: Checks) -> list[Reason]:
     """Too few patches that carry a signal."""
     count = int(used.sum())
+    checks.note("few_patches", count, j)
     if count >= FEW_PATCHES:
         return []
     clipped = bool((means.chart.clipped[~used] > 0).any())
     return [because("few_clipped" if clipped else "few_dark", count, {"shot": name, "left": count, "all": used.size})]
 
 
-def samples(name: str, means: PatchMeans, used: NDArray[np.bool_], table: ChartTable) -> list[Reason]:
+def samples(
+    name: str, means: PatchMeans, used: NDArray[np.bool_], j: int, table: ChartTable, checks: Checks
+) -> list[Reason]:
     """Rule 6, and outliers."""
     reasons: list[Reason] = []
     chart = means.chart
     dirty = int(np.argmax(chart.dead.max(axis=1)))
     share = float(chart.dead[dirty].max())
+    checks.note("dirty", share, j)
     if share > DIRTY:
         reasons.append(because("dirt", share, {"shot": name, "share": share, "patch": table.patches[dirty]}))
     above = np.maximum(chart.greens.mean(axis=1) - means.black[1], 1.0)
     greens = float(np.median((np.abs(chart.greens[:, 0] - chart.greens[:, 1]) / above)[used]))
+    checks.note("greens", greens, j)
     if greens > GREENS:
         reasons.append(because("greens", greens, {"shot": name, "share": greens}))
     if means.white is not None and means.dark is not None:
         grain, texture = noise(chart, means.white, means.dark, used)
+        checks.note("smooth", grain, j)
+        checks.note("rough", texture, j)
         if grain < SMOOTH:
             reasons.append(because("smooth", grain, {"shot": name, "grain": grain}))
         if texture > ROUGH:

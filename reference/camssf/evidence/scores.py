@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +12,9 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.rules import rules
-from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_lamp
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_lamp
+from camssf.spectra.appearance import D65, delta_e00, lab, srgb, under_d65
+from camssf.spectra.surfaces import observer
 
 FAINTEST = rules().number("calibration.faintest")
 """A signal below this share of the white has no relative error: no sensor measures it."""
@@ -95,9 +96,7 @@ def validate(
         rmsre_percent=rmsre(y, predicted, counts),
         unseen=how,
         rmse=None if truth is None or ssf_values is None else rmse(ssf_values, truth.values),
-        delta_e00=float(
-            colour_science().delta_E(measured_lab[counts], synthetic_lab[counts], method="CIE 2000").mean()
-        ),
+        delta_e00=float(delta_e00(measured_lab[counts], synthetic_lab[counts]).mean()),
         measured_srgb=measured_srgb,
         synthetic_srgb=synthetic_srgb,
     )
@@ -163,7 +162,7 @@ def _colours(
 
 def _xyz(reflectance: Floats, lamp: Floats) -> Floats:
     """XYZ (n, 3) of reflectances (n, 681) under a lamp (681,), CIE 1931 2°; Y of a perfect white is 1."""
-    light = lamp[:, None] * _observer()
+    light = lamp[:, None] * observer("1931")
     xyz: Floats = reflectance @ light / light[:, 1].sum()
     return xyz
 
@@ -176,18 +175,7 @@ def _white(lamp: Floats) -> Floats:
 
 def _display(xyz: Floats, white: Floats) -> tuple[Floats, Floats]:
     """Lab and sRGB, clipped to 0 to 1, of XYZ (n, 3) seen under a white (3,) and adapted to D65."""
-    colour = colour_science()
-    d65 = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
     with np.errstate(all="ignore"):  # a lamp of one line gives an eye's cone nothing to adapt to
-        adapted = colour.chromatic_adaptation(xyz, white, colour.xy_to_XYZ(d65), method="Von Kries")
+        adapted = under_d65(xyz, white)
     adapted = np.nan_to_num(adapted, posinf=0.0, neginf=0.0)
-    lab = colour.XYZ_to_Lab(adapted, d65)
-    srgb = colour.XYZ_to_sRGB(np.maximum(adapted, 0.0), d65)
-    return np.asarray(lab, dtype=np.float64), np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
-
-
-@cache
-def _observer() -> Floats:
-    """CIE 1931 2° colour-matching functions on the grid, (681, 3)."""
-    table = colour_science().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    return np.stack([np.interp(WAVELENGTHS, table.wavelengths, each) for each in np.asarray(table.values).T], axis=1)
+    return lab(adapted, D65), np.clip(srgb(np.maximum(adapted, 0.0)), 0.0, 1.0)

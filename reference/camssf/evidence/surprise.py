@@ -22,6 +22,7 @@ _NUMBER = rules().number
 SURPRISE = _NUMBER("verdict.surprise")
 SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
 BLACK = _NUMBER("verdict.black")
+FEWEST = rules().whole("verdict.fewest")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
 
 
@@ -77,38 +78,66 @@ def directions(length: float) -> Floats:
     return smooth_errors(length, WAVELENGTHS)
 
 
-def surprise(
-    signals: Signals,
-    table: ChartTable,
-    lamps: Sequence[Lamp],
-    ssf: Ssf,
-    white_reflectance: Floats,
-    white_tolerance: float,
-    *,
-    pose: Pose | None = None,
-    means: PatchMeans | None = None,
-) -> Surprise:
-    """Rules 1 to 3; arguments as in `verdict.Weighed`.
+@dataclass(frozen=True)
+class Weighed:
+    """What a verdict weighs: k measured shots, and what was told of them.
 
-    Suspects are questioned where pose and means are given, of one shot.
+    Attributes:
+        signals: (k, n, 3).
+        table: the chart's.
+        means, poses, lamps: k of each.
+        white_reflectance, white_tolerance: (681,) ρ and its relative error.
+        gains: gain modes (k, g, n), and what part of them each channel has for itself (`evidence.gains`).
     """
+
+    signals: Signals
+    table: ChartTable
+    means: Sequence[PatchMeans]
+    poses: Sequence[Pose]
+    lamps: Sequence[Lamp]
+    white_reflectance: Floats
+    white_tolerance: float
+    gains: tuple[Floats, float] | None = None
+
+    def surprise(self, answer: Ssf) -> Surprise:
+        """Rules 1 and 2 of all shots together."""
+        return _surprise(self, answer, suspects=False)
+
+    def surprise_of(self, j: int, answer: Ssf) -> Surprise:
+        """Rules 1 to 3 of shot j alone, by the answer to it; below `FEWEST` patches nothing is suspected."""
+        if int(self.signals.used[j].sum()) < FEWEST:
+            return Surprise(0.0, 0.0, FEWEST, ())
+        alone = replace(
+            self, signals=only(self.signals, j), means=[self.means[j]], poses=[self.poses[j]], lamps=[self.lamps[j]],
+            gains=None if self.gains is None else (self.gains[0][j : j + 1], self.gains[1]),
+        )  # fmt: skip
+        return _surprise(alone, answer, suspects=True)
+
+
+def _surprise(weighed: Weighed, ssf: Ssf, *, suspects: bool) -> Surprise:
+    """Rules 1 to 3. Suspects are questioned of one shot.
+
+    Light that the gain modes can carry stands in Σ, so that what they take for it counts by its own size.
+    """
+    signals = weighed.signals
     used = signals.used
     y, off = signals.values[used], (signals.values - ssf.predicted)[used]  # (rows, 3)
-    sigma = _covariance(signals, table, lamps, ssf, white_reflectance, white_tolerance)
-    inverse = np.asarray(np.linalg.inv(sigma), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(_covariance(weighed, ssf)), dtype=np.float64)
     e = np.asarray(inverse @ off.T.ravel(), dtype=np.float64)
     residual = float(off.T.ravel() @ e)
     prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
     found: list[Suspect] = []
-    if pose is not None and means is not None:
-        X, Y = _places(pose, used[0])[used[0]].T[:, :, None]
+    if suspects:
+        means = weighed.means[0]
+        X, Y = _places(weighed.poses[0], used[0])[used[0]].T[:, :, None]
         ways: dict[str, list[NDArray[np.floating[Any]]]] = {"veil": [1.0 - y]}
         if means.dark is None:
             level = (signals.white - signals.dark)[used] / (means.saturation - signals.dark[used])
             ways["black"] = [(1.0 - y) / level]
         if means.white is not None:
             ways["white"] = [y * np.eye(3)[c] for c in range(3)]
-        ways["light"] = [y * X, y * Y, y * (X**2 + Y**2)] + ([y] if means.white is None else [])
+        ways["light"] = [y * way for way in _falls(X, Y, solved=_solved(weighed))]
+        ways["light"] += [y] if means.white is None else []
         ways["tone"] = [y * np.log(np.maximum(y, DARKEST_TONE))]
         found += [Suspect(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
         patches = np.flatnonzero(used[0])
@@ -116,36 +145,45 @@ def surprise(
     return Surprise(residual, prior, 3 * len(y), tuple(found))
 
 
-def _covariance(
-    signals: Signals,
-    table: ChartTable,
-    lamps: Sequence[Lamp],
-    ssf: Ssf,
-    white_reflectance: Floats,
-    white_tolerance: float,
-) -> Floats:
+def _covariance(weighed: Weighed, ssf: Ssf) -> Floats:
     """Rule 1, (3 rows, 3 rows): red's rows, green's, blue's."""
+    signals, table, rho = weighed.signals, weighed.table, weighed.white_reflectance
     shot, patch = np.nonzero(signals.used)
     light = (ssf.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
-    light = light / (light @ white_reflectance)[..., None]
+    light = light / (light @ rho)[..., None]
     light = np.moveaxis(light, 1, 0)[:, shot].reshape(-1, WAVELENGTHS.size)  # (3 rows, m) L s dλ / W
     channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
     slope = np.gradient(table.values, STEP, axis=1)[patch]
-    widths = np.array([lamp.tolerance for lamp in lamps])
+    widths = np.array([lamp.tolerance for lamp in weighed.lamps])
     y, expected, error = (
         each[signals.used].T.ravel() for each in (signals.values, ssf.predicted, signals.standard_error)
     )
     seen = Seen(
         channel, shot, patch, y, expected, error,
-        light * table.values[patch], EDGE * light * slope, light, light * white_reflectance, WAVELENGTHS,
+        light * table.values[patch], EDGE * light * slope, light, light * rho, WAVELENGTHS,
     )  # fmt: skip
-    known = Tolerances(table.tolerance[patch], white_tolerance, widths[shot])
+    known = Tolerances(table.tolerance[patch], weighed.white_tolerance, widths[shot])
     sigma = np.sum(list(covariance(seen, known).values()), axis=0)
-    for j, each in enumerate(lamps):
+    for j, each in enumerate(weighed.lamps):
         if len(each.modes):
             modes = (seen.against_white * (shot == j)[:, None]) @ each.modes.T
             sigma = sigma + modes @ modes.T
+    if weighed.gains is not None and weighed.gains[0].size:
+        modes, own = weighed.gains
+        for j in range(len(weighed.lamps)):
+            steps = (y * (shot == j))[:, None] * modes[j].T[patch]
+            sigma = sigma + np.where(channel[:, None] == channel, 1.0 + own**2, 1.0) * (steps @ steps.T)
     return np.asarray(sigma)
+
+
+def _solved(weighed: Weighed) -> bool:
+    """Was a plane and a bowl of light solved for with the curves?"""
+    return weighed.gains is not None and bool(weighed.gains[0].size)
+
+
+def _falls(X: Floats, Y: Floats, *, solved: bool) -> list[Floats]:
+    """How light may fall over a chart: a plane and a bowl, or, where these are in Σ, what is beyond them."""
+    return [X**3, X**2 * Y, X * Y**2, Y**3] if solved else [X, Y, X**2 + Y**2]
 
 
 def _places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
@@ -179,6 +217,13 @@ def shot_answer(answer: Ssf, j: int) -> Ssf:
     return replace(answer, predicted=answer.predicted[j : j + 1], lamp=answer.lamp[j : j + 1])
 
 
+def accusable(one: Surprise) -> tuple[Suspect, float]:
+    """The strongest suspect of a shot but the black level, and the gain beyond which it is named."""
+    others = [suspect for suspect in one.suspects if suspect.kind != "black"]
+    strongest = max(others, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
+    return strongest, SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
+
+
 def accused(one: Surprise) -> Suspect | None:
     """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, or SUSPECT. Else the black level.
 
@@ -187,9 +232,7 @@ def accused(one: Surprise) -> Suspect | None:
     if not one.suspects:
         return None
     black = next((suspect for suspect in one.suspects if suspect.kind == "black"), None)
-    others = [suspect for suspect in one.suspects if suspect is not black]
-    strongest = max(others, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
-    enough = SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
+    strongest, enough = accusable(one)
     if strongest.gain > enough:
         return black if black is not None and strongest.kind == "veil" and strongest.amount < 0 else strongest
     return black if black is not None and black.gain > BLACK else None

@@ -9,12 +9,12 @@ numbers, for this file and its neighbours and for Kotlin; data/rules.json holds 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from camssf.curves.choice import CLEAR
 from camssf.curves.ssf import Ssf
+from camssf.evidence.checks import Check, Checks
 from camssf.evidence.light import (
     CONDEMNED,
     MOST_RIVALLED,
@@ -41,74 +41,37 @@ from camssf.evidence.samples import (
     samples,
 )
 from camssf.evidence.surprise import (
+    FEWEST,
     SHARE,
     SURPRISE,
     SUSPECT,
     Surprise,
     Suspect,
+    Weighed,
+    accusable,
     accused,
     directions,
     only,
     shot_answer,
-    surprise,
 )
-from camssf.grid import Floats
-from camssf.photo.patches import PatchMeans
-from camssf.photo.pose import Pose
-from camssf.photo.signals import Signals
 from camssf.rules import rules
-from camssf.spectra import ChartTable, Lamp
+from camssf.spectra import ChartTable
 
 __all__ = [
     "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "GREENS",
     "HOPELESS", "MOST_RIVALLED", "POOR_POSE", "RIVAL", "RIVALS", "ROUGH", "SHARE", "SMOOTH", "STRANGE", "SURPRISE",
-    "SUSPECT", "TINTED", "VAGUE", "VEIL", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect", "Verdict",
-    "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer",
-    "strangeness", "surprise",
+    "SUSPECT", "TINTED", "VAGUE", "VEIL", "Check", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect",
+    "Verdict", "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer", "strangeness",
 ]  # fmt: skip
 
 _NUMBER = rules().number
 HOPELESS = _NUMBER("verdict.hopeless")
 STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
-FEWEST = rules().whole("verdict.fewest")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 UNUSUAL = _NUMBER("verdict.unusual")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 PHONES = "phones"
 """The one basis whose cameras are alike enough to tell a light by."""
-
-
-@dataclass(frozen=True)
-class Weighed:
-    """What a verdict weighs: k measured shots, and what was told of them.
-
-    Attributes:
-        signals: (k, n, 3).
-        table: the chart's.
-        means, poses, lamps: k of each.
-        white_reflectance, white_tolerance: (681,) ρ and its relative error.
-    """
-
-    signals: Signals
-    table: ChartTable
-    means: Sequence[PatchMeans]
-    poses: Sequence[Pose]
-    lamps: Sequence[Lamp]
-    white_reflectance: Floats
-    white_tolerance: float
-
-    def surprise(self, answer: Ssf) -> Surprise:
-        """Rules 1 and 2 of all shots together."""
-        return surprise(self.signals, self.table, self.lamps, answer, self.white_reflectance, self.white_tolerance)
-
-    def surprise_of(self, j: int, answer: Ssf) -> Surprise:
-        """Rules 1 to 3 of shot j alone, by the answer to it; below `FEWEST` patches nothing is suspected."""
-        if int(self.signals.used[j].sum()) < FEWEST:
-            return Surprise(0.0, 0.0, FEWEST, ())
-        return surprise(
-            only(self.signals, j), self.table, [self.lamps[j]], answer, self.white_reflectance,
-            self.white_tolerance, pose=self.poses[j], means=self.means[j],
-        )  # fmt: skip
 
 
 def judge(
@@ -136,32 +99,34 @@ def judge(
     found = weighed.surprise(ssf)
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
     each = [weighed.surprise_of(j, answer) for j, answer in enumerate(answers)]
-    reasons = [*_surprised(found, each, table), *_strange(ssf)]
+    checks = Checks()
+    reasons = [*_surprised(found, each, table, checks), *_strange(ssf, checks)]
     for j, (means, pose) in enumerate(zip(weighed.means, weighed.poses, strict=True)):
         name = f"shot {j + 1}"
-        reasons += exposure(name, signals, j, means)
-        reasons += few(name, signals.used[j], means)
-        reasons += samples(name, means, signals.used[j], table)
+        reasons += exposure(name, signals, j, means, checks)
+        reasons += few(name, signals.used[j], j, means, checks)
+        reasons += samples(name, means, signals.used[j], j, table, checks)
+        checks.note("poor_pose", pose.score, j)
         if pose.score < POOR_POSE:
             reasons.append(because("pose", pose.score, {"shot": name, "score": pose.score}))
     whites = [
-        tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j])
+        tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks)
         for j, lamp in enumerate(lamps)
     ]
     reasons += [reason for white in whites for reason in white]
-    reasons += _vague(ssf)
-    reasons += _unusual(ssf, family)
-    reasons += _unnamed(ssf, family) if unnamed else []
+    reasons += _vague(ssf, checks)
+    reasons += _unusual(ssf, family, checks)
+    reasons += _unnamed(ssf, family, checks) if unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
-        reasons += rivalled(rivals() if callable(rivals) else rivals, lamps, doubted)
+        reasons += rivalled(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
     if any(isinstance(reason, Fatal) for reason in reasons):
-        return Verdict("refused", tuple(reasons))
-    return Verdict("doubtful" if reasons else "accepted", tuple(reasons))
+        return Verdict("refused", tuple(reasons), tuple(checks))
+    return Verdict("doubtful" if reasons else "accepted", tuple(reasons), tuple(checks))
 
 
-def _surprised(found: Surprise, each: Sequence[Surprise], table: ChartTable) -> list[Reason]:
+def _surprised(found: Surprise, each: Sequence[Surprise], table: ChartTable, checks: Checks) -> list[Reason]:
     """Rules 2 and 3 against their thresholds: the strongest suspect of each shot, else that nothing explains it."""
     hopeless = found.total > HOPELESS * found.count
     over = found.total / found.count
@@ -172,13 +137,26 @@ def _surprised(found: Surprise, each: Sequence[Surprise], table: ChartTable) -> 
             name, words = _accusation(suspect, table)
             value = over if hopeless else suspect.gain
             reasons.append(because(name, value, {"shot": f"shot {j + 1}", **words}, fatal=hopeless))
+        _note_suspects(one, j, checks)
     worst = max(one.z for one in each)
     largest = max(found.z, worst)
+    checks.note("surprise", largest)
+    checks.note("hopeless", over)
     if not reasons and (hopeless or largest > SURPRISE):
         name = "contradiction" if len(each) > 1 and worst <= SURPRISE else "unexplained"
         value = over if hopeless else largest
         reasons.append(because(name, value, {"size": float(np.sqrt(over))}, fatal=hopeless))
     return reasons
+
+
+def _note_suspects(one: Surprise, j: int, checks: Checks) -> None:
+    """The strongest of shot j beside what would have named it, and the black level, which has a limit of its own."""
+    others, black = ([each for each in one.suspects if (each.kind == "black") == same] for same in (False, True))
+    if others:
+        strongest, enough = accusable(one)
+        checks.note("suspect", strongest.gain, j, limit=enough)
+    for each in black:
+        checks.note("black", each.gain, j)
 
 
 def _accusation(suspect: Suspect, table: ChartTable) -> tuple[str, dict[str, str | float]]:
@@ -208,25 +186,29 @@ def strangeness(ssf: Ssf) -> float | None:
     return float((np.cbrt(np.sum(ssf.code**2) / expected) - (1.0 - u)) / np.sqrt(u))
 
 
-def _strange(ssf: Ssf) -> list[Reason]:
+def _strange(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Curves unlike a camera's."""
     size = strangeness(ssf)
+    if size is not None:
+        checks.note("strange", size)
     if size is None or size <= STRANGE:
         return []
     return [because("strange", size, {"size": size}, fatal=size > ALIEN)]
 
 
-def _unusual(ssf: Ssf, family: str | None) -> list[Reason]:
+def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     """A camera that its basis does not know: wider than it, or of the other family than its maker."""
     wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
     other = sum(weight.probability for weight in ssf.choice if family is not None and weight.basis != family)
+    if ssf.choice:
+        checks.note("unusual", max(wide, other))
     if max(wide, other) <= UNUSUAL:
         return []
     words = {"probability": max(wide, other), "basis": ssf.basis}
     return [because("unusual", max(wide, other), words)]
 
 
-def _unnamed(ssf: Ssf, family: str | None) -> list[Reason]:
+def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     """A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
 
     Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
@@ -238,15 +220,17 @@ def _unnamed(ssf: Ssf, family: str | None) -> list[Reason]:
     if family is None and rest > 0:  # else the odds hold the maker's word, or there was no choice
         phone = phone / (phone + CLEAR * rest)
     bound = UNNAMED if family == PHONES else CLEAR / (1.0 + CLEAR)
+    checks.note("unnamed", phone, limit=bound)
     if phone >= bound:
         return []
     fatal = phone < UNNAMEABLE
     return [because("unnamed", phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
 
 
-def _vague(ssf: Ssf) -> list[Reason]:
+def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:
     """A band too wide to tell cameras apart."""
     if ssf.std is None:
         return []
     width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
+    checks.note("vague", width)
     return [because("vague", width, {"width": width})] if width > VAGUE else []

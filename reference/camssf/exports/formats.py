@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from camssf.colour.camera import OwnWhite, camera_of_result
+from camssf.colour.camera import HasDocument, OwnWhite, camera_of_result
 from camssf.errors import InvalidArgument
 from camssf.exports.clf import clf
 from camssf.exports.curves import Curves, one_line, read_result
@@ -41,7 +41,12 @@ class Order:
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what it is in words, and its writer."""
+    """A format.
+
+    Attributes:
+        what: it is, in words.
+        write: its content from curves and an order.
+    """
 
     what: str
     write: Callable[[Curves, Order], str | bytes]
@@ -59,7 +64,7 @@ FORMATS = {
 
 
 def export(
-    document: dict[str, Any],
+    result: HasDocument | dict[str, Any],
     to: str,
     *,
     created: datetime | None = None,
@@ -69,7 +74,7 @@ def export(
     """A result in another format.
 
     Args:
-        document: of a result, "camssf-result/1".
+        result: a result, or its document, "camssf-result/1".
         to: one of FORMATS.
         created: aware; now unless given. The environment's SOURCE_DATE_EPOCH comes first.
         licence: that the owner of the curves gives them, for formats that ask for one.
@@ -85,6 +90,7 @@ def export(
         raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")
     if not one_line(licence):
         raise InvalidArgument("The licence is empty.", "Name one, for example CC-BY-4.0, or leave it out.")
+    document = result if isinstance(result, dict) else result.document()
     curves = read_result(document)
     order = Order(_time(created), one_line(licence), lamp, camera_of_result(document).own)
     written = FORMATS[to].write(curves, order)

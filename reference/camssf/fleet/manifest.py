@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import groupby
 from pathlib import Path
@@ -202,5 +202,5 @@ def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str]) -> st
         except OSError:
             found = None
         stats.append(None if found is None else (found.st_size, found.st_mtime_ns))
-    told = json.dumps([astuple(job), list(extra), list(unit), stats, __version__])
+    told = json.dumps([list(vars(job).values()), list(extra), list(unit), stats, __version__])
     return hashlib.sha256(told.encode()).hexdigest()

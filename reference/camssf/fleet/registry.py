@@ -22,6 +22,7 @@ from typing import Any, TypeAlias, TypeVar
 from camssf.errors import InvalidArgument
 from camssf.files import readable, write_file
 from camssf.fleet.rows import Row, Task, columns
+from camssf.libraries import library
 
 Table: TypeAlias = type[Row] | type[Task]
 Answer = TypeVar("Answer")
@@ -76,7 +77,7 @@ class Registry:
     """A registry in a folder; with `new` one that need not be there yet, and is made at the first writing."""
 
     def __init__(self, folder: Path | str, *, new: bool = False) -> None:
-        library()
+        library("duckdb", "The registry needs", "fleet")
         self.folder = Path(folder)
         found = _format(self.folder, new)
         if found != FORMAT:
@@ -257,20 +258,6 @@ def _empty(folder: Path) -> bool:
         return True
     except OSError:
         return False
-
-
-def library() -> None:
-    """See that DuckDB is there.
-
-    Raises:
-        InvalidArgument: it is not.
-    """
-    try:
-        import duckdb  # noqa: F401
-    except ImportError as error:
-        raise InvalidArgument(
-            "The registry needs the library duckdb, which is not there.", "Run pip install 'camssf[fleet]'."
-        ) from error
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from typing import Any, TypeAlias
 
+from camssf.curves.choice import CLEAR
+from camssf.documents.choice import choice_of
 from camssf.photo.unit import Unit
 
 Json: TypeAlias = dict[str, Any]
@@ -52,6 +54,11 @@ class Row:
         channel_gain: red, green, blue.
         red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty where there are none.
         extra: further columns of the manifest, as JSON.
+        l2, gamma: the penalties that it was solved with.
+        prior_scale, prior_share: where its basis answered alone, how wide its prior was taken, likeliest first, and
+            the weight of each width in the answer; else empty.
+        odds: of its basis against the others; infinite where nothing is left to them, None where a basis was told.
+        code_covariance: of the code, as in the result: with the curves, all that the photo said.
     """
 
     key: str
@@ -93,6 +100,12 @@ class Row:
     green_std: Curve
     blue_std: Curve
     extra: str
+    l2: float | None = None
+    gamma: float | None = None
+    prior_scale: tuple[float, ...] = ()
+    prior_share: tuple[float, ...] = ()
+    odds: float | None = None
+    code_covariance: Curve = ()
 
 
 @dataclass(frozen=True)
@@ -164,6 +177,7 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
     for colour in CHANNELS:
         known[colour] = _curve(document.get("ssf"), colour)
         known[f"{colour}_std"] = _curve(document.get("ssf_std"), colour)
+    widths, chosen = widths_of(document), choice_of(document)
     return Row(
         key=result if isinstance(result, str) else hashlib.sha256(result).hexdigest(),
         added=utc(now or datetime.now(UTC)),
@@ -191,8 +205,30 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
         evidence=document.get("evidence"),
         channel_gain=tuple(document.get("channel_gain") or ()),
         extra=json.dumps(dict(origin.extra), ensure_ascii=False, sort_keys=True) if origin.extra else "",
+        l2=document.get("l2"),
+        gamma=max(document["gamma"]) if document.get("gamma") else None,
+        prior_scale=tuple(width for width, _ in widths),
+        prior_share=tuple(share for _, share in widths),
+        odds=None if chosen is None else chosen.odds,
+        code_covariance=tuple(document.get("code_covariance") or ()),
         **known,
     )
+
+
+def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
+    """How wide the basis that answered took its prior, likeliest first, and the weight of each width.
+
+    None where two bases were mixed, or lights that nobody named: such curves are no one's alone.
+    """
+    if "prior_scale" not in document:
+        return ()
+    choice = document.get("choice") or []
+    own = [each for each in choice if each["basis"] == document["basis"]]
+    rest = sum(each["probability"] for each in choice) - sum(each["probability"] for each in own)
+    if any(each.get("kinds") for each in choice) or sum(each["probability"] for each in own) < CLEAR * rest:
+        return ()
+    found = [(each["prior_scale"], each["probability"]) for each in own] or [(document["prior_scale"], 1.0)]
+    return tuple(sorted(found, key=lambda width: -width[1]))
 
 
 def utc(time: datetime) -> datetime:

@@ -18,11 +18,15 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from multiprocessing import get_context, parent_process
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from camssf import __version__
 from camssf.documents.report import NAMES
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
+
+if TYPE_CHECKING:
+    from camssf.documents.result import Calibration, Refusal
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing or empty."""
@@ -176,15 +180,13 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
 
 def calibrate_job(job: Job, folder: Path) -> Outcome:
     """Calibrate one camera into `folder`; a refusal leaves what is known of the capture."""
-    from camssf.calibration import attempt
+    from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.documents.result import Refusal
-    from camssf.options import Options
 
-    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
     try:
-        result = attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
-        report(result.document(), result.previews).save(folder)
+        result = attempt_job(job)
+        report(result.document(), result.previews, beside=taken(job.photos)).save(folder)
         if isinstance(result, Refusal):
             raise result.error
     except CalibrationError as error:
@@ -192,6 +194,15 @@ def calibrate_job(job: Job, folder: Path) -> Outcome:
     reasons = result.verdict.reasons
     code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
     return Outcome(job.name, job.folder, result.verdict.status, code, reason)
+
+
+def attempt_job(job: Job) -> Calibration | Refusal:
+    """What a job asks for, done."""
+    from camssf.calibration import attempt
+    from camssf.options import Options
+
+    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
+    return attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
 
 
 # the manifest

@@ -12,13 +12,10 @@ import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -28,36 +25,15 @@ from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_files
 from camssf.fleet.manifest import Item, Manifest, file_in, words_of
+from camssf.fleet.pools import DEATHS, FLUSH, Done, here, on_dask
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Row, Task, row, utc
-from camssf.fleet.run import begin, cores, file_hash, single_threads
+from camssf.fleet.run import attempt_job, cores, file_hash
 from camssf.photo.unit import Unit, read_unit
 
-FLUSH, MANY = 2.0, 256
-"""Seconds and rows after which the registry is written."""
-AHEAD = 4
-"""Jobs a worker that wait for it."""
-DEATHS = 2
-"""Of processes that worked on a job, after which it is put aside until its files or its rows change."""
+MANY = 256
+"""Rows after which the registry is written; else every FLUSH seconds."""
 STATUSES = ("accepted", "doubtful", "refused", "failed")
-
-
-@dataclass(frozen=True)
-class Done:
-    """What a worker tells of a job.
-
-    Attributes:
-        status, code, reason, made_from: as in `Task`.
-        row: of its result; None without one.
-        found: the result was in the archive already.
-    """
-
-    status: str
-    code: str = ""
-    reason: str = ""
-    made_from: str = ""
-    row: Row | None = None
-    found: bool = False
 
 
 @dataclass
@@ -65,7 +41,8 @@ class Summary:
     """What became of a manifest.
 
     Attributes:
-        by_status: jobs by their status; by_code: by their first reason.
+        by_status: jobs by their status; by_code: by their first reason; by_model: by make and model, "" where nothing
+            was found out of it, and status.
         resumed: of these, done in an earlier run.
         duplicates: of these, made from the same files as another.
         seconds: it took.
@@ -73,6 +50,7 @@ class Summary:
 
     by_status: Counter[str] = field(default_factory=Counter)
     by_code: Counter[str] = field(default_factory=Counter)
+    by_model: dict[str, Counter[str]] = field(default_factory=dict)
     resumed: int = 0
     duplicates: int = 0
     seconds: float = 0.0
@@ -81,6 +59,12 @@ class Summary:
     def total(self) -> int:
         """All jobs."""
         return self.by_status.total()
+
+    def count(self, status: str, code: str, model: str) -> None:
+        """One job."""
+        self.by_status[status] += 1
+        self.by_code[code] += 1
+        self.by_model.setdefault(model, Counter())[status] += 1
 
     @property
     def failed(self) -> int:
@@ -98,6 +82,7 @@ def run_stream(
     registry: Registry,
     *,
     workers: int | None = None,
+    dask: str | None = None,
     pages: bool = False,
     work: Work | None = None,
     progress: Tell | None = None,
@@ -111,22 +96,28 @@ def run_stream(
         manifest: the jobs.
         archive: folder of the results; made where it is missing.
         registry: where their rows go.
-        workers: processes; all cores unless given.
+        workers: processes here; all cores unless given.
+        dask: address of a Dask scheduler, whose workers do it instead. They need camssf of this version, and must see
+            photos and archive under the same paths.
         pages: leave report.html, ssf.png and ssf.csv beside each result.json.
         work: what to do with one job, importable by a new process; `calibrate_item` unless given.
         progress: called with words and a fraction.
 
     Raises:
-        InvalidArgument: the manifest cannot be read, or archive or registry cannot be written to.
+        InvalidArgument: the manifest cannot be read, archive or registry cannot be written to, or the cluster does
+            not answer, or cannot do it.
     """
     archive = Path(archive)
     begun, summary = time.monotonic(), Summary()
     desk = _Desk(registry, summary)
     todo = _left(manifest, registry, summary)
-    one = partial(_one, archive=archive, pages=pages, work=work or calibrate_item)
+    one = partial(_one, archive=archive.absolute(), pages=pages, work=work or calibrate_item)
+    tell = _teller(manifest, summary, progress, begun)
     try:
-        with single_threads():
-            _spread(todo, one, max(1, workers or cores()), desk, _teller(manifest, summary, progress, begun))
+        if dask is None:
+            here(todo, one, max(1, workers or cores()), desk, tell)
+        else:
+            on_dask(todo, one, (dask, archive.absolute()), desk, tell)
     finally:
         desk.flush()
     registry.gather()
@@ -136,16 +127,13 @@ def run_stream(
 
 def calibrate_item(item: Item, folder: Path, pages: bool) -> Done:
     """Calibrate one job into `folder`; a refused capture leaves what is known of it."""
-    from camssf.calibration import attempt
+    from camssf.documents.beside import taken
     from camssf.documents.report import document_bytes, report
-    from camssf.options import Options
 
-    job = item.job
-    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
-    result = attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
+    result = attempt_job(item.job)
     document = result.document()
     if pages:
-        report(document, result.previews).save(folder)
+        report(document, result.previews, beside=taken(item.job.photos)).save(folder)
     else:
         write_files(folder, {"result.json": document_bytes(document)})
     return Done(document["verdict"]["status"])
@@ -215,59 +203,38 @@ def _kept(item: Item, folder: Path, made_from: str) -> Row | None:
 def _left(manifest: Manifest, registry: Registry, summary: Summary) -> Iterator[Item]:
     """The jobs that are still to do; what is done is counted. Eight bytes a task are held, not its words."""
     done = registry.arrays(
-        f"SELECT ('0x' || task[:16])::UBIGINT AS task, list_position({list(STATUSES)}, status) - 1 AS status, code "
+        f"SELECT ('0x' || task[:16])::UBIGINT AS task, list_position({list(STATUSES)}, status) - 1 AS status, code, "
+        "coalesce(TRY_CAST('0x' || key[:16] AS UBIGINT), 0) AS row "
         f"FROM rows WHERE key <> '' OR deaths >= {DEATHS} ORDER BY 1",
         table=Task,
     )
-    known = np.asarray(done["task"], dtype=np.uint64)
+    known, models = np.asarray(done["task"], dtype=np.uint64), _models(registry)
     for item in manifest:
         mark = np.uint64(int(item.task[:16], 16))
         at = int(np.searchsorted(known, mark))
         if at < len(known) and known[at] == mark:
             summary.resumed += 1
-            summary.by_status[STATUSES[int(done["status"][at])]] += 1
-            summary.by_code[str(done["code"][at])] += 1
+            summary.count(STATUSES[int(done["status"][at])], str(done["code"][at]), models(int(done["row"][at])))
         else:
             yield item
 
 
-def _spread(
-    todo: Iterator[Item], one: Callable[[Item], Done], count: int, desk: _Desk, tell: Callable[[], None]
-) -> None:
-    """Over processes. Where one dies, what may have killed it goes alone, so that only the culprit pays."""
-    while suspects := _pool(todo, one, count, desk, tell):
-        for item in suspects:
-            if _pool(iter([item]), one, 1, desk, tell):
-                words = "The process that worked on it died, twice (memory, or a damaged file). It is put aside."
-                desk.take(item, Done("failed", "", words), deaths=DEATHS)
+def _models(registry: Registry) -> Callable[[int], str]:
+    """Make and model of a row, by the first 64 bits of its key; twelve bytes a row are held."""
+    name = "trim(make || ' ' || model)"
+    names = [each["name"] for each in registry.query(f"SELECT DISTINCT {name} AS name FROM rows ORDER BY 1")]
+    found = registry.arrays(
+        "SELECT TRY_CAST('0x' || key[:16] AS UBIGINT) AS key, "
+        f"(dense_rank() OVER (ORDER BY {name}) - 1)::INTEGER AS model FROM rows "
+        "WHERE TRY_CAST('0x' || key[:16] AS UBIGINT) IS NOT NULL ORDER BY 1"
+    )
+    keys = np.asarray(found["key"], dtype=np.uint64)
 
+    def model(key: int) -> str:
+        at = int(np.searchsorted(keys, np.uint64(key)))
+        return str(names[int(found["model"][at])]) if at < len(keys) and keys[at] == key else ""
 
-def _pool(
-    todo: Iterator[Item], one: Callable[[Item], Done], count: int, desk: _Desk, tell: Callable[[], None]
-) -> list[Item]:
-    """Work until there is no more, or a process died: then what was under way. No process is begun for nothing."""
-    item = next(todo, None)
-    if item is None:
-        return []
-    running: dict[Future[Done], Item] = {}
-    with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
-        try:
-            while item is not None or running:
-                while item is not None and len(running) < AHEAD * count:
-                    running[pool.submit(one, item)] = item
-                    item = next(todo, None)
-                finished, _ = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    desk.take(running[future], future.result())
-                    del running[future]
-                desk.flush(if_due=True)
-                tell()
-        except BrokenProcessPool:
-            return [*running.values(), *([] if item is None else [item])]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    return []
+    return model
 
 
 class _Desk:
@@ -281,8 +248,8 @@ class _Desk:
 
     def take(self, item: Item, done: Done, *, deaths: int = 0) -> None:
         """One job's end."""
-        self._summary.by_status[done.status] += 1
-        self._summary.by_code[done.code] += 1
+        model = "" if done.row is None else f"{done.row.make} {done.row.model}".strip()
+        self._summary.count(done.status, done.code, model)
         key = "" if done.row is None else done.row.key
         if done.row is not None and key in self._rows:
             self._summary.duplicates += 1

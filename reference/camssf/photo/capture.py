@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
+from os import PathLike as OsPath
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,11 +16,24 @@ from numpy.typing import ArrayLike, NDArray
 from camssf.errors import FramesDiffer, InvalidArgument
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import PatchMeans, measure_patches
 from camssf.photo.pose import Pose, find_chart
-from camssf.spectra import ChartTable, Lamp, Light, Unnamed, read_chart, read_light, with_tolerance
+from camssf.photo.raw import read_raw
+from camssf.photo.unit import Area, Unit, check_unit
+from camssf.spectra import (
+    ChartLike,
+    ChartTable,
+    Lamp,
+    Light,
+    LightLike,
+    Unnamed,
+    read_chart,
+    read_light,
+    with_tolerance,
+)
 from camssf.spectra.lamps import AUTO
+from camssf.spectra.objects import is_one
 
 MOST_SHOTS = 64
 LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
@@ -36,6 +50,8 @@ class Photo:
     """What a frame's file says, without its samples.
 
     `neutrals`: the camera's white (R, G, B) under the CIE illuminant of each of the file's colour matrices.
+    `unit`: the physical camera and its lens; `active_area`: of its sensor, top, left, bottom, right.
+    `levels`: whose word its pattern and levels are; "" where a DNG's own tags say them.
     """
 
     name: str
@@ -49,6 +65,9 @@ class Photo:
     model: str
     sha256: str
     neutrals: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    unit: Unit = field(default_factory=Unit)
+    active_area: Area | None = None
+    levels: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,11 +156,11 @@ class Record:
 
 def measure(
     photos: PathLike | Sequence[PathLike],
-    lamps: str | Light | Sequence[str | Light] | None = None,
+    lamps: LightLike | Sequence[LightLike] | None = None,
     *,
     white: PathLike | Sequence[PathLike | None] | None = None,
     dark: PathLike | Sequence[PathLike | None] | None = None,
-    chart: str | ChartTable = "classic24",
+    chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     progress: Progress | None = None,
     record: Record | None = None,
@@ -158,19 +177,20 @@ def measure(
     """
     tell = progress or (lambda stage, part: None)
     record = Record() if record is None else record
-    record.chart = chart.name if isinstance(chart, ChartTable) else str(chart)
+    record.chart = str(chart) if isinstance(chart, str | OsPath) else str(getattr(chart, "name", "chart (given)"))
     plans = _plans(photos, lamps, white, dark, options)
     target = check_target(options.white_reflectance, plans[0].white is not None)
     for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", p.lamp) for j, p in enumerate(plans))]:
         record.files |= _hash(role, spec)
     lights = [_light(plan) for plan in plans]
-    record.table = table = chart if isinstance(chart, ChartTable) else read_chart(chart)
+    record.table = table = read_chart(chart)
+    record.chart = table.name
     k = len(plans)
     for j, (plan, light) in enumerate(zip(plans, lights, strict=True)):
         at = f" {j + 1} of {k}" if k > 1 else ""
         record.unfinished = Unfinished(light)
         tell(f"reading photo{at}", j / k)
-        photo = read_dng(plan.photo)
+        photo = read_raw(plan.photo)
         record.unfinished = known = Unfinished(
             light, photo_of(photo), cell_blacks(photo), photo.white, thumbnail(photo)
         )
@@ -188,7 +208,7 @@ class _Plan:
     """What was told of one shot."""
 
     photo: PathLike
-    lamp: str | Light
+    lamp: LightLike
     white: PathLike | None
     dark: PathLike | None
     corners: ArrayLike | None
@@ -221,7 +241,7 @@ def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> 
 
 
 def _light(plan: _Plan) -> Light:
-    light = plan.lamp if isinstance(plan.lamp, Lamp | Unnamed) else read_light(plan.lamp)
+    light = read_light(plan.lamp)
     if not plan.tolerance:
         return light
     if isinstance(light, Unnamed):
@@ -235,7 +255,7 @@ def _shot(plan: _Plan, photo: Mosaic, known: Unfinished, lens_shading: str) -> S
     """The shot measured, once its chart is found."""
     assert known.photo is not None
     assert known.pose is not None
-    white, dark = (None if path is None else read_dng(path) for path in (plan.white, plan.dark))
+    white, dark = (None if path is None else read_raw(path) for path in (plan.white, plan.dark))
     means = measure_patches(photo, known.pose, white=white, dark=dark, lens_shading=lens_shading)
     of_white, of_dark = (None if frame is None else photo_of(frame) for frame in (white, dark))
     return Shot(known.lamp, known.photo, of_white, of_dark, known.pose, means, known.thumbnail, lens_shading)
@@ -248,6 +268,7 @@ def photo_of(mosaic: Mosaic) -> Photo:
         Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
         mosaic.make, mosaic.model, mosaic.sha256,
         tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
+        mosaic.unit, mosaic.active_area, mosaic.levels,
     )  # fmt: skip
 
 
@@ -270,7 +291,7 @@ def cell_blacks(mosaic: Mosaic) -> Floats:
 
 def listed(name: str, value: Any) -> list[Any]:
     """One value or a sequence of them, as a list."""
-    if isinstance(value, str | Path | Lamp | Unnamed):
+    if isinstance(value, str | Path | Lamp | Unnamed) or (name == "lamps" and is_one(value)):
         return [value]
     try:
         return [] if value is None else list(value)
@@ -311,6 +332,7 @@ def check_shots(shots: Sequence[Shot]) -> None:
     Raises:
         InvalidArgument: a photo given twice, or a white frame for some shots only.
         FramesDiffer: two cameras.
+        UnitDiffers: two physical cameras or lenses of one model.
     """
     hashes = [shot.photo.sha256 for shot in shots]
     twice = [shot.photo.name for shot in shots if hashes.count(shot.photo.sha256) > 1]
@@ -325,6 +347,10 @@ def check_shots(shots: Sequence[Shot]) -> None:
             f"The photos come from different cameras: {', '.join(sorted(' '.join(b) for b in bodies))}.",
             "Calibrate one camera at a time; `camssf batch` takes many.",
         )
+    first = shots[0].photo
+    for shot in shots[1:]:
+        photo = shot.photo
+        check_unit(first.name, (first.unit, first.active_area), photo.name, (photo.unit, photo.active_area))
     if len({shot.white is None for shot in shots}) > 1:
         raise _some_white()
 

@@ -8,20 +8,21 @@ Tags and their meaning: TIFF 6.0, and Digital Negative (DNG) Specification 1.7, 
 from __future__ import annotations
 
 import hashlib
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import NotSensorRaw, UnreadableRaw, UnsupportedRaw
+from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
 from camssf.grid import Floats
+from camssf.photo.jpeg import check_jpeg
 from camssf.photo.opcodes import GainMap, read_gain_maps
-from camssf.photo.tags import CONVERT, COPY_AGAIN, MAX_DEPTH, MAX_DIRECTORIES, Directory, Tiff
+from camssf.photo.tags import CONVERT, COPY_AGAIN, MAX_DEPTH, MAX_DIRECTORIES, NO_DNG, Directory, Tiff
+from camssf.photo.unit import Area, Unit, unit_of
 
 __all__ = [
     "CFA_ORDERS",
@@ -51,7 +52,7 @@ _CODECS = {
     50002: "JPEG XL",
     52546: "JPEG XL",
 }
-_WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
+WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
     17: (0.44758, 0.40745),
     18: (0.34842, 0.35161),
     19: (0.31006, 0.31616),
@@ -83,6 +84,9 @@ class Mosaic:
         sha256: of the file, hex.
         neutrals: the camera's white (3,), green 1, under the light that each colour matrix was made for, by its Exif
             LightSource code.
+        unit: the physical camera and its lens, as far as the file says.
+        active_area: top, left, bottom, right in the stored picture; None where there was no file.
+        levels: whose word pattern, black and white level are, in words; "" where a DNG's own tags say them.
     """
 
     path: str
@@ -101,6 +105,9 @@ class Mosaic:
     as_shot_neutral: Floats | None
     sha256: str
     neutrals: tuple[tuple[int, Floats], ...] = ()
+    unit: Unit = field(default_factory=Unit)
+    active_area: Area | None = None
+    levels: str = ""
 
     @property
     def gain_map(self) -> bool:
@@ -119,6 +126,7 @@ def read_dng(path: str | Path) -> Mosaic:
         UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
         UnsupportedRaw: a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
         NotSensorRaw: LinearRaw, that is, already demosaiced.
+        OutOfMemory: its samples do not fit into the memory that is left.
     """
     file = Path(path)
     try:
@@ -133,7 +141,13 @@ def read_dng(path: str | Path) -> Mosaic:
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         reason = getattr(error, "strerror", None) or error
         raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
-    return replace(found, samples=_decode(file, frame), sha256=sha256)
+    try:
+        return replace(found, samples=_decode(file, frame), sha256=sha256)
+    except MemoryError as error:
+        raise OutOfMemory(
+            f"{file} needs more memory than there is.",
+            "Close other programs, or photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
+        ) from error
 
 
 def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
@@ -196,6 +210,8 @@ def _parse(tiff: Tiff) -> tuple[Mosaic, _Frame]:
         as_shot_neutral=_neutral(tiff, first),
         sha256="",
         neutrals=_neutrals(tiff, first),
+        unit=unit_of(tiff, exif),
+        active_area=frame.area,
     )
     return mosaic, frame
 
@@ -205,7 +221,7 @@ def _raw_directory(tiff: Tiff) -> Directory:
     version = tiff.raw_bytes(tiff.main[0], 50706)
     if not version:
         if any(32803 in tiff.whole(each, 262)[:1] for each in tiff.all):
-            raise UnsupportedRaw(f"{tiff.file} is a raw file, but no DNG.", CONVERT)
+            raise UnsupportedRaw(f"{tiff.file} {NO_DNG}", CONVERT)
         raise UnreadableRaw(
             f"{tiff.file} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture."
         )
@@ -271,7 +287,7 @@ def _check_data(tiff: Tiff, raw: Directory, frame: _Frame) -> None:
         if frame.compression == 7:
             if 8 * count < width * rows:  # no Huffman code is shorter than a bit
                 raise tiff.damaged(f"piece {number} of its data is too short")
-            _check_jpeg(tiff, at, count, width * rows)
+            check_jpeg(tiff, at, count, width * rows)
             continue
         wanted = rows * -(-width * frame.bits // 8)
         if count < wanted:
@@ -279,43 +295,6 @@ def _check_data(tiff: Tiff, raw: Directory, frame: _Frame) -> None:
         if number + 1 < pieces and not tiled and offsets[number + 1] != at + wanted:
             # LibRaw reads on from the first strip
             raise UnsupportedRaw(f"{tiff.file} stores its strips apart or out of order.", CONVERT)
-
-
-def _check_jpeg(tiff: Tiff, at: int, count: int, samples: int) -> None:
-    """Only a whole lossless JPEG (ITU-T T.81, SOF3) of just so many samples passes, in a form that LibRaw decodes.
-
-    LibRaw takes damage inside the coded samples in silence, and so it passes here. After a restart it goes on
-    predicting from the line above, which only predictor 1 forgives, and it knows no point transform.
-    """
-    some = min(count, 4096)
-    head, tail = tiff.bytes_at(at, some), tiff.bytes_at(at + count - some, some)
-    if head[:2] != b"\xff\xd8" or b"\xff\xd9" not in tail:  # begin and end of image; padding may follow
-        raise tiff.damaged("a tile is no whole JPEG")
-    place, restart, framed = 2, 0, False
-    while place + 4 <= len(head) and head[place] == 0xFF:
-        marker, length = struct.unpack_from(">xBH", head, place)
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            if marker != 0xC3:
-                raise UnsupportedRaw(f"{tiff.file} is compressed with lossy JPEG.", CONVERT)
-            if place + 10 > len(head):
-                break
-            precision, lines, columns, components = struct.unpack_from(">BHHB", head, place + 4)
-            if lines * columns * components != samples or not 2 <= precision <= 16:
-                raise tiff.damaged(f"a JPEG of {columns} × {lines} × {components} in a tile of {samples} samples")
-            framed = True
-        elif marker == 0xDD and place + 6 <= len(head):
-            restart = int(struct.unpack_from(">H", head, place + 4)[0])
-        elif marker == 0xDA and framed and place + 2 + length <= len(head) and length >= 6:
-            predictor, _, transform = head[place + length - 1 : place + length + 2]
-            if transform & 15 or (restart and predictor != 1):
-                raise UnsupportedRaw(
-                    f"{tiff.file} stores lossless JPEG with "
-                    + (f"predictor {predictor} and restart intervals." if restart else "a point transform."),
-                    CONVERT,
-                )
-            return
-        place += 2 + length
-    raise tiff.damaged("a tile's JPEG has no header")
 
 
 def _cfa(tiff: Tiff, raw: Directory) -> str:
@@ -393,7 +372,7 @@ def _neutrals(tiff: Tiff, first: Directory) -> tuple[tuple[int, Floats], ...]:
     gains = balance if balance is not None and balance.size == 3 and np.isfinite(balance).all() else np.ones(3)
     for matrix, calibration, light in ((50721, 50723, 50778), (50722, 50724, 50779)):
         to_camera, own = _matrix(tiff, first, matrix), _matrix(tiff, first, calibration)
-        xy = _WHITE_POINTS.get(tiff.one(first, light, 0))
+        xy = WHITE_POINTS.get(tiff.one(first, light, 0))
         if to_camera is None or xy is None:
             continue
         x, y = xy
@@ -413,7 +392,7 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
     import rawpy
 
     try:
-        with _opened(file) as name, rawpy.imread(name) as raw:
+        with opened(file) as name, rawpy.imread(name) as raw:
             stored = raw.raw_image
             if stored is None or stored.shape != (frame.height, frame.width):
                 raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
@@ -426,7 +405,7 @@ def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
 
 
 @contextmanager
-def _opened(file: Path) -> Iterator[str | BinaryIO]:
+def opened(file: Path) -> Iterator[str | BinaryIO]:
     """A file as rawpy takes it: by name, which must be Unicode, or else open."""
     try:
         str(file).encode()

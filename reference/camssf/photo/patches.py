@@ -15,6 +15,7 @@ from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.mosaic import Mosaic, shading
 from camssf.photo.pose import Pose
+from camssf.photo.unit import check_unit
 from camssf.rules import rules
 
 SHRINK = rules().number("patches.shrink")
@@ -137,7 +138,7 @@ def _cells(cfa: str) -> list[tuple[int, int]]:
 
 
 def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
-    """Raise FramesDiffer unless the frame was taken with the chart photo's camera and settings."""
+    """Raise FramesDiffer or UnitDiffers unless the frame was taken with the chart photo's camera and settings."""
     differ = []
     if frame.samples.shape != chart.samples.shape:
         differ.append(f"size {_size(frame)} against {_size(chart)}")
@@ -160,6 +161,10 @@ def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
             f"The {word} frame {frame.path} differs from the chart photo {chart.path}: {'; '.join(differ)}.",
             "Take chart, white and dark frame with one camera in manual mode: same exposure time, ISO, aperture.",
         )
+    check_unit(
+        f"the chart photo {chart.path}", (chart.unit, chart.active_area),
+        f"The {word} frame {frame.path}", (frame.unit, frame.active_area),
+    )  # fmt: skip
 
 
 def _size(frame: Mosaic) -> str:

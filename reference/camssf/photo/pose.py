@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
+from camssf.photo.finder.find import Sighting, find_sightings
+from camssf.photo.finder.picture import codes_of_mosaic
 from camssf.photo.layouts import (
     LAYOUTS,
     ChartLayout,
@@ -31,6 +33,7 @@ from camssf.photo.search import (
     brightness,
     finer,
     label,
+    match_near,
     matches_in,
     plain_signals,
     thumbnail,
@@ -71,6 +74,12 @@ NEAR = 0.55
 
 LOCKED = 0.6
 """Share of patch borders that must lie where the lattice says."""
+
+SURE = 0.95
+"""Agreement above which one detector's word is enough where one grid was in view."""
+
+APART = 0.5
+"""How far two detectors' patches may lie from each other and still be the same, in pitches."""
 
 SMALLEST = 64
 """Sides of a photo, px, in which a chart can be looked for."""
@@ -138,6 +147,10 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     if corners is not None:
         return _by_hand(mosaic, layout, expected, _checked(corners, mosaic))
     matches = matches_in(mosaic, layout, expected)
+    others = _others(matches) if matches else ()
+    if not matches or matches[0].score < SURE or others:
+        matches, heard = _second_opinion(mosaic, layout, expected, matches)
+        others += heard
     if not matches or matches[0].score < ACCEPT:
         raise ChartNotFound(
             f"{mosaic.path}: nothing in the photo agrees with the chart {table.name!r}.",
@@ -151,7 +164,50 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     best = matches[0]
     if best.mirrored:
         raise _mirrored(mosaic, best)
-    return _pose(finer(mosaic, best, layout), layout, "detected", _others(matches))
+    return _pose(finer(mosaic, best, layout), layout, "detected", others)
+
+
+def _second_opinion(
+    mosaic: Mosaic, layout: ChartLayout, expected: Floats, matches: list[Match]
+) -> tuple[list[Match], tuple[str, ...]]:
+    """The matches with what camssf's own finder adds, and what the user should know of it.
+
+    Where cv2.mcc found nothing, the finder's sightings are refined and named as its own would be. Where both found
+    something, cv2.mcc's stands, and a note says if the finder sees a chart elsewhere.
+    """
+    size = layout.columns * layout.rows
+    if min(mosaic.samples.shape) < 2 * SMALLEST:
+        return matches, ()
+    seen = [each for each in find_sightings(codes_of_mosaic(mosaic)).sightings if len(each.patches) == size]
+    if matches and matches[0].score >= ACCEPT:
+        away = [each for each in seen if _apart(matches[0], each, layout)]
+        if not away:
+            return matches, ()
+        middle = away[0].patches.mean(axis=0)
+        return matches, (
+            f"camssf's own finder sees another chart about ({middle[0]:.0f}, {middle[1]:.0f}) px, agreement "
+            f"{away[0].confidence:.2f}, mirrored: {'yes' if away[0].mirrored else 'no'}. If that is the one, give "
+            "its corners by --corners.",
+        )
+    found = [match_near(mosaic, each.corners, layout, expected) for each in seen]
+    found.sort(key=lambda match: -match.score)
+    if not found or found[0].score < ACCEPT:
+        return sorted([*matches, *found], key=lambda match: -match.score), ()
+    note = "OpenCV's detector did not find the chart; camssf's own finder did."
+    more = ("A second chart was in view: the one whose colours agree better was taken.",) if len(found) > 1 else ()
+    return found, (note, *more)
+
+
+def _apart(match: Match, sighting: Sighting, layout: ChartLayout) -> bool:
+    """Do they name other places? A mirrored chart's first patch lies right of the second."""
+    lattice = homography(block_corners(layout, match.side), match.corners)
+    index = np.arange(layout.columns * layout.rows)
+    column = index % layout.columns
+    if match.mirrored:
+        column = layout.columns - 1 - column
+    ours = map_points(lattice, np.stack([column, index // layout.columns], axis=1).astype(np.float64))
+    off = float(np.linalg.norm(ours - sighting.patches, axis=1).max())
+    return off > APART * pitch_of(match.corners, layout)
 
 
 def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Floats) -> Pose:

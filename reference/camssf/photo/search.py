@@ -88,6 +88,12 @@ def matches_in(mosaic: Mosaic, layout: ChartLayout, expected: Floats) -> list[Ma
     return matches
 
 
+def match_near(mosaic: Mosaic, quad: Floats, layout: ChartLayout, expected: Floats) -> Match:
+    """What lies about corners (4, 2) px that somebody else proposes, refined and named as the detector's own."""
+    small = thumbnail(mosaic, ATTEMPTS[0][0])
+    return _match(small, small.from_mosaic(quad), layout, expected)
+
+
 def agreement(measured: Floats, expected: Floats) -> float:
     """Correlation of patch colours with what the table predicts, -1 to 1, whatever cast and exposure.
 

@@ -175,8 +175,8 @@ def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assum
         found.append(
             Assumption(
                 "white_from_patch",
-                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} stands in, "
-                "so light that falls off across the chart is not corrected.",
+                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} stands in "
+                "for the light on all of them.",
             )
         )
     if shot.dark is None:

@@ -20,6 +20,8 @@ from camssf.grid import Floats
 MAX_DIRECTORIES, MAX_DEPTH = 64, 4
 
 CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
+NO_DNG = "is a raw file, but no DNG."
+"""The end of what is said of another maker's raw file; `camssf.photo.raw` goes on from there."""
 COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
 
 _OTHER_RAWS = (  # (offset, bytes) of raw files that are no TIFF, or that TIFF's own header hides
@@ -73,7 +75,7 @@ class Tiff:
             raise UnreadableRaw(f"{file} is empty.", COPY_AGAIN)
         magic = stream.read(16)
         if any(magic[at : at + len(word)] == word for at, word in _OTHER_RAWS):
-            raise UnsupportedRaw(f"{file} is a raw file, but no DNG.", CONVERT)
+            raise UnsupportedRaw(f"{file} {NO_DNG}", CONVERT)
         if magic[:4] not in (b"II*\0", b"MM\0*"):
             if magic[:4] in (b"II+\0", b"MM\0+"):
                 raise UnsupportedRaw(f"{file} is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")

@@ -9,11 +9,18 @@ from dataclasses import dataclass, fields
 from datetime import datetime
 from pathlib import Path
 
-from camssf.errors import UnreadableRaw
+from camssf.errors import UnitDiffers, UnreadableRaw
 from camssf.photo.tags import COPY_AGAIN, Directory, Tiff
+from camssf.rules import rules
 
 _OFFSET = re.compile(r"[+-]\d\d:\d\d")
 _TIME = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
+
+
+Area = tuple[int, int, int, int]
+"""Top, left, bottom, right of the sensor's active area, in samples of the stored picture."""
+ALIKE = rules().number("patches.alike")
+"""Relative difference up to which two focal lengths or f-numbers are the same: files round them."""
 
 
 @dataclass(frozen=True)
@@ -75,14 +82,49 @@ def read_unit(path: Path | str) -> Taken:
             stream.seek(0)
             tiff = Tiff(path, stream)
             exif = tiff.exif()
-            return Taken(_unit(tiff, exif), _time(tiff, exif), sha256)
+            return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise UnreadableRaw(
             f"{path} cannot be read ({getattr(error, 'strerror', None) or error}).", COPY_AGAIN
         ) from error
 
 
-def _unit(tiff: Tiff, exif: Directory) -> Unit:
+def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple[Unit, Area | None]) -> None:
+    """Refuse photos of two physical cameras or lenses, as far as both files say. Make and model are not looked at.
+
+    Args:
+        chart, other: what to call the photos.
+        one, two: the unit of each, and its sensor's active area.
+
+    Raises:
+        UnitDiffers: camera, serial number, lens, focal length, aperture or active area differ.
+    """
+    (ours, area), (theirs, place) = one, two
+    differ = [
+        f"{word} '{there}' against '{here}'"
+        for word, there, here in (("camera", theirs.camera_id, ours.camera_id), ("lens", theirs.lens, ours.lens))
+        if there and here and there != here
+    ]
+    if theirs.serial and ours.serial and theirs.serial != ours.serial:
+        differ.append("another serial number")
+    for there, here, form in (
+        (theirs.focal_length, ours.focal_length, "focal length {:g} mm against {:g} mm"),
+        (theirs.aperture, ours.aperture, "aperture f/{:g} against f/{:g}"),
+    ):
+        if there and here and abs(there - here) > ALIKE * max(there, here):
+            differ.append(form.format(there, here))
+    if place and area and place != area:
+        differ.append(f"active area {', '.join(map(str, place))} against {', '.join(map(str, area))}")
+    if differ:
+        raise UnitDiffers(
+            f"{other} was taken by another camera or lens than {chart}: {'; '.join(differ)}.",
+            "Take all photos of a capture with one physical camera, one lens, one zoom setting and one aperture; on "
+            "a phone with several cameras name the one that shall take them. Calibrate each of them by itself.",
+        )
+
+
+def unit_of(tiff: Tiff, exif: Directory) -> Unit:
+    """Who took a DNG, as far as its directories say."""
     first = tiff.main[0]
     return Unit(
         make=tiff.text(first, 271),

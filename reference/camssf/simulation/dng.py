@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.fonts import prepare_matplotlib
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.simulation.setup import FileTags
-from camssf.spectra import CameraCurves
+from camssf.spectra import CameraCurves, colour_science
 
 
 def write_dng(
@@ -81,9 +80,7 @@ def write_truth(path: Path, camera: CameraCurves) -> None:
 
 def _color_matrix(camera: CameraCurves) -> Floats:
     """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, its rows scaled to keep white."""
-    prepare_matplotlib()  # colour-science loads it
-    import colour
-
+    colour = colour_science()
     shape = colour.SpectralShape(380, 720, STEP)
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
     daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape).values

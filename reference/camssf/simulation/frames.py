@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,8 @@ from camssf.simulation.scene import (
 )
 from camssf.simulation.setup import Change, FileTags, Light, Samples, Setup
 from camssf.simulation.shot import Frames, photograph, take
-from camssf.spectra import CameraCurves, ChartTable, Lamp, MeasuredCurves, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, CameraLike, ChartLike, Lamp, LampLike, read_camera, read_chart, read_lamp
+from camssf.spectra.objects import is_one
 
 __all__ = [
     "CFA_ORDERS",
@@ -105,6 +108,7 @@ class Simulation:
     Attributes:
         shots: one a lamp, in the order asked for.
         truth: path of the CSV of the camera's curves, peak 1.
+        corners: path of the JSON of where the chart lies in each chart photo, for `--corners`.
         pose: where the chart truly lies in every chart photo.
         camera, chart: by name.
         scene, sensor: all settings.
@@ -119,29 +123,30 @@ class Simulation:
     scene: Scene
     sensor: Sensor
     seed: int
+    corners: Path
 
 
 def simulate(
-    camera: CameraCurves | MeasuredCurves | str,
-    lamps: Sequence[Lamp | str] | Lamp | str,
+    camera: CameraLike,
+    lamps: LampLike | Sequence[LampLike],
     out: str | Path,
     *,
-    chart: ChartTable | str = "classic24",
+    chart: ChartLike = "classic24",
     scene: Scene | None = None,
     sensor: Sensor | None = None,
     seed: int = 0,
     change: Change | None = None,
     **former: Any,
 ) -> Simulation:
-    """Write chart, white and dark frame of every lamp as DNG, and the camera's curves as truth.csv.
+    """Write chart, white and dark frame of every lamp as DNG, truth.csv with the camera's curves, and corners.json.
 
     One lamp gives `chart.dng white.dng dark.dng`, several `chart-<lamp>.dng` and so on. All files appear, or none.
 
     Args:
         camera: as `camssf.spectra.read_camera` takes it.
-        lamps: lamps, or what `read_lamp` knows, one a shot.
+        lamps: as `read_lamp` takes them, one a shot.
         out: folder; made where it is missing.
-        chart: a table, or what `read_chart` knows; its layout becomes the scene's.
+        chart: as `read_chart` takes it; its layout becomes the scene's.
         scene: what stands before the camera, and how.
         sensor: how the camera counts.
         seed: of the noise; the same seed gives the same bytes.
@@ -155,9 +160,9 @@ def simulate(
     """
     scene, sensor = _with_former(scene or Scene(), sensor or Sensor(), former)
     body = read_camera(camera)
-    table = read_chart(chart) if isinstance(chart, str) else chart
-    wanted = [lamps] if isinstance(lamps, str | Lamp) else list(lamps)
-    lights = [read_lamp(lamp) if isinstance(lamp, str) else lamp for lamp in wanted]
+    table = read_chart(chart)
+    one = isinstance(lamps, str | PathLike | Lamp) or is_one(lamps)
+    lights = [read_lamp(lamp) for lamp in ([lamps] if one else list(lamps))]  # type: ignore[arg-type]
     if not lights:
         raise InvalidArgument("A simulation without a lamp is dark.", 'Name one, for example "D55".')
     scene = replace(scene, layout=table.layout)
@@ -177,12 +182,15 @@ def simulate(
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
             shots = []
+            poses: dict[str, Pose] = {}
             for number, (light, tag) in enumerate(zip(lights, _tags(lights), strict=True)):
                 setup = Setup(body, light, table, scene, sensor, light.name, table.name)
                 if change is not None and number == len(lights) - 1:
                     setup = change(setup)
                 frames = take(setup, (seed, number))
                 names = _write_frames(Path(aside), tag, setup, frames, body)
+                if setup.handed_in["chart"] == "chart":  # a fault may hand in a frame without one
+                    poses[names["chart"]] = true_pose(setup.scene)
                 paths = {role: folder / name for role, name in names.items()}
                 shots.append(
                     SimulatedShot(
@@ -195,6 +203,7 @@ def simulate(
                     )
                 )
             write_truth(Path(aside, "truth.csv"), body)
+            Path(aside, "corners.json").write_text(corners_json(poses), "utf-8")
             written = sorted(Path(aside).iterdir())
             for path in written:
                 if (folder / path.name).is_dir():
@@ -206,7 +215,21 @@ def simulate(
             f"Cannot write into {folder}: {error.strerror or error}.",
             "Choose a folder that you may write to.",
         ) from error
-    return Simulation(tuple(shots), folder / "truth.csv", pose, body.name, table.name, scene, sensor, seed)
+    truth, corners = folder / "truth.csv", folder / "corners.json"
+    return Simulation(tuple(shots), truth, pose, body.name, table.name, scene, sensor, seed, corners)
+
+
+def corners_json(poses: Mapping[str, Pose]) -> str:
+    """`camssf-corners/1`: of each photo, by its file's name, the corners of the block of patches and the layout.
+
+    Corners are px of the active area, the chart's top left, top right, bottom right, bottom left, as `--corners` and
+    Kotlin's `Corners` have them.
+    """
+    photos = {
+        name: {"layout": pose.layout, "corners": pose.corners.tolist(), "quarter_turns": pose.quarter_turns}
+        for name, pose in poses.items()
+    }
+    return json.dumps({"format": "camssf-corners/1", "photos": photos}, indent=1) + "\n"
 
 
 def _with_former(scene: Scene, sensor: Sensor, former: dict[str, Any]) -> tuple[Scene, Sensor]:

@@ -1,15 +1,36 @@
 """Ground floor: spectra by name or by file. Lamps, chart tables, measured cameras."""
 
-from camssf.spectra.cameras import CameraCurves, MeasuredCurves, camera_names, read_camera, shipped_cameras
-from camssf.spectra.charts import ChartTable, chart_names, read_chart
-from camssf.spectra.lamps import Lamp, Light, Unnamed, lamp_names, read_lamp, read_light, with_tolerance
+from camssf.spectra.cameras import (
+    CameraCurves,
+    CameraLike,
+    MeasuredCurves,
+    camera_names,
+    read_camera,
+    shipped_cameras,
+)
+from camssf.spectra.charts import ChartLike, ChartTable, chart_names, read_chart
+from camssf.spectra.lamps import (
+    Lamp,
+    LampLike,
+    Light,
+    LightLike,
+    Unnamed,
+    lamp_names,
+    read_lamp,
+    read_light,
+    with_tolerance,
+)
 from camssf.spectra.sampled import colour_science
 
 __all__ = [
     "CameraCurves",
+    "CameraLike",
+    "ChartLike",
     "ChartTable",
     "Lamp",
+    "LampLike",
     "Light",
+    "LightLike",
     "MeasuredCurves",
     "Unnamed",
     "camera_names",

@@ -7,17 +7,18 @@ are smooth: Sprague's interpolation, as for reflectances.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra.objects import Name, Pair
 from camssf.spectra.sampled import check_wavelengths, colour_science, frozen, smooth, text_of
 from camssf.spectra.tables import read_curves
 from camssf.spectra.text import is_file, looks_like_file, nearest, plain
@@ -34,7 +35,7 @@ class CameraCurves:
     """
 
     name: str
-    values: Floats
+    values: Floats = field(repr=False)
     source: str
 
 
@@ -54,13 +55,21 @@ class MeasuredCurves(Protocol):
         """Of the columns: red, green, blue or R, G, B, in any order."""
 
 
+CameraLike: TypeAlias = Name | CameraCurves | MeasuredCurves | Pair
+"""What `read_camera` takes: a name or a file; CameraCurves; colour-science's RGB_CameraSensitivities or whatever has
+`wavelengths`, `values` and `labels`; or a pair of arrays, wavelengths (w,) in nm and curves (w, 3), R, G, B."""
+
 SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
 """Of the curves in data/cameras.npz; data/README.md has the file's hash."""
 
 
+LIBRARY = ("Nikon 5100 (NPL)", "Sigma SDMerill (NPL)")
+"""The cameras of colour-science, by its names: it is loaded only where one of them is asked for."""
+
+
 def camera_names() -> tuple[str, ...]:
     """Names that `read_camera` knows, besides files."""
-    return (*shipped_cameras(), *(str(name) for name in colour_science().MSDS_CAMERA_SENSITIVITIES))
+    return (*shipped_cameras(), *LIBRARY)
 
 
 @cache
@@ -71,17 +80,24 @@ def shipped_cameras() -> dict[str, Floats]:
         return {str(name): frozen(nodes) for name, nodes in zip(content["cameras"], content["curves"], strict=True)}
 
 
-def read_camera(spec: str | PathLike[str] | MeasuredCurves | CameraCurves | None) -> CameraCurves:
+def read_camera(spec: CameraLike | None) -> CameraCurves:
     """Measured sensitivities of a camera, by name, by file or as an object; 0 outside the measured range.
 
     Names are those of `camera_names`. A file is a CSV with the header `wavelength_nm,red,green,blue` (or `R,G,B`;
     further columns are ignored), or one of many cameras with a column `camera` more, of which
     `cameras.csv:Canon EOS 5D` names one; or a camera file of rawtoaces, SPECTACLE's spectral_response.csv, or the
     list camspec_database.txt, `camspec_database.txt:Nikon D40` for one of it. An object has `wavelengths`,
-    `values` and `labels`, as colour-science's RGB_CameraSensitivities.
+    `values` and `labels`, as colour-science's RGB_CameraSensitivities; a pair of arrays has wavelengths (w,) and
+    values (w, 3), red, green, blue.
 
     Raises:
         InvalidArgument: unknown name, or a file or object that is no such table of finite, positive curves.
+
+    Example:
+        >>> from camssf.spectra import read_camera
+        >>> camera = read_camera("Canon EOS 5D Mark II")
+        >>> camera.values.shape, camera.source
+        ((681, 3), 'Canon EOS 5D Mark II (rawtoaces-data 1.1.0, Apache-2.0)')
     """
     if isinstance(spec, CameraCurves):
         return spec
@@ -121,7 +137,9 @@ def _measured_camera(path: Path, name: str | None) -> CameraCurves:
     return CameraCurves(label, _checked(wavelengths, curves, path), f"{label}, file {path.name}")
 
 
-def _camera_of_object(found: MeasuredCurves) -> CameraCurves:
+def _camera_of_object(found: Any) -> CameraCurves:
+    if isinstance(found, tuple | list) and len(found) == 2:
+        return _camera_of_arrays(*found)
     label = str(getattr(found, "name", "") or type(found).__name__)
     try:
         letters = [str(each).strip().casefold()[:1] for each in found.labels]
@@ -135,10 +153,21 @@ def _camera_of_object(found: MeasuredCurves) -> CameraCurves:
     return CameraCurves(label, _checked(wavelengths, curves, Path(label)), f"{label}, an object of colour-science")
 
 
+def _camera_of_arrays(*pair: Any) -> CameraCurves:
+    try:
+        wavelengths, curves = (np.array(each, dtype=np.float64) for each in pair)
+    except (TypeError, ValueError) as error:
+        raise _no_object("two arrays") from error
+    if wavelengths.ndim != 1 or curves.shape != (wavelengths.size, 3):
+        raise _no_object("two arrays")
+    return CameraCurves("camera (given)", _checked(wavelengths, curves, Path("The camera")), "given as arrays")
+
+
 def _no_object(label: str) -> InvalidArgument:
     return InvalidArgument(
         f"{label!r} is no camera.",
-        "Give a name, a file, or an object with wavelengths (w,), values (w, 3) and labels red, green, blue.",
+        "Give a name, a file, an object with wavelengths (w,), values (w, 3) and labels red, green, blue, or a pair "
+        "of arrays, wavelengths (w,) and values (w, 3).",
     )
 
 

@@ -7,14 +7,18 @@ interpolation, which CIE 167:2005 recommends for even steps (a cubic spline wher
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from camssf.errors import ChartUnfit, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, reflectances
+from camssf.spectra.objects import Name, Pair, Spectra, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, smooth, text_of
 from camssf.spectra.tables import read_spectra
 from camssf.spectra.text import looks_like_file, nearest
@@ -38,11 +42,16 @@ class ChartTable:
     name: str
     table: str
     layout: str
-    patches: tuple[str, ...]
-    values: Floats
-    tolerance: Floats
+    patches: tuple[str, ...] = field(repr=False)
+    values: Floats = field(repr=False)
+    tolerance: Floats = field(repr=False)
     white: int
     source: str
+
+
+ChartLike: TypeAlias = Name | ChartTable | Spectra | Mapping[str, Spectrum] | Pair
+"""What `read_chart` takes: a name or a file; a ChartTable; colour-science's MultiSpectralDistributions, or a mapping
+of patch names to SpectralDistributions; or a pair of arrays, wavelengths (w,) in nm and reflectances (n, w)."""
 
 
 PUBLIC_CHART = 0.03
@@ -69,8 +78,8 @@ def chart_names() -> tuple[str, ...]:
     return (*charts["names"], *(f"{chart}:{table}" for table in others for chart in charts["names"]))
 
 
-def read_chart(spec: str) -> ChartTable:
-    """Reflectances of a chart, by name or by file.
+def read_chart(spec: ChartLike) -> ChartTable:
+    """Reflectances of a chart, by name, by file or as an object.
 
     `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts,
     or Ohta's table with `:ohta`. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
@@ -78,15 +87,27 @@ def read_chart(spec: str) -> ChartTable:
     file's wavelengths reflectance is held constant, which `source` says; it must cover 400 to 700 nm in steps of
     20 nm at most.
 
+    An object or a pair of arrays is read as a file is, its patches by their names or in reading order.
+
     The tolerance is 3 % for a public table, because measured tables of one chart differ by 1 to 3 %, and 1 % for
-    a file, which is taken for a measurement of the user's own chart. White is "white 9.5 (.05 D)" of the public
-    tables; of a file, E5 of an SG, else the brightest neutral patch.
+    a file or an object, which is taken for a measurement of the user's own chart. White is "white 9.5 (.05 D)" of the
+    public tables; of a file, E5 of an SG, else the brightest neutral patch.
 
     Raises:
         InvalidArgument: unknown name, a file that is no such table, or another number of patches.
         ChartUnfit: too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or the 24
             colours in another order than reading order.
+
+    Example:
+        >>> from camssf.spectra import read_chart
+        >>> chart = read_chart("classic24")
+        >>> chart.values.shape, chart.patches[chart.white]
+        ((24, 681), 'white 9.5 (.05 D)')
     """
+    if isinstance(spec, ChartTable):
+        return spec
+    if spec is not None and not isinstance(spec, str | PathLike):
+        return _given_chart(spec)
     text = text_of(spec)
     head, _, tail = text.partition(":")
     chart = head.casefold()
@@ -112,8 +133,26 @@ def read_chart(spec: str) -> ChartTable:
     )
 
 
+def _given_chart(given: Spectra | Mapping[str, Spectrum] | Pair) -> ChartTable:
+    """A chart of objects or of arrays: as one of a file."""
+    found = sampled(
+        given,
+        "chart",
+        f"Give a name, a ChartTable, objects with wavelengths and values, or both as arrays. {_CHART_MENU}",
+    )
+    names = found.labels or tuple(str(number) for number in range(1, len(found.values) + 1))
+    return _measured(found.name, Path(found.name), (names, found.wavelengths, found.values), None, found.source)
+
+
 def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
-    names, wavelengths, table = read_spectra(path)
+    return _measured(name, path, read_spectra(path), layout, f"file {path.name}")
+
+
+def _measured(
+    name: str, path: Path, spectra: tuple[tuple[str, ...], Floats, Floats], layout: str | None, source: str
+) -> ChartTable:
+    """A table of names, wavelengths and reflectances (n, w), once it is checked; `path` is what messages call it."""
+    names, wavelengths, table = spectra
     count = len(table)
     if count not in _COUNTS or (layout and (layout == "sg140") != (count == 140)):
         raise InvalidArgument(
@@ -145,7 +184,7 @@ def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
         values=values,
         tolerance=frozen(np.full(count, MEASURED_CHART)),
         white=_white(values, path),
-        source=f"file {path.name}{held(wavelengths)}",
+        source=f"{source}{held(wavelengths)}",
     )
 
 

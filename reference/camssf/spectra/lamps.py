@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
@@ -18,6 +19,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, daylight, illuminant, planck
 from camssf.spectra.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
+from camssf.spectra.objects import Name, Pair, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
 from camssf.spectra.spoken import understood
 from camssf.spectra.tables import read_spectrum
@@ -37,9 +39,9 @@ class Lamp:
     """
 
     name: str
-    values: Floats
+    values: Floats = field(repr=False)
     tolerance: float
-    modes: Floats
+    modes: Floats = field(repr=False)
     source: str
 
 
@@ -58,12 +60,17 @@ class Unnamed:
     """
 
     name: str = AUTO
-    kinds: tuple[Lamp, ...] = field(default_factory=lambda: tuple(_family(kind) for kind in FAMILIES))
+    kinds: tuple[Lamp, ...] = field(repr=False, default_factory=lambda: tuple(_family(kind) for kind in FAMILIES))
     source: str = "not named: daylight, bulb, white LED or fluorescent, as the signals say"
 
 
 Light: TypeAlias = Lamp | Unnamed
 """What a shot was taken under, as it was told."""
+LampLike: TypeAlias = Name | Lamp | Spectrum | Pair
+"""What `read_lamp` takes: a name, a formula or a file; a Lamp; colour-science's SpectralDistribution or whatever has
+`wavelengths` and `values`; or a pair of arrays, wavelengths in nm and power."""
+LightLike: TypeAlias = LampLike | Unnamed
+"""What `read_light` takes: that, or a light that nobody named."""
 
 
 NAMED_LAMP = 0.02
@@ -92,8 +99,8 @@ def lamp_names() -> tuple[str, ...]:
     return (*bundled()["lamps"], "equal-energy", *FAMILIES)
 
 
-def read_lamp(spec: str) -> Lamp:
-    """Spectral power of the light, by name, formula or file, scaled to a mean of 1 on the grid.
+def read_lamp(spec: LampLike) -> Lamp:
+    """Spectral power of the light, by name, formula, file or object, scaled to a mean of 1 on the grid.
 
     - A CIE illuminant: `A`, `D55`, `FL2` or `F2`, `LED-B3` ...; case, blanks and hyphens do not matter.
     - `2856K`: Planck's law with c₂ = 1.4388e-2 m K (CIE 15, ITS-90), 1000 to 20,000 K.
@@ -109,17 +116,30 @@ def read_lamp(spec: str) -> Lamp:
       Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
       grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
       to 0.5 % of the peak, becomes 0.
+    - An object with `wavelengths` and `values`, or a pair of arrays, as a file; a Lamp as it is.
 
-    The tolerance is 2 % for a name or formula (a real lamp is never its table), 1 % for a file, and for a family of
-    tables what its modes leave of a lamp left out.
+    The tolerance is 2 % for a name or formula (a real lamp is never its table), 1 % for a file or an object, and for
+    a family of tables what its modes leave of a lamp left out.
+
+    Example:
+        >>> from camssf.spectra import read_lamp
+        >>> read_lamp("D55").values.shape
+        (681,)
+        >>> read_lamp(([380, 390, 400, 550, 700, 720], [1] * 6))  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+        camssf.errors.LampUnfit: lamp (given) has only 6 wavelengths ...
 
     Raises:
         InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is no such table.
         LampUnfit: power that is negative, not finite or all zero, or a file that covers too little.
     """
+    if isinstance(spec, Lamp):
+        return spec
+    modes = frozen(np.zeros((0, WAVELENGTHS.size)))
+    if spec is not None and not isinstance(spec, str | PathLike):
+        return _given_lamp(spec, modes)
     text = text_of(spec)
     key = text.casefold()
-    modes = frozen(np.zeros((0, WAVELENGTHS.size)))
     if not text:
         raise InvalidArgument(
             "The lamp is missing.",
@@ -158,13 +178,15 @@ def read_lamp(spec: str) -> Lamp:
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
 
 
-def read_light(spec: str) -> Light:
+def read_light(spec: LightLike) -> Light:
     """`read_lamp`, or for `auto` a light that nobody named.
 
     Raises:
         InvalidArgument, LampUnfit: as `read_lamp`.
     """
-    return Unnamed() if text_of(spec).casefold() == AUTO else read_lamp(spec)
+    if isinstance(spec, Unnamed):
+        return spec
+    return Unnamed() if isinstance(spec, str) and text_of(spec).casefold() == AUTO else read_lamp(spec)
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:
@@ -249,6 +271,23 @@ def _cie_name(text: str) -> str | None:
 
 def _measured_lamp(path: Path) -> tuple[Floats, str]:
     wavelengths, power = read_spectrum(path)
+    return _power(wavelengths, power, path), f"file {path.name}{held(wavelengths)}"
+
+
+def _given_lamp(given: Spectrum | Pair, modes: Floats) -> Lamp:
+    """A lamp of an object or of arrays: as one of a file."""
+    found = sampled(
+        given, "lamp", f"Give a name, a Lamp, an object with wavelengths and values, or both as arrays. {_LAMP_MENU}"
+    )
+    if len(found.values) != 1:
+        raise InvalidArgument(f"{found.name} holds {len(found.values)} spectra, a lamp is one.", "Give one of them.")
+    power = _power(found.wavelengths, found.values[0], Path(found.name))
+    source = f"{found.source}{held(found.wavelengths)}"
+    return Lamp(found.name, frozen(power / power.mean()), MEASURED_LAMP, modes, source)
+
+
+def _power(wavelengths: Floats, power: Floats, path: Path) -> Floats:
+    """Measured power (w,) on the grid, (681,), once it is checked; `path` is what messages call it."""
     check_wavelengths(wavelengths, path, LampUnfit)
     advice = "Measure it again, or name a lamp that is like it."
     peak = float(power.max())
@@ -269,7 +308,7 @@ def _measured_lamp(path: Path) -> tuple[Floats, str]:
     values = _step_means(wavelengths, power) if fine else np.interp(WAVELENGTHS, wavelengths, power)
     if values.max() <= 0:
         raise LampUnfit(f"The lamp in {path} has no power from 380 to 720 nm.", advice)
-    return values, f"file {path.name}{held(wavelengths)}"
+    return values
 
 
 def _step_means(wavelengths: Floats, power: Floats) -> Floats:

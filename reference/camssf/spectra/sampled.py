@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,14 @@ def colour_science() -> Any:
     """The library, imported late and silently: it warns of optional packages that camssf does not use."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        prepare_matplotlib()  # colour-science loads it
-        import colour
+        try:
+            prepare_matplotlib()  # colour-science loads it
+            import colour
+        except ImportError as error:
+            raise InvalidArgument(
+                f"This needs colour-science, which is not there ({error}).",
+                "Run pip install colour-science matplotlib.",
+            ) from error
     return colour
 
 
@@ -34,8 +41,9 @@ def smooth(wavelengths: Floats, values: Floats) -> Floats:
     step = (last - first) / (len(wavelengths) - 1)
     if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=1e-3):
         return sprague(first, step, values)
-    interpolator = colour_science().CubicSplineInterpolator(wavelengths, values)
-    return np.asarray(interpolator(np.clip(WAVELENGTHS, first, last)), dtype=np.float64)
+    from scipy.interpolate import make_interp_spline
+
+    return np.asarray(make_interp_spline(wavelengths, values)(np.clip(WAVELENGTHS, first, last)), dtype=np.float64)
 
 
 def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
@@ -64,7 +72,7 @@ def held(wavelengths: Floats) -> str:
     return f", held constant outside {wavelengths[0]:g} to {wavelengths[-1]:g} nm"
 
 
-def text_of(spec: str | None) -> str:
+def text_of(spec: str | PathLike[str] | None) -> str:
     """What was asked for, without spaces around it."""
     return "" if spec is None else str(spec).strip()
 

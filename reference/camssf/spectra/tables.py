@@ -210,9 +210,14 @@ def _cxf(data: bytes, path: Path) -> Spectra:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            import colour_cxf
-            from colour_cxf.cxf3 import ReflectanceSpectrum
-
+            try:
+                import colour_cxf
+                from colour_cxf.cxf3 import ReflectanceSpectrum
+            except ImportError as error:
+                raise InvalidArgument(
+                    f"{path} is CxF, which needs the library colour-cxf: it is not there.",
+                    "Run pip install colour-cxf, or save the table as CSV or CGATS.",
+                ) from error
             resources: Any = colour_cxf.read_cxf(data).resources
         ranges: dict[Any, Any] = {
             each.id: each.measurement_spec.wavelength_range
@@ -230,6 +235,8 @@ def _cxf(data: bytes, path: Path) -> Spectra:
             for _, spectrum, span in found
         ]
         values = np.array([spectrum.value for _, spectrum, _ in found], dtype=np.float64)
+    except InvalidArgument:
+        raise
     except Exception:  # the XML parsers behind it, and gaps in the tree, raise many kinds
         found = []
     if not found or not all(np.array_equal(grid, grids[0]) for grid in grids):

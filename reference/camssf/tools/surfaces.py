@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import sys
@@ -15,10 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from camssf.curves.basis import NODES
-from camssf.files import write_file
 from camssf.spectra import colour_science
 from camssf.spectra.surfaces import FORMAT
-from camssf.tools.tabulate import Json, as_text
+from camssf.tools.tabulate import Json, write_or_check
 
 COMMAND = "python -m camssf.tools.surfaces"
 PLACE = Path(__file__).parents[1] / "data" / "colour.json"
@@ -28,18 +26,7 @@ OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10
 
 def main(arguments: list[str] | None = None) -> int:
     """The command; 1 if `--check` finds a difference."""
-    parser = argparse.ArgumentParser(prog=COMMAND, description="Write data/colour.json, or check it.")
-    parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
-    made = as_text(tabulate())
-    if not parser.parse_args(arguments).check:
-        write_file(PLACE, made)
-        print(f"{len(made) / 1e3:.0f} kB")
-        return 0
-    same = PLACE.read_text("utf-8") == made
-    print(
-        "the same" if same else f"drifted; if that is meant, run `{COMMAND}`", file=sys.stdout if same else sys.stderr
-    )
-    return int(not same)
+    return write_or_check(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:

@@ -10,12 +10,14 @@ import argparse
 import hashlib
 import json
 import sys
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.layouts import LAYOUTS
 from camssf.spectra import colour_science
@@ -51,9 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
     made = tabulate()
     if not parser.parse_args(arguments).check:
-        partial = PLACE.with_suffix(".partial")
-        partial.write_text(as_text(made), "utf-8")
-        partial.replace(PLACE)
+        write_file(PLACE, as_text(made))
         print(f"{len(made['lamps'])} lamps, {len(made['tables'])} chart tables, {PLACE.stat().st_size / 1e3:.0f} kB")
         return 0
     faults = drift(json.loads(PLACE.read_text("utf-8")), made)
@@ -72,12 +72,7 @@ def tabulate() -> Json:
     return {
         "format": FORMAT,
         "generator": COMMAND,
-        "origin": {
-            "name": "colour-science",
-            "version": version("colour-science"),
-            "licence": "BSD-3-Clause",
-            "url": "https://github.com/colour-science/colour",
-        },
+        "origin": origin(),
         "grid": {"start": float(WAVELENGTHS[0]), "step": STEP, "count": WAVELENGTHS.size},
         "tolerances": {
             "named_lamp": NAMED_LAMP,
@@ -113,6 +108,37 @@ def drift(stored: Json, made: Json) -> list[str]:
         if ours != theirs or weights.shape != known.shape or np.abs(weights - known).max(initial=0.0) > 1e-9:
             faults.append(f"the family {name} differs")
     return faults
+
+
+def origin() -> Json:
+    """What a file says of colour-science, which it is made from."""
+    return {
+        "name": "colour-science",
+        "version": version("colour-science"),
+        "licence": "BSD-3-Clause",
+        "url": "https://github.com/colour-science/colour",
+    }
+
+
+def write_or_check(command: str, place: Path, make: Callable[[], Json], arguments: Sequence[str] | None) -> int:
+    """The command of a file that its sources give to the letter: written, or with `--check` made anew and compared.
+
+    Returns:
+        The exit status: 1 where the file differs.
+    """
+    parser = argparse.ArgumentParser(prog=command, description=f"Write data/{place.name}, or check it.")
+    parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
+    check = parser.parse_args(arguments).check
+    made = as_text(make())
+    if not check:
+        write_file(place, made)
+        print(f"{len(made) / 1e3:.0f} kB")
+        return 0
+    same = place.read_text("utf-8") == made
+    print(
+        "the same" if same else f"drifted; if that is meant, run `{command}`", file=sys.stdout if same else sys.stderr
+    )
+    return int(not same)
 
 
 def as_text(value: Json) -> str:

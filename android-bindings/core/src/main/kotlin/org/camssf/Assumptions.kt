@@ -1,41 +1,78 @@
 package org.camssf
 
+import org.camssf.curves.FoundLight
+import org.camssf.curves.Ssf
 import org.camssf.photo.Assumption
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
+import org.camssf.spectra.Lamp
 
 /** What an answer takes for granted, in words. */
 internal object Assumptions {
+    /** A kind less probable than this goes unsaid. */
+    private const val SHOWN = 0.005
+
     /** What the answer takes for granted beyond the fallbacks of Eq. (5). */
-    fun of(capture: MeasuredCapture, paper: Boolean): List<Assumption> {
+    fun of(capture: MeasuredCapture, ssf: Ssf, level: DoubleArray): List<Assumption> {
         val found = ArrayList<Assumption>()
         val table = capture.chart
         val k = capture.shots.size
+        val n = table.patches.size
         found += Assumption(
             "chart_table",
             "the chart's reflectances are ${table.source} (${table.table}), not this very chart's.",
         )
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
-            val lamp = shot.lamp
-            found += Assumption(
-                "lamp",
-                "${where}the light was ${lamp.name} (${lamp.source}), smooth relative tolerance " +
-                    "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s).",
-            )
+            found += Assumption("lamp", where + (ssf.lights.getOrNull(j)?.let { unnamed(it) } ?: named(shot.lamp)))
+            uneven(where, shot, ssf, level.copyOfRange(j * n, (j + 1) * n))?.let { found += it }
             if (shot.photo.gainMap) found += Assumption("lens_shading", where + shading(shot))
         }
         if (capture.shots[0].means.white != null && capture.whiteReflectance == null) {
             found += Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1).")
         }
-        if (paper) {
+        if (ssf.sharedStd == null) {
             found += Assumption(
                 "no_band",
                 "the paper's basis has no prior, so this answer carries no error band.",
             )
         }
         return found
+    }
+
+    /** How the light fell, where no white frame says so, in words. */
+    private fun uneven(where: String, shot: MeasuredShot, ssf: Ssf, level: DoubleArray): Assumption? {
+        if (ssf.sharedGainCode.isEmpty()) {
+            val flat = Assumption("uneven_light", "${where}the light was the same all over the chart.")
+            return flat.takeIf { shot.means.white == null }
+        }
+        if (shot.means.white != null) {
+            val solved = "each patch's light was solved for with the curves, by its colours."
+            return Assumption("uneven_light", where + solved)
+        }
+        val (least, most) = listOf(100.0 / level.max() - 100.0, 100.0 / level.min() - 100.0).map { signed(it) }
+        return Assumption(
+            "uneven_light",
+            "${where}how the light fell was solved for with the curves: $least % to $most % on the patches " +
+                "beside the white one, the same for the three channels but for a small part.",
+        )
+    }
+
+    private fun signed(value: Double): String = fixed(value, 0).let { if (it.startsWith("-")) it else "+$it" }
+
+    /** A lamp as it was told, in words. */
+    private fun named(lamp: Lamp): String =
+        "the light was ${lamp.name} (${lamp.source}), smooth relative tolerance " +
+            "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s)."
+
+    /** A light that nobody named, in words. */
+    private fun unnamed(light: FoundLight): String {
+        val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
+            .joinToString { "${it.key} ${percent(it.value, 0)}" }
+        return "nobody named the light; the signals of a chart and a phone say what it was: $kinds, " +
+            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. Kinds are equally likely beforehand; a " +
+            "light of none of them, or two lights at once, is not foreseen."
     }
 
     private fun shading(shot: MeasuredShot): String {

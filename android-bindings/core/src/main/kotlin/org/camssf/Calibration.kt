@@ -19,12 +19,15 @@ import org.camssf.photo.Signals
  * @property gamma the l1 penalty γ; on the paper's basis null chooses it by the discrepancy principle: the largest γ whose
  *   residual is not above the measured noise.
  * @property nonnegative coefficients ≥ 0; null asks for it on the paper's basis.
+ * @property lightPerPatch how much the light may differ from patch to patch where each was photographed for itself, 8 % is
+ *   0.08; null where they stood in one photo.
  */
 public class Settings @JvmOverloads constructor(
     fit: List<Int>? = null,
     public val l2: Double? = null,
     public val gamma: Double? = null,
     public val nonnegative: Boolean? = null,
+    public val lightPerPatch: Double? = null,
 ) {
     /** 1-based numbers of the patches that enter the fit; null for all. */
     public val fit: List<Int>? = fit?.frozen()
@@ -63,6 +66,12 @@ public class Calibrated internal constructor(private val solution: Solution, pri
     public val ssf: Ssf get() = solution.ssf
     public val signals: Signals get() = solution.signals
     public val scores: Scores get() = solution.scores
+
+    /**
+     * (k, n) times this, the signals are what the answer says that even light would have given, 1: to be held against the
+     * predictions. Ones where a white frame says how the light fell; a copy at each call.
+     */
+    public val level: DoubleArray get() = solution.predictions.level.copyOf()
     override val verdict: Verdict get() = solution.verdict
     override val assumptions: List<Assumption> = solution.assumptions.frozen()
 

@@ -18,13 +18,15 @@ package org.camssf
  * │   ├── Underexposed       underexposed
  * │   ├── UnevenLight        uneven_light
  * │   ├── FramesDiffer       frames_differ
+ * │   ├── UnitDiffers        unit_differs
  * │   ├── Blurred            blurred
  * │   └── Glare              glare
  * ├── LampUnfit              lamp_unfit          the light
  * ├── NotConverged           not_converged       the solver's own proof failed
  * ├── CameraUnusual          camera_unusual      no basis knows such a camera
  * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface has
- * └── PassportInvalid        passport_invalid    changed, foreign, ended or called back
+ * ├── PassportInvalid        passport_invalid    changed, foreign, ended or called back
+ * └── OutOfMemory            out_of_memory       the photo is too large for the memory that is left
  * ```
  *
  * @property code the word of the vocabulary, the same in every language.
@@ -165,6 +167,15 @@ public class FramesDiffer @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("frames_differ", message, advice, value, threshold, cause)
 
+/** Photos of different physical cameras or lenses. */
+public class UnitDiffers @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("unit_differs", message, advice, value, threshold, cause)
+
 /** Neighbouring patches run into each other. */
 public class Blurred @JvmOverloads constructor(
     message: String,
@@ -221,6 +232,23 @@ public class ColourOutOfReach @JvmOverloads constructor(
     threshold: Double? = null,
     cause: Throwable? = null,
 ) : CalibrationException("colour_out_of_reach", message, advice, value, threshold, cause)
+
+/** The photo does not fit into the memory that the program may use. */
+public class OutOfMemory @JvmOverloads constructor(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("out_of_memory", message, advice, value, threshold, cause) {
+    internal companion object {
+        /** What helps, where a part of the photo was asked for already. */
+        const val ADVICE =
+            "Photograph at the sensor's ordinary resolution (12 megapixels are enough), let go of other " +
+                "photos and bitmaps, hand over files instead of mosaics in memory, or give the app a large heap " +
+                "(android:largeHeap in its manifest)."
+    }
+}
 
 /** A passport that is not whole, not signed by a trusted key, not in its time, or called back: trust nothing in it. */
 public class PassportInvalid @JvmOverloads constructor(

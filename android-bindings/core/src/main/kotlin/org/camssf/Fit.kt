@@ -1,9 +1,14 @@
 package org.camssf
 
+import org.camssf.curves.AnyLight
+import org.camssf.curves.Atoms
+import org.camssf.curves.Budget
 import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.Evidence
 import org.camssf.curves.Frames
+import org.camssf.curves.Gains
+import org.camssf.curves.Guess
 import org.camssf.curves.Known
 import org.camssf.curves.OnnxEngine
 import org.camssf.curves.Penalties
@@ -11,6 +16,7 @@ import org.camssf.curves.Recover
 import org.camssf.curves.Ssf
 import org.camssf.curves.Tensor
 import org.camssf.curves.respond
+import org.camssf.evidence.GainModes
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
 import org.camssf.spectra.Lamp
@@ -41,6 +47,9 @@ internal class Fit(
     /** What the file's own words for maker and model say of the basis beforehand: odds by basis. */
     val believed: Map<String, Double> = capture.shots[0].photo.let { Choice.believed(it.make, it.model) }
 
+    /** How the light on the patches may be off. */
+    val gains: Gains = if (paper) GainModes.none(capture) else GainModes.of(capture, settings.lightPerPatch)
+
     /** Whether the shots have white frames. */
     val framed: Boolean = capture.shots[0].means.white != null
 
@@ -59,11 +68,25 @@ internal class Fit(
         whiteTolerance = if (framed) WHITE_TOLERANCE else table.sharedTolerance[table.white]
     }
 
-    /** The same on the basis that gave the answer: parts of it are held against that one. */
+    /** The same on the basis, and in the light, that gave the answer: parts of it are held against these. */
     fun settled(ssf: Ssf): Fit {
         if (ssf.choice.isEmpty()) return this
-        return Fit(engines.filter { it.basis == ssf.basis }, capture, signals, settings, ssf.priorScale)
+        val lit = if (ssf.kinds.isEmpty()) capture else lit(ssf.kinds)
+        return Fit(engines.filter { it.basis == ssf.basis }, lit, signals, settings, ssf.priorScale)
     }
+
+    /** 1 - ĥ (k, n): times this, signals are what the answer says that even light would have given. */
+    fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
+
+    /** The same with every light of that kind; "" leaves the lamp that was named. */
+    fun under(kinds: List<String>): Fit = Fit(engines, lit(kinds), signals, settings, priorScale)
+
+    private fun lit(kinds: List<String>): MeasuredCapture {
+        val shots = capture.shots.mapIndexed { j, shot -> shot.under(light(shot.lamp, kinds[j])) }
+        return MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
+    }
+
+    private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
 
     /** Patches, 0-based, that enter the fit of some shot, of `used` (k, n). */
     fun taken(used: BooleanArray): IntArray =
@@ -73,18 +96,43 @@ internal class Fit(
      * The curves of the `used` (k, n) patches; they predict all of them.
      *
      * @param gamma (1) or (3) the l1 penalty; null takes the settings' or the basis'.
+     * @param tell called before runs of a model that are many.
+     * @throws InvalidArgument more lights than can be told were not named.
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged there is no proof.
      */
-    fun curves(used: BooleanArray, gamma: DoubleArray?): Ssf {
+    fun curves(used: BooleanArray, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
         val taken = taken(used)
         val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, taken) }
         val shown = Frames(frames[0], frames[1], frames[2])
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
+        if (lamps.any { it.unnamed }) {
+            val asked = engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
+                ?: Choice.asked(engines, believed)
+            return AnyLight(asked, shown, penalties, tell).recover(guesses(used), table.sharedValues)
+        }
         val given = evidence(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
             ?: Choice.recover(engines, given, shown, penalties, believed)
         return found.predicting(respond(found.sharedValues, table.sharedValues, found.sharedLamp, white))
+    }
+
+    /** All that the unnamed lights may be. */
+    private fun guesses(used: BooleanArray): List<Guess> {
+        val unnamed = lamps.count { it.unnamed }
+        if (unnamed > AnyLight.MOST) {
+            throw InvalidArgument(
+                "The light of $unnamed shots was not named; at most ${AnyLight.MOST} can be told at once.",
+                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
+            )
+        }
+        val kinds = lamps.fold(listOf(emptyList<String>())) { all, lamp ->
+            val own = if (lamp.unnamed) lamp.kinds.map { it.name } else listOf("")
+            all.flatMap { before -> own.map { before + it } }
+        }
+        return kinds.map { each ->
+            Guess(each, evidence(used, lamps.mapIndexed { j, lamp -> light(lamp, each[j]) }))
+        }
     }
 
     /**
@@ -99,6 +147,27 @@ internal class Fit(
         val most = weighed.max()
         return most + ln(weighed.sumOf { exp(it - most) })
     }
+
+    /**
+     * Where the band of an answer to the `used` (k, n) patches comes from: each source's share (3); null where there is no
+     * band.
+     */
+    fun shares(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
+        atoms(ssf)?.let { Budget.explain(evidence(used, lamps), it) }
+
+    /** (k, n, 3) how far every patch's true signal may lie from what an answer to the `used` ones predicts; or null. */
+    fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? = atoms(ssf)?.let {
+        val all = BooleanArray(k * n) { true }
+        val level = level(ssf)
+        val shown = DoubleArray(3 * k * n) { at ->
+            // What was not used, as it would have been measured in this light.
+            if (used[at / 3]) signals.sharedValues[at] else ssf.sharedPredicted[at] / level[at / 3]
+        }
+        val errors = DoubleArray(3 * k * n) { at -> if (used[at / 3]) signals.sharedError[at] else HIDDEN }
+        Budget.bands(Evidence(Tensor(shown, k, n, 3), Tensor(errors, k, n, 3), evidence(all, lamps).known), ssf, it)
+    }
+
+    private fun atoms(ssf: Ssf): Atoms? = if (ssf.sharedStd == null) null else Atoms.of(ssf.basis, ssf.priorScale)
 
     /** Of values (k, n, 3) those of the taken patches. */
     private fun rows(values: DoubleArray, taken: IntArray): Tensor {
@@ -123,6 +192,7 @@ internal class Fit(
                 Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
                 Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
                 modes(lamps),
+                gains.takeUnless { it.modes.values.isEmpty() }?.of(taken),
             ),
         )
     }

@@ -14,7 +14,8 @@ internal object Rivals {
 
     /**
      * How much better the same signals fit with other lamps, one shot at a time; none where the basis has no prior, or of
-     * many shots. Where the signals choose the basis, every lamp has the same choice.
+     * many shots. Where the signals choose the basis, every lamp has the same choice. A light that nobody named has no
+     * rivals: all kinds were weighed; beside it stands what the answer takes it for.
      *
      * @param fit as it was asked, not settled on the basis that gave the answer.
      * @param used (k, n) patches that entered it.
@@ -26,11 +27,14 @@ internal object Rivals {
             tell()
             return fit.logEvidence(used, lamps, Light.NARROW * ssf.priorScale)
         }
-        val named = evidence(fit.lamps)
-        return fit.lamps.indices.flatMap { j ->
+        val named = fit.lamps.indices.filterNot { fit.lamps[it].unnamed }
+        if (named.isEmpty()) return emptyList()
+        val lamps = if (named.size < fit.lamps.size) fit.under(ssf.kinds).lamps else fit.lamps
+        val given = evidence(lamps)
+        return named.flatMap { j ->
             Light.RIVALS.map { name ->
-                val others = fit.lamps.toMutableList().also { it[j] = lamp(name) }
-                Rival(j, name, evidence(others) - named)
+                val others = lamps.toMutableList().also { it[j] = lamp(name) }
+                Rival(j, name, evidence(others) - given)
             }
         }
     }

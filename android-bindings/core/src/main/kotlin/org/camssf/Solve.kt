@@ -2,7 +2,10 @@ package org.camssf
 
 import org.camssf.curves.Engine
 import org.camssf.curves.Ssf
+import org.camssf.documents.Predictions
+import org.camssf.documents.Share
 import org.camssf.documents.Solution
+import org.camssf.documents.Uncertainty
 import org.camssf.evidence.Case
 import org.camssf.evidence.Foretold
 import org.camssf.evidence.Judge
@@ -11,6 +14,7 @@ import org.camssf.evidence.Told
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
 import org.camssf.photo.Signals
+import kotlin.math.max
 
 /** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
 internal class Solve(
@@ -33,26 +37,72 @@ internal class Solve(
         val signals =
             Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(asked)
         val asking = Fit(engines, capture, signals, settings)
+        if (asking.paper && settings.lightPerPatch != null) {
+            throw InvalidArgument(
+                "the basis has no prior, so it has no place for light that differs from patch to patch.",
+                "Take the basis auto, phones or cameras.",
+            )
+        }
         checkEnough(asking.taken(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
         val ssf = curves(asking, SOLVING, signals.sharedUsed, gamma)
         val fit = asking.settled(ssf)
-        val unseen = unseen(fit, signals, asked, ssf)
+        val predictedStd = fit.bands(signals.sharedUsed, ssf)
+        val unseen = unseen(fit, signals, asked, ssf, predictedStd)
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }.map { shot ->
             val own = BooleanArray(k * n) { signals.sharedUsed[it] && it / n == shot }
             curves(fit, VALIDATING, own, gamma)
         }
-        val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance)
-        val family = fit.believed.keys.firstOrNull()
+        val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
+        val family = asking.believed.keys.firstOrNull().takeIf { engines.size > 1 }
+        val unnamed = asking.lamps.any { it.unnamed }
         val verdict = Judge.judge(
-            Case(told, capture.shots, alone, foretold(), family) {
+            Case(told, capture.shots, alone, foretold(), family, unnamed) {
                 Rivals.of(asking, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
             },
         )
-        val assumptions = signals.assumptions + Assumptions.of(capture, fit.paper)
-        val widths = alone.map { it.halfWidth }.takeIf { ssf.sharedStd != null }
-        return Solution(capture, signals, ssf, unseen.values, scores, verdict, assumptions, widths)
+        val level = fit.level(ssf)
+        val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level)
+        val predictions = Predictions(level, predictedStd, unseen.values, unseen.std)
+        val widths = uncertainty(fit, signals, ssf, alone)
+        return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)
+    }
+
+    /** Null on a basis without a prior, which has no band. */
+    private fun uncertainty(fit: Fit, signals: Signals, ssf: Ssf, alone: List<Ssf>): Uncertainty? {
+        val shares = fit.shares(signals.sharedUsed, ssf) ?: return null
+        val used = signals.sharedUsed
+        val noise = (0 until 3 * k * n).filter { used[it / 3] }.map {
+            signals.sharedError[it] / max(signals.sharedValues[it], FAINTEST)
+        }
+        val chart = short(Rules.shipped.number("covariance.chart_correlation"))
+        val sizes = mapOf(
+            "noise" to "standard errors of the signals, median ${percent(median(noise.toDoubleArray()), 2)}",
+            "chart" to "${percent(median(table.sharedTolerance), 1)} a patch, smooth over $chart nm, " +
+                "the same under every lamp",
+            "white" to "${percent(fit.whiteTolerance, 1)}, smooth over $chart nm",
+            "lamp" to fit.lamps.joinToString { percent(it.tolerance, 1) } +
+                ", smooth over ${short(Rules.shipped.number("covariance.lamp_correlation"))} nm",
+            "lamp modes" to fit.lamps.joinToString { "${it.name}: ${it.sharedModes.size}" },
+            "uneven light" to evenness(fit),
+            "unseen" to "what the prior leaves open and no patch has seen",
+            "which lamp" to "how far the answers for each kind of light differ",
+        )
+        // The shares of the likeliest kind's variance, and what the hypotheses differ by.
+        val between = ssf.between
+        val inside = DoubleArray(3) { 1.0 - (between?.get(it) ?: 0.0) }
+        val own = shares.mapValues { (_, share) -> DoubleArray(3) { inside[it] * share[it] } }
+        val all = own + if (between == null) emptyMap() else mapOf("which lamp" to between)
+        val budget = all.map { (source, share) -> Share(source, sizes.getValue(source), share) }
+        return Uncertainty(ssf.halfWidth, alone.map { it.halfWidth }, budget)
+    }
+
+    private fun evenness(fit: Fit): String {
+        settings.lightPerPatch?.let { return "${percent(it, 1)} from patch to patch, the same for all channels" }
+        if (fit.gains.modes.values.isEmpty()) return "none: a white frame was taken"
+        val (plane, bowl) = listOf("plane", "bowl").map { percent(Rules.shipped.number("gains.$it"), 0) }
+        return "$plane of plane and $bowl of bowl across the chart, no white frame"
     }
 
     /** Which of the n patches shall enter the fit. */
@@ -83,41 +133,60 @@ internal class Solve(
         gamma: DoubleArray?,
     ): Ssf {
         tell(stage.first, stage.second)
-        return fit.curves(used, gamma)
+        return fit.curves(used, gamma) { tell(stage.first, stage.second) }
     }
 
-    /** Predictions (k, n, 3) of patches that the fit had not seen, NaN elsewhere, and how that was done in words. */
-    private class Unseen(val values: DoubleArray, val how: String)
+    /**
+     * Predictions (k, n, 3) of patches that the fit had not seen, NaN elsewhere, how far the truth may lie from them, null
+     * without a prior, and how that was done in words.
+     */
+    private class Unseen(val values: DoubleArray, val std: DoubleArray?, val how: String)
 
-    private fun unseen(fit: Fit, signals: Signals, asked: BooleanArray, ssf: Ssf): Unseen {
+    private fun unseen(fit: Fit, signals: Signals, asked: BooleanArray, ssf: Ssf, bands: DoubleArray?): Unseen {
         val values = DoubleArray(3 * k * n) { Double.NaN }
-        fun take(from: Ssf, shot: Int, patch: Int) {
+        val std = bands?.let { DoubleArray(3 * k * n) { Double.NaN } }
+        fun take(from: Ssf, band: DoubleArray?, shot: Int, patch: Int) {
             val at = 3 * (shot * n + patch)
             from.sharedPredicted.copyInto(values, at, at, at + 3)
+            if (std != null) band?.copyInto(std, at, at, at + 3)
         }
         // The white patch's signal is 1 whatever the curves, where it stood in for the white frame.
         val rest = (0 until n).filter { !asked[it] && (fit.framed || it != table.white) }
         if (rest.isNotEmpty()) {
-            for (j in 0 until k) for (i in rest) take(ssf, j, i)
-            return Unseen(values, "${rest.size} patches that did not enter the fit")
+            for (j in 0 until k) for (i in rest) take(ssf, bands, j, i)
+            return Unseen(values, std, "${rest.size} patches that did not enter the fit")
         }
         val used = signals.sharedUsed
         val taken = fit.taken(used)
+        val level = fit.level(ssf)
         val folds = FOLDS
         for (fold in 0 until folds) {
             val out = taken.filterIndexed { at, _ -> at % folds == fold }
             val others = BooleanArray(k * n) { used[it] && it % n !in out }
             val without = curves(fit, VALIDATING, others, ssf.sharedGamma)
-            for (j in 0 until k) for (i in out) if (used[j * n + i]) take(without, j, i)
+            val own = fit.level(without)
+            val band = fit.bands(others, without)
+            for (j in 0 until k) {
+                for (i in out) {
+                    val at = j * n + i
+                    if (!used[at]) continue
+                    take(without, band, j, i)
+                    // Each fit has a light of its own; all are told in the answer's.
+                    for (c in 3 * at until 3 * at + 3) {
+                        values[c] *= level[at] / own[at]
+                        if (std != null) std[c] *= level[at] / own[at]
+                    }
+                }
+            }
         }
-        return Unseen(values, "each of ${taken.size} patches, by a fit that left its quarter of the chart out")
+        return Unseen(values, std, "each of ${taken.size} patches, by a fit that left its quarter of the chart out")
     }
 
     private fun scores(fit: Fit, signals: Signals, ssf: Ssf, unseen: Unseen): Scores {
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen.values[3 * i + it].isFinite() } }
         val predicted =
             DoubleArray(unseen.values.size) { if (counts[it / 3]) unseen.values[it] else ssf.sharedPredicted[it] }
-        return Scores.of(signals, predicted, table, fit.lamps, counts, unseen.how)
+        return Scores.of(signals.levelled(fit.level(ssf)), predicted, table, fit.lamps, counts, unseen.how)
     }
 
     /** What each shot's file foretells of its white. */
@@ -128,6 +197,8 @@ internal class Solve(
     private companion object {
         /** All patches enter the fit; each is predicted by a fit that left its quarter of the chart out. */
         val FOLDS get() = Rules.shipped.whole("calibration.folds")
+
+        val FAINTEST get() = Rules.shipped.number("calibration.faintest")
 
         val SOLVING = "solving" to 0.9
         val VALIDATING = "validating" to 0.95

@@ -1,8 +1,8 @@
 package org.camssf
 
+import kotlinx.coroutines.CoroutineDispatcher
 import kotlinx.coroutines.Dispatchers
-import kotlinx.coroutines.ensureActive
-import kotlinx.coroutines.withContext
+import kotlinx.coroutines.runInterruptible
 import org.camssf.curves.Choice
 import org.camssf.curves.Engine
 import org.camssf.curves.OnnxEngine
@@ -26,6 +26,12 @@ import java.nio.channels.ClosedByInterruptException
 import java.util.Collections
 import java.util.concurrent.CancellationException
 
+/** Takes a line of what is done, and how long it took: for an app's own log. Called on the thread that calibrates. */
+public fun interface Logger {
+    /** One line, without a place or a time; files are named as their sources name them. */
+    public fun log(line: String)
+}
+
 /**
  * Recovers a camera's spectral sensitivity from photos of a ColorChecker, on this device; nothing leaves it.
  *
@@ -42,15 +48,16 @@ import java.util.concurrent.CancellationException
  *
  * Ownership: it holds its models in native memory; who opens it closes it. Open one and keep it, or open one for each
  * calibration. Threads: any; calls from several threads wait for each other at the model. A second `close` does
- * nothing; calls after it throw [IllegalStateException]. Results belong to the caller and outlive it.
+ * nothing; calls after it throw [CalibratorClosed], an [IllegalStateException]. Results belong to the caller and outlive
+ * it.
  */
 public class SsfCalibrator private constructor(
     /** The basis of the curves: "auto", phones or cameras as the signals say; "phones", "cameras", or "gaussian". */
     public val basis: String,
     private val engines: List<Engine>,
+    private val logger: Logger?,
 ) : Closeable {
-    @Volatile
-    private var closed = false
+    private val gate = Gate { engines.forEach { it.close() } }
 
     /** SHA-256 of the model files by their bases, lower-case hex: of "auto" two. */
     public val modelHashes: Map<String, String> =
@@ -67,6 +74,7 @@ public class SsfCalibrator private constructor(
      * @param progress called on this thread.
      * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].
      * @throws InterruptedException if the thread is interrupted; nothing is left behind.
+     * @throws CalibratorClosed see [close].
      */
     @JvmOverloads
     @Throws(InterruptedException::class)
@@ -74,27 +82,23 @@ public class SsfCalibrator private constructor(
         capture: Capture,
         settings: Settings = Settings(),
         progress: Progress? = null,
-    ): Calibration {
-        checkOpen()
-        return run(capture, settings, blocking(progress))
-    }
+    ): Calibration = gate.through { run(capture, settings, tell(progress)) }
 
     /**
-     * [calibrate] on [Dispatchers.IO], as it reads files and may wait at the model; cancelling its job ends it at the
-     * next step. `progress` is called there, not on the caller's dispatcher.
+     * [calibrate] on a thread of `dispatcher`, as it reads files and may wait at the model. Cancelling its job
+     * interrupts that thread and ends the run within the row of samples, or the run of the model, that is in work.
+     * `progress` is called there, not on the caller's dispatcher.
+     *
+     * @throws CalibratorClosed see [close].
      */
     public suspend fun calibrateSuspending(
         capture: Capture,
         settings: Settings = Settings(),
+        dispatcher: CoroutineDispatcher = Dispatchers.IO,
         progress: Progress? = null,
     ): Calibration {
-        checkOpen()
-        return withContext(Dispatchers.IO) {
-            run(capture, settings) { stage, part ->
-                ensureActive()
-                progress?.report(stage, part)
-            }
-        }
+        gate.check()
+        return runInterruptible(dispatcher) { calibrate(capture, settings, progress) }
     }
 
     /**
@@ -104,9 +108,8 @@ public class SsfCalibrator private constructor(
      * @throws InterruptedException if the thread is interrupted; nothing is left behind.
      */
     @Throws(InterruptedException::class)
-    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot {
-        checkOpen()
-        return interruptible { Measuring(Capture(shot, chart), blocking(null)).run().shots[0] }
+    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = gate.through {
+        interruptible { Measuring(Capture(shot, chart), tell(null)).run().shots[0] }
     }
 
     /**
@@ -125,12 +128,10 @@ public class SsfCalibrator private constructor(
         whiteReflectance: Double? = null,
         settings: Settings = Settings(),
         progress: Progress? = null,
-    ): Calibration {
-        checkOpen()
+    ): Calibration = gate.through {
         val begun = Begun(chart, shots.map { it.lamp }, shots.frozen())
-        return refusing({ begun }) {
-            val capture = Measuring.joined(shots, chart, whiteReflectance)
-            finish(capture, settings, blocking(progress))
+        refusing({ begun }) {
+            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(progress))
         }
     }
 
@@ -145,7 +146,12 @@ public class SsfCalibrator private constructor(
         return solution
     }
 
-    private fun refusing(begun: () -> Begun, work: () -> Solution): Calibration {
+    private fun refusing(begun: () -> Begun, work: () -> Solution): Calibration =
+        outcome(begun, work).also { found ->
+            logger?.log("${found.verdict.outcome.word}${found.verdict.reasons.joinToString("") { ", ${it.code}" }}")
+        }
+
+    private fun outcome(begun: () -> Begun, work: () -> Solution): Calibration {
         try {
             val solution = interruptible(work)
             if (solution.verdict.outcome == Status.REFUSED) {
@@ -160,12 +166,35 @@ public class SsfCalibrator private constructor(
         }
     }
 
-    private fun checkOpen() = check(!closed) { "This SsfCalibrator was closed. Open another." }
+    /**
+     * Ends runs that are in work, each with [CalibratorClosed], waits until they have ended (a row of samples, or a run
+     * of the model), and releases the models.
+     *
+     * A `progress` or a [Logger] may call it: then its own run ends at the next step, and releases the models itself. They
+     * must not wait for a thread that is in this call.
+     */
+    override fun close(): Unit = gate.close()
 
-    /** Releases the models; waits for a run that is in work. */
-    override fun close() {
-        closed = true
-        engines.forEach { it.close() }
+    /** Tells `progress` and the logger, and looks whether anybody still waits. */
+    private fun tell(progress: Progress?): Tell = object : Tell {
+        private var before: String? = null
+        private var since = 0L
+
+        override fun invoke(stage: String, part: Double) {
+            check()
+            if (logger != null) {
+                val now = System.nanoTime()
+                before?.let { logger.log("$it: ${(now - since) / 1_000_000} ms") }
+                before = stage
+                since = now
+            }
+            progress?.report(stage, part)
+        }
+
+        override fun check() {
+            checkInterrupt()
+            gate.check()
+        }
     }
 
     public companion object {
@@ -179,13 +208,14 @@ public class SsfCalibrator private constructor(
          * Loads the shipped model of a basis, for "auto" those of phones and cameras, and checks hash, grid and
          * vocabulary.
          *
+         * @param logger told what each run does, and refusals; null for none.
          * @throws InvalidArgument there is no such basis, the app carries another model than this version's, or ONNX
          *   Runtime is missing.
          */
         @JvmStatic
         @JvmOverloads
-        public fun open(basis: String = "auto"): SsfCalibrator = try {
-            SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)))
+        public fun open(basis: String = "auto", logger: Logger? = null): SsfCalibrator = try {
+            SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)), logger)
         } catch (error: LinkageError) {
             throw InvalidArgument(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
@@ -206,14 +236,13 @@ public class SsfCalibrator private constructor(
             return engines
         }
 
-        private fun blocking(progress: Progress?): Tell = { stage, part ->
-            if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
-            progress?.report(stage, part)
-        }
-
         /** An interrupt that ended a read comes out as one, whatever the read made of it; the flag is cleared. */
         private fun <T> interruptible(work: () -> T): T = try {
             work()
+        } catch (error: OutOfMemoryError) {
+            val most = Runtime.getRuntime().maxMemory() shr 20
+            val message = "The calibration needs more than the $most MB that this process may use."
+            throw OutOfMemory(message, OutOfMemory.ADVICE, most.toDouble(), null, error)
         } catch (error: Exception) {
             if (error is InterruptedException || error is CancellationException || !interrupt(error)) throw error
             Thread.interrupted()

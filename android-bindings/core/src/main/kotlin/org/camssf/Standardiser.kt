@@ -264,8 +264,10 @@ public class Standardiser private constructor(
             lamp: Lamp?,
             reference: Reference,
             view: View = View(),
-        ): Standardiser =
-            of(ColourCamera.parse(calibrated.toJson(), calibrated.capture.shots[0].lamp), lamp, reference, view)
+        ): Standardiser {
+            val own = calibrated.capture.shots[0].lamp.takeUnless { it.unnamed }
+            return of(ColourCamera.parse(calibrated.toJson(), own), lamp, reference, view)
+        }
 
         /**
          * For a camera whose result was stored, on this device or on a desktop.

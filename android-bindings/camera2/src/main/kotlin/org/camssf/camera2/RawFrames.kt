@@ -15,12 +15,16 @@ import android.media.Image
 import android.os.Build
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.OutOfMemory
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.GainMap
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Neutral
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
 import java.nio.ByteOrder
+import java.security.MessageDigest
 
 /**
  * One RAW frame and how it came about.
@@ -38,6 +42,22 @@ public class RawFrame internal constructor(
     public val shortfalls: List<Shortfall>,
 )
 
+/**
+ * One RAW frame whose samples stay in its image, outside the heap, until they are measured.
+ *
+ * @property photo for a `Shot`; it reads the image's buffer part by part. The image must stay open until the shot is
+ *   measured, and is closed by who acquired it.
+ * @property noiseReduction see [RawFrame].
+ * @property lensShadingApplied see [RawFrame].
+ * @property shortfalls what was not as wanted, nothing of it fatal.
+ */
+public class OpenRawFrame internal constructor(
+    public val photo: PhotoSource,
+    public val noiseReduction: Int?,
+    public val lensShadingApplied: Boolean?,
+    public val shortfalls: List<Shortfall>,
+)
+
 /** Camera2's RAW_SENSOR frames → mosaics. */
 public object RawFrames {
     /**
@@ -49,65 +69,190 @@ public object RawFrames {
      *
      * Of a logical multi-camera, let one physical camera write the image (`OutputConfiguration.setPhysicalCameraId`) and
      * hand over that camera's characteristics and result (`TotalCaptureResult.getPhysicalCameraResults`): otherwise the
-     * frame may come from another lens than they describe, which cannot be seen here.
+     * frame may come from another lens than they describe. Where the result names the physical camera (Android 10), frames
+     * of two of them are refused as one capture (`unit_differs`).
      *
      * @param image of format RAW_SENSOR, as big as the pixel array or as the pre-correction active array.
      * @param camera that took it.
      * @param result of the same capture.
      * @param name for messages and results.
-     * @throws InvalidArgument an image of another format or capture, or a closed one.
+     * @param region copy only this part of the active area, as far as it lies inside: `ChartPose.region(corners)` is what
+     *   a calibration needs.
+     * @throws InvalidArgument an image of another format or capture, or a closed one; a region outside the photo.
+     * @throws OutOfMemory the part does not fit into the heap: ask for a smaller one, or take [open].
      * @throws UnsupportedRaw a colour filter or size that camssf does not read.
      * @throws NotSensorRaw a test pattern changed the samples, or noise reduction that the camera could have left out;
      *   where it offers no OFF, the frame is taken and [RawFrame.shortfalls] names it.
      */
     @JvmStatic
-    public fun read(image: Image, camera: CameraCharacteristics, result: CaptureResult, name: String): RawFrame {
+    @JvmOverloads
+    public fun read(
+        image: Image,
+        camera: CameraCharacteristics,
+        result: CaptureResult,
+        name: String,
+        region: Region? = null,
+    ): RawFrame {
+        val shortfalls = check(image, camera, result, name)
+        val frame = Frame(image, camera, result, name)
+        val mode = result.get(CaptureResult.NOISE_REDUCTION_MODE)
+        return RawFrame(frame.mosaic(region, ""), mode, frame.shaded, shortfalls)
+    }
+
+    /**
+     * A frame that is measured where it lies: a 50-megapixel photo takes 100 MB of heap by [read], and by this nothing
+     * but the rows in work. Close the image once the shot is measured.
+     *
+     * @throws InvalidArgument as [read], and when the image is closed before the shot is measured.
+     * @throws UnsupportedRaw as [read].
+     * @throws NotSensorRaw as [read].
+     */
+    @JvmStatic
+    public fun open(
+        image: Image,
+        camera: CameraCharacteristics,
+        result: CaptureResult,
+        name: String,
+    ): OpenRawFrame {
+        val shortfalls = check(image, camera, result, name)
+        val frame = Frame(image, camera, result, name)
+        val sha256 by lazy { frame.sha256() }
+        val photo = PhotoSource { region ->
+            sameCapture(image, result, name) // and open still
+            frame.mosaic(region, sha256)
+        }
+        return OpenRawFrame(photo, result.get(CaptureResult.NOISE_REDUCTION_MODE), frame.shaded, shortfalls)
+    }
+
+    private fun check(
+        image: Image,
+        camera: CameraCharacteristics,
+        result: CaptureResult,
+        name: String,
+    ): List<Shortfall> {
         sameCapture(image, result, name)
         val shortfalls = CaptureRequirements.check(result, camera)
         shortfalls.firstOrNull { it.fatal }?.let {
             throw NotSensorRaw("$name: ${it.key} is ${it.found}: the samples are not the sensor's own.", it.advice)
         }
-        val cfa = filters(camera, name)
-        val area = area(image, camera, name)
+        return shortfalls
+    }
+
+    private val ORIENTATIONS = mapOf(0 to 1, 90 to 6, 180 to 3, 270 to 8)
+
+    /** What a frame says, and how to get at its samples. */
+    private class Frame(
+        image: Image,
+        camera: CameraCharacteristics,
+        result: CaptureResult,
+        private val name: String,
+    ) {
+        private val cfa = filters(camera, name)
+        private val area = area(image, camera, name)
+        private val samples = Samples(image, area, name)
+        val shaded: Boolean? = camera.get(CameraCharacteristics.SENSOR_INFO_LENS_SHADING_APPLIED)
+        private val maps = result.get(CaptureResult.STATISTICS_LENS_SHADING_CORRECTION_MAP).takeIf { shaded != true }
+            ?.let { gainMaps(it, cfa, area) } ?: emptyList()
+        private val sensor = sensor(camera, result, cfa, name)
+        private val colours = colours(camera, result)
+        private val exposure = result.get(CaptureResult.SENSOR_EXPOSURE_TIME)?.let { it / 1e9 }
+        private val iso = result.get(CaptureResult.SENSOR_SENSITIVITY)?.toDouble()
+        private val physical = physical(camera, result)
+        private val orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1
+
+        fun mosaic(region: Region?, sha256: String): Mosaic {
+            val part = if (region == null) Region(0, 0, area.width, area.height) else part(region)
+            val origin = Mosaic.Origin(
+                name = name,
+                make = Build.MANUFACTURER ?: "",
+                model = Build.MODEL ?: "",
+                exposure = exposure,
+                iso = iso,
+                orientation = orientation,
+                sha256 = sha256,
+                camera = physical,
+            )
+            val corrections = Mosaic.Corrections(maps)
+            return Mosaic(origin, area.width, area.height, part, samples.copy(part), sensor, corrections, colours)
+        }
+
+        private fun part(region: Region): Region {
+            val part = Region(
+                maxOf(region.left, 0), maxOf(region.top, 0),
+                minOf(region.right, area.width), minOf(region.bottom, area.height),
+            )
+            if (part.width < 1 || part.height < 1) {
+                throw InvalidArgument(
+                    "$region lies outside $name, a photo of ${area.width} × ${area.height} px.",
+                    "Give corners in pixels of the RAW photo: points on a preview must be scaled to it, and turned " +
+                        "back where the preview is turned.",
+                )
+            }
+            return part
+        }
+
+        /** Of all samples of the active area, row by row, low byte first: what a result says of a copied frame, too. */
+        fun sha256(): String {
+            val digest = MessageDigest.getInstance("SHA-256")
+            val bytes = ByteArray(2 * area.width)
+            val row = ShortArray(area.width)
+            for (y in 0 until area.height) {
+                if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
+                samples.copy(Region(0, y, area.width, y + 1), row)
+                for (x in row.indices) {
+                    bytes[2 * x] = row[x].toByte()
+                    bytes[2 * x + 1] = (row[x].toInt() shr 8).toByte()
+                }
+                digest.update(bytes)
+            }
+            return digest.digest().joinToString("") { "%02x".format(it) }
+        }
+    }
+
+    private fun physical(camera: CameraCharacteristics, result: CaptureResult): PhysicalCamera {
+        val active = camera.get(CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE)
+        return PhysicalCamera(
+            id = newer<CaptureResult.Key<String>>("LOGICAL_MULTI_CAMERA_ACTIVE_PHYSICAL_ID")?.let { result.get(it) }
+                ?: cameraId(result).orEmpty(),
+            focalLength = result.get(CaptureResult.LENS_FOCAL_LENGTH)?.toDouble()?.takeIf { it > 0 },
+            aperture = result.get(CaptureResult.LENS_APERTURE)?.toDouble()?.takeIf { it > 0 },
+            activeArea = active?.let { Region(it.left, it.top, it.right, it.bottom) },
+        )
+    }
+
+    /** A key that this Android may not have yet: API 29 brought the physical camera's. */
+    private inline fun <reified T> newer(name: String): T? =
+        runCatching { CaptureResult::class.java.getField(name).get(null) as? T }.getOrNull()
+
+    /** API 31. */
+    private fun cameraId(result: CaptureResult): String? =
+        runCatching { CaptureResult::class.java.getMethod("getCameraId").invoke(result) as? String }.getOrNull()
+
+    private fun sensor(
+        camera: CameraCharacteristics,
+        result: CaptureResult,
+        cfa: String,
+        name: String,
+    ): Mosaic.Sensor {
         val dynamicBlack = result.get(CaptureResult.SENSOR_DYNAMIC_BLACK_LEVEL)
         val dynamicWhite = result.get(CaptureResult.SENSOR_DYNAMIC_WHITE_LEVEL)
-        val shaded = camera.get(CameraCharacteristics.SENSOR_INFO_LENS_SHADING_APPLIED)
-        val map = result.get(CaptureResult.STATISTICS_LENS_SHADING_CORRECTION_MAP).takeIf { shaded != true }
-        val neutral = result.get(CaptureResult.SENSOR_NEUTRAL_COLOR_POINT)
-        val origin = Mosaic.Origin(
-            name = name,
-            make = Build.MANUFACTURER ?: "",
-            model = Build.MODEL ?: "",
-            exposure = result.get(CaptureResult.SENSOR_EXPOSURE_TIME)?.let { it / 1e9 },
-            iso = result.get(CaptureResult.SENSOR_SENSITIVITY)?.toDouble(),
-            orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1,
-        )
-        val sensor = Mosaic.Sensor(
+        return Mosaic.Sensor(
             cfa = cfa,
             black = dynamicBlack?.let { level -> DoubleArray(4) { level[it].toDouble() } } ?: black(camera, name),
             white = (dynamicWhite ?: need(camera, CameraCharacteristics.SENSOR_INFO_WHITE_LEVEL, name)).toDouble(),
             noiseProfile = noise(result, cfa),
         )
-        val colours = Mosaic.Colours(
+    }
+
+    private fun colours(camera: CameraCharacteristics, result: CaptureResult): Mosaic.Colours {
+        val neutral = result.get(CaptureResult.SENSOR_NEUTRAL_COLOR_POINT)
+        return Mosaic.Colours(
             colorMatrix1 = matrix(camera.get(SENSOR_COLOR_TRANSFORM1)),
             colorMatrix2 = matrix(camera.get(SENSOR_COLOR_TRANSFORM2)),
             asShotNeutral = neutral?.let { white -> DoubleArray(3) { white[it].toDouble() } },
             neutrals = neutrals(camera),
         )
-        val mosaic = Mosaic(
-            origin,
-            area.width,
-            area.height,
-            Region(0, 0, area.width, area.height),
-            samples(image, area, name),
-            sensor,
-            Mosaic.Corrections(map?.let { gainMaps(it, cfa, area) } ?: emptyList()),
-            colours,
-        )
-        return RawFrame(mosaic, result.get(CaptureResult.NOISE_REDUCTION_MODE), shaded, shortfalls)
     }
-
-    private val ORIENTATIONS = mapOf(0 to 1, 90 to 6, 180 to 3, 270 to 8)
 
     private fun sameCapture(image: Image, result: CaptureResult, name: String) {
         val (format, time) = runCatching { image.format to image.timestamp }.getOrElse {
@@ -143,23 +288,39 @@ public object RawFrames {
         return Region(active.left, active.top, active.right, active.bottom)
     }
 
-    private fun samples(image: Image, area: Region, name: String): ShortArray {
-        val plane = image.planes.singleOrNull()
-        if (plane == null || plane.pixelStride != 2 || plane.rowStride < 2 * image.width) {
-            throw UnsupportedRaw("$name is not one plane of 16-bit samples.", "Ask for ImageFormat.RAW_SENSOR.")
+    /** The samples of an image's active area, where they lie. */
+    private class Samples(private val image: Image, private val area: Region, private val name: String) {
+        private val stride: Int
+
+        init {
+            val plane = image.planes.singleOrNull()
+            if (plane == null || plane.pixelStride != 2 || plane.rowStride < 2 * image.width) {
+                throw UnsupportedRaw("$name is not one plane of 16-bit samples.", "Ask for ImageFormat.RAW_SENSOR.")
+            }
+            stride = plane.rowStride
+            if (stride.toLong() * (image.height - 1) + 2L * image.width > plane.buffer.capacity()) {
+                throw InvalidArgument("$name: the image's buffer is too short.", "Take the photo again.")
+            }
         }
-        val bytes = plane.buffer.duplicate()
-        val stride = plane.rowStride.toLong()
-        if (stride * (image.height - 1) + 2L * image.width > bytes.capacity()) {
-            throw InvalidArgument("$name: the image's buffer is too short.", "Take the photo again.")
+
+        fun copy(part: Region): ShortArray = try {
+            ShortArray(part.width * part.height).also { copy(part, it) }
+        } catch (error: OutOfMemoryError) {
+            throw OutOfMemory(
+                "$name: ${part.width} × ${part.height} samples need more memory than there is.",
+                "Copy the part around the chart only (region), or measure the frame in its image (RawFrames.open).",
+                cause = error,
+            )
         }
-        val found = ShortArray(area.width * area.height)
-        bytes.limit(bytes.capacity())
-        for (row in 0 until area.height) { // which may begin at an odd byte
-            bytes.position((stride * (area.top + row) + 2L * area.left).toInt())
-            bytes.slice().order(ByteOrder.nativeOrder()).asShortBuffer().get(found, row * area.width, area.width)
+
+        fun copy(part: Region, into: ShortArray) {
+            val bytes = image.planes[0].buffer.duplicate()
+            bytes.limit(bytes.capacity())
+            for (row in 0 until part.height) { // which may begin at an odd byte
+                bytes.position((stride.toLong() * (area.top + part.top + row) + 2L * (area.left + part.left)).toInt())
+                bytes.slice().order(ByteOrder.nativeOrder()).asShortBuffer().get(into, row * part.width, part.width)
+            }
         }
-        return found
     }
 
     private fun black(camera: CameraCharacteristics, name: String): DoubleArray {

@@ -8,10 +8,12 @@ import android.hardware.camera2.impl.CameraMetadataNative
 import org.junit.Assert.assertEquals
 import org.junit.Assert.assertTrue
 import org.junit.Test
+import org.junit.jupiter.api.Tag
 import org.junit.runner.RunWith
 import org.robolectric.RobolectricTestRunner
 import org.robolectric.annotation.Config
 
+@Tag("R-CAMERA2")
 @RunWith(RobolectricTestRunner::class)
 @Config(sdk = [35])
 class CaptureRequirementsTest {

@@ -17,6 +17,7 @@ import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.UnsupportedRaw
+import org.camssf.photo.Region
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.junit.Assert.assertArrayEquals
@@ -25,6 +26,7 @@ import org.junit.Assert.assertNull
 import org.junit.Assert.assertThrows
 import org.junit.Assert.assertTrue
 import org.junit.Test
+import org.junit.jupiter.api.Tag
 import org.junit.runner.RunWith
 import org.mockito.Mockito.mock
 import org.mockito.Mockito.`when`
@@ -36,8 +38,10 @@ import org.robolectric.shadows.ShadowCameraCharacteristics
 import org.robolectric.shadows.ShadowCaptureResult
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
+import java.security.MessageDigest
 
 /** A sensor of 8 × 6 samples, 6 × 4 of them active from (2, 2) on; the sample at (x, y) is 100 y + x. */
+@Tag("R-CAMERA2")
 @RunWith(RobolectricTestRunner::class)
 @Config(sdk = [35])
 class RawFramesTest {
@@ -58,6 +62,54 @@ class RawFramesTest {
     fun `a frame of the active array alone is taken whole`() {
         val mosaic = read(image(6, 4, 12)).mosaic
         for (y in 0 until 4) for (x in 0 until 6) assertEquals(100 * y + x, mosaic[x, y])
+    }
+
+    @Test
+    fun `the physical camera and its lens are on record`() {
+        val own = result {
+            it[CaptureResult.LENS_FOCAL_LENGTH] = 6.81f
+            it[CaptureResult.LENS_APERTURE] = 1.85f
+            it[CaptureResult.LOGICAL_MULTI_CAMERA_ACTIVE_PHYSICAL_ID] = "3"
+        }
+        val said = read(image(), result = own).mosaic.origin.camera
+        assertEquals("3", said.id)
+        assertEquals(6.81, said.focalLength!!, 1e-6)
+        assertEquals(1.85, said.aperture!!, 1e-6)
+        assertEquals(Region(2, 2, 8, 6), said.activeArea)
+        assertEquals("", read(image()).mosaic.origin.camera.lens)
+    }
+
+    @Test
+    fun `a region is copied alone`() {
+        for (image in listOf(image(8, 6, 17), image(6, 4, 12))) {
+            val whole = read(image).mosaic
+            val part = RawFrames.read(image, camera, result, "frame", Region(2, 1, 9, 3)).mosaic
+            assertEquals(Region(2, 1, 6, 3), part.region)
+            assertEquals(8, part.samples.size)
+            for (y in 1 until 3) for (x in 2 until 6) assertEquals(whole[x, y], part[x, y])
+            assertEquals(listOf(whole.width, whole.height), listOf(part.width, part.height))
+        }
+        assertCode<InvalidArgument>("lies outside frame") {
+            RawFrames.read(image(), camera, result, "frame", Region(6, 0, 9, 3))
+        }
+    }
+
+    @Test
+    fun `an open frame is read where it lies, until its image is closed`() {
+        val image = image(8, 6, 17)
+        val whole = read(image).mosaic
+        val frame = RawFrames.open(image, camera, result, "frame")
+        assertEquals(listOf(0, false), listOf(frame.noiseReduction, frame.lensShadingApplied))
+        val part = frame.photo.read(Region(1, 1, 5, 4))
+        for (y in 1 until 4) for (x in 1 until 5) assertEquals(whole[x, y], part[x, y])
+        assertEquals(whole.gainMaps.size, part.gainMaps.size)
+        // as a result names a frame without a file: the hash of all its samples
+        val bytes = ByteBuffer.allocate(48).order(ByteOrder.LITTLE_ENDIAN)
+        whole.samples.forEach { bytes.putShort(it) }
+        val digest = MessageDigest.getInstance("SHA-256").digest(bytes.array())
+        assertEquals(digest.joinToString("") { "%02x".format(it) }, part.sha256)
+        `when`(image.format).thenThrow(IllegalStateException("Image is already closed"))
+        assertCode<InvalidArgument>("closed") { frame.photo.read(null) }
     }
 
     @Test

@@ -10,6 +10,7 @@ import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
 import org.camssf.spectra.list
 import org.camssf.spectra.numbers
@@ -155,7 +156,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
 
         /** Modes whose variance at each wavelength is the band's. */
         private fun ofBands(std: Three): List<Three> {
-            val smooth = smoothErrors(BAND_CORRELATION)
+            val smooth = Directions.of(BAND_CORRELATION).columns
             val sizes = DoubleArray(Grid.SIZE) { m -> sqrt(smooth.sumOf { it[m] * it[m] }) }
             return largest(
                 List(3 * smooth.size) { at ->

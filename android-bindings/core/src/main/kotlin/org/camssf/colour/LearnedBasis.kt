@@ -1,12 +1,10 @@
 package org.camssf.colour
 
-import org.camssf.model.Models
-import java.nio.ByteBuffer
-import java.nio.ByteOrder
+import org.camssf.Nodes
+import org.camssf.curves.BasisConstants
 
 /**
- * A learned basis: the constants `mean` and `dictionary` of its model, the very numbers that the curves were found with,
- * so that no table of them ships beside it.
+ * A learned basis on the grid.
  *
  * @property mean μ of R, G, B.
  * @property dictionary of each of them its r atoms (681).
@@ -15,84 +13,21 @@ internal class LearnedBasis private constructor(val mean: Three, val dictionary:
     val atoms: Int get() = dictionary[0].size
 
     companion object {
-        private val NAMES = listOf("phones", "cameras")
-        private val made = HashMap<String, LearnedBasis>()
+        private val made = HashMap<BasisConstants, LearnedBasis>()
 
         /** The shipped one of this name; null for any other name. */
-        fun of(name: String): LearnedBasis? = if (name in NAMES) {
-            synchronized(made) { made.getOrPut(name) { read(Models.read("camssf-$name.onnx")) } }
-        } else {
-            null
+        fun of(name: String): LearnedBasis? = BasisConstants.of(name)?.let { constants ->
+            synchronized(made) { made.getOrPut(constants) { straight(constants) } }
         }
 
-        private fun read(model: ByteArray): LearnedBasis {
-            val tensors = Message(ByteBuffer.wrap(model)).all(GRAPH)
-                .flatMap { Message(it).all(INITIALIZER) }.map { Tensor(it) }
-            val mean = tensors.single { it.name == "mean" }
-            val atoms = tensors.single { it.name == "dictionary" }
-            val r = atoms.values.size / (3 * Nodes.SIZE)
-            check(mean.values.size == 3 * Nodes.SIZE && atoms.values.size == 3 * Nodes.SIZE * r) { "another model" }
+        private fun straight(nodes: BasisConstants): LearnedBasis {
+            val r = nodes.atoms
             return LearnedBasis(
-                Array(3) { c -> Nodes.straight { mean.values[c * Nodes.SIZE + it] } },
+                Array(3) { c -> Nodes.straight { nodes.mean[c * Nodes.SIZE + it] } },
                 List(3) { c ->
-                    Array(r) { q -> Nodes.straight { atoms.values[(c * Nodes.SIZE + it) * r + q] } }
+                    Array(r) { q -> Nodes.straight { nodes.dictionary[(c * Nodes.SIZE + it) * r + q] } }
                 },
             )
-        }
-
-        private const val GRAPH = 7
-        private const val INITIALIZER = 5
-        private const val NAME = 8
-        private const val RAW_DATA = 9
-    }
-
-    /** TensorProto, float64. */
-    private class Tensor(content: ByteBuffer) {
-        private val message = Message(content)
-        val name: String = message.all(NAME).single().let { each ->
-            ByteArray(each.remaining()).also { each.get(it) }.decodeToString()
-        }
-
-        /** Only of the two that are wanted: others have other types. */
-        val values: DoubleArray by lazy {
-            val raw = message.all(RAW_DATA).single().order(ByteOrder.LITTLE_ENDIAN).asDoubleBuffer()
-            DoubleArray(raw.remaining()).also { raw.get(it) }
-        }
-    }
-
-    /** A message of protocol buffers: fields of a length, found by number; all others are passed over. */
-    private class Message(private val content: ByteBuffer) {
-        fun all(field: Int): List<ByteBuffer> {
-            val at = content.duplicate()
-            val found = ArrayList<ByteBuffer>()
-            while (at.hasRemaining()) {
-                val key = whole(at).toInt()
-                when (key and 7) {
-                    0 -> whole(at)
-
-                    1 -> at.position(at.position() + 8)
-
-                    2 -> {
-                        val size = whole(at).toInt()
-                        if (key shr 3 == field) found += at.slice().apply { limit(size) }
-                        at.position(at.position() + size)
-                    }
-
-                    else -> at.position(at.position() + 4)
-                }
-            }
-            return found
-        }
-
-        private fun whole(at: ByteBuffer): Long {
-            var value = 0L
-            var shift = 0
-            while (true) {
-                val byte = at.get().toLong()
-                value = value or (byte and 127 shl shift)
-                if (byte >= 0) return value
-                shift += 7
-            }
         }
     }
 }

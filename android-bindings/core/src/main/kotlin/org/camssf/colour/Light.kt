@@ -2,6 +2,7 @@ package org.camssf.colour
 
 import org.camssf.Grid
 import org.camssf.Rules
+import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
 import kotlin.math.PI
 import kotlin.math.ln
@@ -81,7 +82,7 @@ internal class Light private constructor(
         /** Directions (681) in which a lamp may be off, relative to it: its modes, and its smooth error. */
         fun modes(lamp: Lamp): List<DoubleArray> {
             if (!(lamp.tolerance > 0)) return lamp.sharedModes
-            val smooth = smoothErrors(Rules.shipped.number("covariance.lamp_correlation"))
+            val smooth = Directions.of(Rules.shipped.number("covariance.lamp_correlation")).columns
             return lamp.sharedModes + smooth.map { row -> DoubleArray(row.size) { lamp.tolerance * row[it] } }
         }
 

@@ -1,7 +1,9 @@
 package org.camssf.colour
 
 import org.camssf.Grid
+import org.camssf.Nodes
 import org.camssf.Rules
+import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
 import kotlin.math.exp
 import kotlin.math.ln
@@ -54,7 +56,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         val truth = chosen.white to Learned.truth(light.power, functions).first
         steps = light.powerModes.indices.map { k -> step(k, 1.0, truth) to step(k, -1.0, truth) }
         relative = light.powerModes.indices.map { moves(it) }
-        val smooth = smoothErrors(Rules.shipped.number("covariance.chart_correlation"))
+        val smooth = Directions.of(Rules.shipped.number("covariance.chart_correlation")).columns
         ofReference = smooth.map { row -> DoubleArray(3) { c -> tolerance * dot(row, seen[c]) / level[c] } } +
             DoubleArray(3) { Rules.shipped.number("covariance.drift") }
         known = DoubleArray(chosen.signals.size / 3 * 2) { ratio(chosen.signals, it / 2 * 3, it % 2) }

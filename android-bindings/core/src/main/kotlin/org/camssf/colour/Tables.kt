@@ -12,9 +12,6 @@ import org.camssf.spectra.number
 import org.camssf.spectra.numbers
 import org.camssf.spectra.part
 import org.camssf.spectra.text
-import kotlin.math.ceil
-import kotlin.math.exp
-import kotlin.math.sqrt
 
 /** Three curves or functions on [Grid], one behind the other: (3) of (681). */
 internal typealias Three = Array<DoubleArray>
@@ -55,45 +52,4 @@ internal object Tables {
     }
 
     fun observer(of: Observer): Three = observers.getValue(of.word)
-}
-
-/** The 5-nm nodes, between which surfaces and bases run straight. */
-internal object Nodes {
-    const val SIZE = 69
-    private const val EACH = 10
-
-    /** Onto the nodes (69) as the adjoint of [straight]: Σ f s over the grid is Σ fold(f) s over the nodes. */
-    fun fold(values: DoubleArray): DoubleArray {
-        val found = DoubleArray(SIZE)
-        for (m in values.indices) {
-            val share = (m % EACH) / EACH.toDouble()
-            found[m / EACH] += (1 - share) * values[m]
-            if (share > 0) found[m / EACH + 1] += share * values[m]
-        }
-        return found
-    }
-
-    /** On the grid what is known on the nodes. */
-    inline fun straight(node: (Int) -> Double): DoubleArray = DoubleArray(Grid.SIZE) { m ->
-        val share = (m % EACH) / EACH.toDouble()
-        val left = node(m / EACH)
-        if (share > 0) (1 - share) * left + share * node(m / EACH + 1) else left
-    }
-}
-
-/**
- * Directions of an error that is smooth over a length ℓ, nm, one standard deviation each, (681): white noise on points
- * ℓ/2 apart, smoothed.
- */
-internal fun smoothErrors(length: Double): List<DoubleArray> {
-    val step = length / 2
-    val weight = sqrt(step / (length * sqrt(Math.PI / 2)))
-    val grid = Grid.WAVELENGTHS
-    return List(ceil((340 + 4 * length) / step).toInt() + 1) { q ->
-        val place = 380 - 2 * length + step * q
-        DoubleArray(Grid.SIZE) {
-            val u = (grid[it] - place) / length
-            weight * exp(-u * u)
-        }
-    }
 }

@@ -2,6 +2,7 @@ package org.camssf.colour
 
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.Nodes
 import org.camssf.evidence.Colour
 import kotlin.math.max
 import kotlin.math.sqrt

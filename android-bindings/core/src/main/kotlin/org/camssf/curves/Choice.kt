@@ -1,11 +1,8 @@
 package org.camssf.curves
 
-import org.camssf.Grid
 import org.camssf.Rules
 import kotlin.math.exp
 import kotlin.math.ln
-import kotlin.math.max
-import kotlin.math.sqrt
 
 /**
  * Evidence → the basis that answers: phones, cameras, or a mixture of both, by their marginal likelihood.
@@ -27,7 +24,7 @@ internal object Choice {
     private val UNUSUAL get() = Rules.shipped.number("choice.unusual")
 
     /** Odds at which a basis answers alone. */
-    private val CLEAR get() = Rules.shipped.number("choice.clear")
+    val CLEAR get() = Rules.shipped.number("choice.clear")
 
     /** An answer of a smaller weight moves no curve. */
     private const val NEGLIGIBLE = 1e-6
@@ -39,6 +36,15 @@ internal object Choice {
     fun believed(make: String, model: String): Map<String, Double> {
         val name = "$make $model".lowercase()
         return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { CLEAR }
+    }
+
+    /** A basis and how wide its prior is taken, with ln of what is believed of both beforehand. */
+    class Family(val engine: Engine, val scale: Double, val belief: Double)
+
+    /** All that is weighed where nobody told the basis, with the odds of each family beforehand. */
+    fun asked(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
+        val odds = prior[engine.basis] ?: 1.0
+        SCALES.zip(listOf(1.0 - UNUSUAL, UNUSUAL)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
     }
 
     /**
@@ -55,78 +61,37 @@ internal object Choice {
         penalties: Penalties,
         prior: Map<String, Double>,
     ): Ssf {
-        val answers = engines.flatMap { engine ->
-            SCALES.map { Recover.recover(engine, evidence, frames, penalties, it) }
-        }
-        val beliefs = engines.flatMap { engine ->
-            listOf(1.0 - UNUSUAL, UNUSUAL).map { ln((prior[engine.basis] ?: 1.0) * it) }
-        }
-        return choose(evidence.known, answers, beliefs)
+        val asked = asked(engines, prior)
+        val answers = asked.map { Recover.recover(it.engine, evidence, frames, penalties, it.scale) }
+        return choose(evidence.known, answers, asked.map { it.belief })
     }
 
-    /**
-     * One answer of several to the same signals, each with ln of what was believed of it beforehand. A basis that is
-     * [CLEAR] times as probable as all others answers alone, with its own scales mixed.
-     */
+    /** One answer of several to the same signals, each with ln of what was believed of it beforehand. */
     fun choose(known: Known, answers: List<Ssf>, beliefs: List<Double>): Ssf {
         val likely = probabilities(answers.mapIndexed { i, each -> each.logEvidence!! + beliefs[i] })
         val told = answers.mapIndexed { i, each ->
             Weight(each.basis, each.priorScale, each.logEvidence!!, likely[i])
         }
+        val weights = answering(told)
+        val kept = answers.indices.filter { weights[it] > NEGLIGIBLE }
+        if (kept.size == 1) return answers[kept[0]].chosen(told)
+        val mixture = Mixture(kept.map { answers[it] }, kept.map { weights[it] })
+        return mixture.ssf(known, mixture.mean { it.sharedLamp }).chosen(told)
+    }
+
+    /** The weights that answer: a basis that is [CLEAR] times as probable as all others answers alone. */
+    fun answering(told: List<Weight>): List<Double> {
         val share = told.groupBy { it.basis }.mapValues { (_, own) -> own.sumOf { it.probability } }
         val winner = share.maxByOrNull { it.value }!!
         val clear = winner.value >= CLEAR * (1.0 - winner.value)
         val weights = told.map { if (clear && it.basis != winner.key) 0.0 else it.probability }
-        return mixed(known, answers, weights.map { it / weights.sum() }).chosen(told)
-    }
-
-    /** e^l / Σ e^l without overflow. */
-    private fun probabilities(logarithms: List<Double>): List<Double> {
-        val largest = logarithms.max()
-        val weights = logarithms.map { exp(it - largest) }
         return weights.map { it / weights.sum() }
     }
 
-    /**
-     * The mixture of answers to the same signals; all that belongs to a basis is the likeliest answer's.
-     *
-     * Curves of peak 1 are mixed, s̄ = Σ w s, and their variance is Σ w (σ² + (s - s̄)²).
-     */
-    private fun mixed(known: Known, answers: List<Ssf>, weights: List<Double>): Ssf {
-        val kept = answers.indices.filter { weights[it] > NEGLIGIBLE }
-        val best = answers[kept.maxByOrNull { weights[it] }!!]
-        if (kept.size == 1) return best
-        val total = kept.sumOf { weights[it] }
-        val parts = kept.map { Part(answers[it], weights[it] / total) }
-        val mean = DoubleArray(3 * Grid.SIZE) { at -> parts.sumOf { it.share * it.curves[at] } }
-        val lamp = DoubleArray(best.sharedLamp.size) { at -> parts.sumOf { it.share * it.of.sharedLamp[at] } }
-        val white = known.whiteReflectance.values
-        val scale = DoubleArray(3) { c ->
-            (0 until Grid.SIZE).sumOf { white[it] * known.lamp.values[it] * Grid.STEP * mean[3 * it + c] }
-        }
-        val std = best.sharedStd?.let {
-            DoubleArray(mean.size) { at ->
-                val variance = parts.sumOf { part ->
-                    val off = part.curves[at] - mean[at]
-                    part.share * (part.bands!![at] * part.bands[at] + off * off)
-                }
-                sqrt(variance) / scale[at % 3]
-            }
-        }
-        val values = DoubleArray(mean.size) { mean[it] / scale[it % 3] }
-        fun largest(of: (Ssf) -> DoubleArray): DoubleArray =
-            parts.map { of(it.of) }.reduce { a, b -> DoubleArray(a.size) { max(a[it], b[it]) } }
-        val steps = parts.map { it.of.sharedFinishSteps }
-            .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
-        val proof = Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, best.logEvidence)
-        val predicted = respond(values, known.reflectance.values, lamp, white)
-        return best.mixed(values, std, predicted, lamp, proof)
-    }
-
-    /** An answer at peak 1, and its weight. */
-    private class Part(val of: Ssf, val share: Double) {
-        private val peak = DoubleArray(3) { c -> (0 until Grid.SIZE).maxOf { of.sharedValues[3 * it + c] } }
-        val curves = DoubleArray(3 * Grid.SIZE) { of.sharedValues[it] / peak[it % 3] }
-        val bands = of.sharedStd?.let { std -> DoubleArray(std.size) { std[it] / peak[it % 3] } }
+    /** e^l / Σ e^l without overflow. */
+    fun probabilities(logarithms: List<Double>): List<Double> {
+        val largest = logarithms.max()
+        val weights = logarithms.map { exp(it - largest) }
+        return weights.map { it / weights.sum() }
     }
 }

@@ -26,8 +26,9 @@ internal class ModelInputs(
  * coefficients a channel and p problems, 1 on a basis with a mean, whose channels are one problem, else 3:
  *
  * `ssf`, `ssf_std` (681, 3), `code` (r, 3), `code_covariance` (3 r, 3 r), `signals`, `predicted` (k, n, 3), `gap` (3),
- * `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3), `lamp_estimate` (k, 681). `ssf_std`,
- * `code_covariance` and `evidence` are NaN where the basis has no prior.
+ * `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3), `lamp_estimate` (k, 681), of the lamps' q modes a
+ * shot `mode_estimate` (k, q), `mode_covariance` (k q, k q), and of the g gain modes a shot `gain_code` (k, g). `ssf_std`,
+ * `code_covariance`, `evidence` and what is said of lamps' modes are NaN where the basis has no prior.
  */
 internal class ModelOutputs private constructor(private val found: Map<String, DoubleArray>) {
     /** Reads every output. */
@@ -38,7 +39,7 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
     companion object {
         val NAMES = listOf(
             "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
-            "evidence", "channel_gain", "lamp_estimate",
+            "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code",
         )
 
         /** Outputs of the paper's model whose last axis is the channel, each from its own problem. */

@@ -14,9 +14,9 @@ import java.nio.DoubleBuffer
 /**
  * ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same.
  *
- * Java's ONNX Runtime takes no value for an input that has a default (`nonnegative`, `prior_scale`), and a session of its
- * own for each value would cost 7 MB and 60 ms. So the defaults are taken out of the model before it is loaded
- * ([Defaults]), and every call tells both.
+ * Java's ONNX Runtime takes no value for an input that has a default (`gain_own`, `nonnegative`, `prior_scale`), and a
+ * session of its own for each value would cost 7 MB and 60 ms. So the defaults are taken out of the model before it is
+ * loaded ([Defaults]), and every call tells all.
  */
 internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
     private val environment = OnnxLibrary.environment()
@@ -76,6 +76,8 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             "lamp_tolerance" to known.lampTolerance,
             // The model takes at least one; one that is nowhere is none.
             "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
+            "gain_modes" to gainModes(inputs),
+            "gain_own" to Tensor.scalar(known.gains?.own ?: 0.0),
             "l2" to Tensor.scalar(inputs.l2),
             "gamma" to Tensor.scalar(inputs.gamma),
             "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
@@ -93,6 +95,13 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         } finally {
             tensors.values.forEach { it.close() }
         }
+    }
+
+    private fun gainModes(inputs: ModelInputs): Tensor {
+        val modes = inputs.known.gains?.modes
+        if (modes != null && modes.values.isNotEmpty()) return modes
+        val shape = inputs.frames.chart.shape
+        return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })
     }
 
     private fun tensor(value: Tensor): OnnxTensor {
@@ -146,11 +155,12 @@ internal class OnnxEngine private constructor(override val basis: String, conten
                 throw unloadable(name, error)
             }
             val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
-            val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }
+            val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }.keys +
+                ModelOutputs.NAMES.filter { it !in engine.session.outputNames }
             if (differs.isNotEmpty()) {
                 engine.close()
                 throw InvalidArgument(
-                    "The model $name differs from this version in ${differs.keys.joinToString()}.",
+                    "The model $name differs from this version in ${differs.joinToString()}.",
                     ADVICE,
                 )
             }

@@ -18,8 +18,27 @@ internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegati
 internal class Frames(val chart: Tensor, val white: Tensor, val dark: Tensor)
 
 /**
+ * How the light on the patches may be off: modes (k, g, n), each one standard deviation long, and what part of them each
+ * channel has for itself. y (1 - Σ v φ) is what even light would have given.
+ */
+internal class Gains(val modes: Tensor, val own: Double) {
+    /** Of shot j alone. */
+    fun only(j: Int): Gains {
+        val (_, g, n) = modes.shape
+        return Gains(Tensor(modes.values.copyOfRange(j * g * n, (j + 1) * g * n), 1, g, n), own)
+    }
+
+    /** Of some patches. */
+    fun of(patches: IntArray): Gains {
+        val (k, g, n) = modes.shape
+        val t = patches.size
+        return Gains(Tensor(DoubleArray(k * g * t) { modes.values[it / t * n + patches[it % t]] }, k, g, t), own)
+    }
+}
+
+/**
  * What is known beside the signals: reflectance (n, 681), chart tolerance (n), white reflectance (681) and its tolerance,
- * lamp (k, 681), its tolerance (k) and its modes (k, q, 681).
+ * lamp (k, 681), its tolerance (k) and its modes (k, q, 681), gain modes; null for none.
  */
 internal class Known(
     val reflectance: Tensor,
@@ -29,6 +48,7 @@ internal class Known(
     val lamp: Tensor,
     val lampTolerance: Tensor,
     val lampModes: Tensor,
+    val gains: Gains? = null,
 )
 
 /** What a fit takes: signals (k, n, 3), their standard error, and what is known beside them. */
@@ -42,6 +62,33 @@ internal object Recover {
 
     /** Relative duality gap above which there is no answer. */
     const val LARGEST_GAP = 1e-9
+
+    /**
+     * One answer of the model that nobody has believed yet: weighing needs no proof.
+     *
+     * @property logEvidence ln of the marginal likelihood but for a constant; NaN where the basis has no prior.
+     */
+    class Attempt internal constructor(
+        private val found: ModelOutputs,
+        private val gains: Gains?,
+        private val penalties: Penalties,
+        private val basis: String,
+        private val priorScale: Double,
+    ) {
+        val logEvidence: Double get() = found["evidence"][0]
+
+        /**
+         * The curves.
+         *
+         * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
+         */
+        fun believed(): Ssf {
+            believe(found["gap"])
+            respond(found["ssf"])
+            val answer = curves(found, penalties, basis, priorScale)
+            return if (gains == null) answer.gaining(DoubleArray(0)) else answer
+        }
+    }
 
     /**
      * The curves that explain the signals.
@@ -60,7 +107,16 @@ internal object Recover {
         frames: Frames?,
         penalties: Penalties,
         priorScale: Double = 1.0,
-    ): Ssf {
+    ): Ssf = attempt(engine, evidence, frames, penalties, priorScale).believed()
+
+    /** [recover], its proof not yet asked for. */
+    fun attempt(
+        engine: Engine,
+        evidence: Evidence,
+        frames: Frames?,
+        penalties: Penalties,
+        priorScale: Double,
+    ): Attempt {
         check(evidence, engine.basis)
         checkScale(priorScale, engine.basis)
         val paper = engine.basis == OnnxEngine.PAPER
@@ -81,9 +137,7 @@ internal object Recover {
         // The model takes one γ a call; the paper's channels that differ in it take a call each.
         val answers = gamma.distinct().associateWith { run(it) }
         val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
-        believe(found["gap"])
-        respond(found["ssf"])
-        return curves(found, Penalties(weight, gamma, positive), engine.basis, priorScale)
+        return Attempt(found, evidence.known.gains, Penalties(weight, gamma, positive), engine.basis, priorScale)
     }
 
     /**
@@ -93,12 +147,20 @@ internal object Recover {
      * @throws InvalidArgument shapes or values that do not fit.
      * @throws LampUnfit a lamp without power on the grid.
      */
-    fun logEvidence(engine: Engine, evidence: Evidence, priorScale: Double): Double {
+    fun logEvidence(engine: Engine, evidence: Evidence, priorScale: Double): Double =
+        plain(engine, evidence, priorScale)["evidence"][0]
+
+    /** What the signals say of the lamps' modes: mean (k q) and covariance (k q, k q); likewise. */
+    fun modes(engine: Engine, evidence: Evidence, priorScale: Double): Pair<DoubleArray, DoubleArray> {
+        val found = plain(engine, evidence, priorScale)
+        return found["mode_estimate"] to found["mode_covariance"]
+    }
+
+    private fun plain(engine: Engine, evidence: Evidence, priorScale: Double): ModelOutputs {
         check(evidence, engine.basis)
         checkScale(priorScale, engine.basis)
         val shown = bare(evidence.signals)
-        val inputs = ModelInputs(shown, evidence.standardError, evidence.known, L2, GAMMA, false, priorScale)
-        return engine.run(inputs)["evidence"][0]
+        return engine.run(ModelInputs(shown, evidence.standardError, evidence.known, L2, GAMMA, false, priorScale))
     }
 
     /** Frames of a sensor without black level whose white is 1. */
@@ -121,6 +183,7 @@ internal object Recover {
             found["code_covariance"].takeIf { prior },
             found["predicted"],
             found["lamp_estimate"],
+            found["gain_code"],
         )
         val steps = found["finish_steps"]
         val proof = Ssf.Proof(
@@ -223,6 +286,7 @@ internal object Recover {
             )
         }
         finite("lamp_modes", modes)
+        known.gains?.let { gains(it, k, n) }
         tolerance("chart_tolerance", known.chartTolerance, n)
         tolerance("white_tolerance", Tensor(doubleArrayOf(known.whiteTolerance), 1), 1)
         tolerance("lamp_tolerance", known.lampTolerance, k)
@@ -235,6 +299,15 @@ internal object Recover {
                 "Give one photo, or take the basis cameras, whose rows are free of exposure.",
             )
         }
+    }
+
+    private fun gains(gains: Gains, k: Int, n: Int) {
+        val modes = gains.modes
+        if (modes.rank != 3 || modes.shape[0] != k || modes.shape[2] != n) {
+            throw InvalidArgument("gain_modes have shape $modes; ($k, g, $n) is needed.", "Give g modes a shot.")
+        }
+        finite("gain_modes", modes)
+        tolerance("gain_own", Tensor(doubleArrayOf(gains.own), 1), 1)
     }
 
     private fun fits(name: String, value: Tensor, vararg shape: Int) {

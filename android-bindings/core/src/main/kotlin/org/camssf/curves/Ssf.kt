@@ -2,6 +2,7 @@ package org.camssf.curves
 
 import org.camssf.Grid
 import org.camssf.frozen
+import java.util.Collections
 
 /**
  * One hypothesis among those that were weighed.
@@ -17,7 +18,34 @@ public class Weight internal constructor(
     public val priorScale: Double,
     public val logEvidence: Double,
     public val probability: Double,
-)
+    kinds: List<String> = emptyList(),
+) {
+    /** Of each shot's light, where one was not named: "daylight", ...; "" for a lamp that was. Empty where all were. */
+    public val kinds: List<String> = kinds.frozen()
+}
+
+/**
+ * What the signals say of a light that nobody named ([org.camssf.spectra.Lamp.auto]). Safe to pass between threads.
+ *
+ * @property kelvin correlated colour temperature, K (McCamy 1992).
+ * @property kelvinStd one standard deviation of it, K.
+ */
+public class FoundLight internal constructor(
+    kinds: Map<String, Double>,
+    internal val sharedPower: DoubleArray,
+    internal val sharedStd: DoubleArray,
+    public val kelvin: Double,
+    public val kelvinStd: Double,
+) {
+    /** How probable each kind is: "daylight", "bulb", "white-led", "fluorescent"; 1 in all. */
+    public val kinds: Map<String, Double> = Collections.unmodifiableMap(LinkedHashMap(kinds))
+
+    /** (681) relative spectral power on [Grid], mean 1: the mean over kinds; a copy at each call. */
+    public val power: DoubleArray get() = sharedPower.copyOf()
+
+    /** (681) one standard deviation of [power], over kinds, their members and what these leave; likewise. */
+    public val std: DoubleArray get() = sharedStd.copyOf()
+}
 
 /**
  * The recovered spectral sensitivity functions. Arrays are row-major, columns R, G, B; each call copies one (16 kB for a
@@ -28,7 +56,8 @@ public class Weight internal constructor(
  *
  * Where the signals chose and no hypothesis was clear, this is a mixture: [values], [std], [predicted] and [lamp] are mixed
  * by the probabilities in [choice]; [gap], [layersGap] and [finishSteps] are the largest of its parts; all else, [code] too,
- * is the likeliest part's, and [values] do not follow from it.
+ * is the likeliest part's, and [values] do not follow from it. The same holds where nobody named a light and the signals
+ * told it: [lights] says what they told.
  *
  * @property l2 the quadratic penalty.
  * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture the likeliest one's.
@@ -44,9 +73,19 @@ public class Ssf internal constructor(
     public val basis: String,
     public val priorScale: Double = 1.0,
     choice: List<Weight> = emptyList(),
+    lights: List<FoundLight?> = emptyList(),
+    internal val kinds: List<String> = emptyList(),
+    /** (3) share of each channel's variance that stands between the hypotheses on the light; null where it was named. */
+    internal val between: DoubleArray? = null,
 ) {
-    /** What was weighed where the signals chose the basis, in the order of phones and cameras; empty where it was told. */
+    /**
+     * What was weighed where the signals chose the basis or a light's kind, in the order of phones and cameras; empty where
+     * all was told.
+     */
     public val choice: List<Weight> = choice.frozen()
+
+    /** Of each shot what the signals say of its light, null where it was named; empty where all were. */
+    public val lights: List<FoundLight?> = lights.frozen()
 
     /** The answer; shapes and units as of the properties of their names. */
     internal class Curves(
@@ -56,6 +95,7 @@ public class Ssf internal constructor(
         val codeCovariance: DoubleArray?,
         val predicted: DoubleArray,
         val lamp: DoubleArray,
+        val gainCode: DoubleArray = DoubleArray(0),
     )
 
     /** How good it is; likewise. */
@@ -72,6 +112,7 @@ public class Ssf internal constructor(
     internal val sharedCodeCovariance: DoubleArray? get() = curves.codeCovariance
     internal val sharedPredicted: DoubleArray get() = curves.predicted
     internal val sharedLamp: DoubleArray get() = curves.lamp
+    internal val sharedGainCode: DoubleArray get() = curves.gainCode
     internal val sharedGap: DoubleArray get() = proof.gap
     internal val sharedLayersGap: DoubleArray get() = proof.layersGap
     internal val sharedFinishSteps: IntArray get() = proof.finishSteps
@@ -118,6 +159,12 @@ public class Ssf internal constructor(
     /** (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes. */
     public val lamp: DoubleArray get() = sharedLamp.copyOf()
 
+    /**
+     * (k, g) what the signals say of the light's gain modes, where no white frame was taken; empty where one was.
+     * [org.camssf.Calibrated.level] is what follows from it.
+     */
+    public val gainCode: DoubleArray get() = sharedGainCode.copyOf()
+
     /** The curve (681) of a channel, 0 red, 1 green, 2 blue, its peak 1. */
     public fun curve(channel: Int): DoubleArray {
         val peak = peak(channel)
@@ -145,17 +192,24 @@ public class Ssf internal constructor(
         sharedLamp.copyOfRange(Grid.SIZE * j, Grid.SIZE * (j + 1)),
     )
 
+    /** The same with these gains (k, g). */
+    internal fun gaining(code: DoubleArray): Ssf = with(sharedPredicted, sharedLamp, code)
+
     /** The same curves, which predict these signals (k, n, 3). */
     internal fun predicting(predicted: DoubleArray): Ssf = with(predicted, sharedLamp)
 
-    private fun with(predicted: DoubleArray, lamp: DoubleArray): Ssf {
-        val seen = Curves(sharedValues, sharedStd, sharedCode, sharedCodeCovariance, predicted, lamp)
-        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
+    private fun with(predicted: DoubleArray, lamp: DoubleArray, gains: DoubleArray = sharedGainCode): Ssf {
+        val seen = Curves(sharedValues, sharedStd, sharedCode, sharedCodeCovariance, predicted, lamp, gains)
+        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
     }
 
-    /** The same, chosen among these. */
-    internal fun chosen(choice: List<Weight>): Ssf =
-        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
+    /** The same, chosen among these, in a light of these kinds where nobody named it. */
+    internal fun chosen(
+        choice: List<Weight>,
+        lights: List<FoundLight?> = emptyList(),
+        kinds: List<String> = emptyList(),
+        between: DoubleArray? = null,
+    ): Ssf = Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
 
     /** The same but for curves and proof: a mixture of which this is the likeliest part. */
     internal fun mixed(
@@ -163,9 +217,10 @@ public class Ssf internal constructor(
         std: DoubleArray?,
         predicted: DoubleArray,
         lamp: DoubleArray,
+        gainCode: DoubleArray,
         proof: Proof,
     ): Ssf {
-        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, predicted, lamp)
+        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, predicted, lamp, gainCode)
         return Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
     }
 

@@ -9,6 +9,7 @@ import kotlinx.serialization.json.JsonObjectBuilder
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
+import org.camssf.curves.FoundLight
 import org.camssf.curves.Weight
 import org.camssf.evidence.Colour
 import org.camssf.evidence.Reason
@@ -38,7 +39,8 @@ internal object ResultJson {
         val begun = Begun(solution.capture.chart, shots.map { it.lamp }, shots)
         val signals = shots.indices.map { solution.signals.only(it) }
         val document = buildJsonObject {
-            head(begun, signals, solution.verdict, solution.assumptions, model) { j, i -> fitted(solution, j, i) }
+            val fit = Fit(ssf.lights) { j, i -> fitted(solution, j, i) }
+            head(begun, signals, solution.verdict, solution.assumptions, model, fit)
             text("basis", ssf.basis)
             text("engine", "onnx")
             put("ssf", curves(List(3) { ssf.curve(it) }))
@@ -67,17 +69,21 @@ internal object ResultJson {
         return write(document)
     }
 
+    /** What the fit knows of each shot's light, where nobody named it, and of each patch by shot and number. */
+    private class Fit(val lights: List<FoundLight?>, val patch: (Int, Int) -> Fitted)
+
     private fun weight(of: Weight): JsonObject = buildJsonObject {
         text("basis", of.basis)
         put("prior_scale", JsonPrimitive(of.priorScale))
         put("log_evidence", JsonPrimitive(of.logEvidence))
         put("probability", JsonPrimitive(of.probability))
+        if (of.kinds.isNotEmpty()) put("kinds", JsonArray(of.kinds.map { JsonPrimitive(it) }))
     }
 
     /** A refusal. */
     fun of(begun: Begun, verdict: Verdict): String = write(
         buildJsonObject {
-            head(begun, begun.signals, verdict, emptyList(), null) { _, _ -> Fitted.NONE }
+            head(begun, begun.signals, verdict, emptyList(), null, Fit(emptyList()) { _, _ -> Fitted.NONE })
             text("basis", "none")
             text("engine", "none")
         },
@@ -90,12 +96,17 @@ internal object ResultJson {
         fun triple(values: DoubleArray) = values.copyOfRange(3 * at, 3 * at + 3)
         return Fitted(
             solution.signals.sharedUsed[at],
+            solution.predictions.level[at],
             triple(solution.ssf.sharedPredicted),
-            triple(solution.unseen).takeIf { all -> all.all { it.isFinite() } },
+            finite(triple(solution.predictions.unseen)),
             triple(solution.scores.measuredSrgb),
             triple(solution.scores.syntheticSrgb),
+            solution.predictions.std?.let { finite(triple(it)) },
+            solution.predictions.unseenStd?.let { finite(triple(it)) },
         )
     }
+
+    private fun finite(values: DoubleArray): DoubleArray? = values.takeIf { all -> all.all { it.isFinite() } }
 
     /** The part that needs no curves. */
     private fun JsonObjectBuilder.head(
@@ -104,7 +115,7 @@ internal object ResultJson {
         verdict: Verdict,
         assumptions: List<Assumption>,
         model: String?,
-        fitted: (Int, Int) -> Fitted,
+        fit: Fit,
     ) {
         val table = begun.chart
         val photos = begun.shots.map { it.photo } + listOfNotNull(begun.inWork?.photo)
@@ -134,7 +145,7 @@ internal object ResultJson {
         )
         val colours = Colour.reflectance(table)
         val shots = begun.shots.mapIndexed { j, shot ->
-            ShotJson.of(shot, signals[j], table, colours) { fitted(j, it) }
+            ShotJson.of(shot, signals[j], table, colours, fit.lights.getOrNull(j)) { fit.patch(j, it) }
         }
         put("shots", JsonArray(shots + listOfNotNull(begun.inWork?.let { ShotJson.of(it) })))
         put(
@@ -184,13 +195,24 @@ internal object ResultJson {
         }
     }
 
-    /** How wide the band is, and would be with each shot alone; the budget by source is Python's only. */
+    /** How wide the band is, and would be with each shot alone, and where it comes from. */
     private fun uncertainty(solution: Solution): JsonElement {
-        val alone = solution.alone ?: return JsonNull
+        val known = solution.uncertainty ?: return JsonNull
         return buildJsonObject {
-            put("half_width", JsonPrimitive(solution.ssf.halfWidth))
-            put("alone", array(alone.toDoubleArray()))
-            put("budget", JsonArray(emptyList()))
+            put("half_width", JsonPrimitive(known.halfWidth))
+            put("alone", array(known.alone.toDoubleArray()))
+            put(
+                "budget",
+                JsonArray(
+                    known.budget.map {
+                        buildJsonObject {
+                            text("source", it.source)
+                            text("size", it.size)
+                            put("share", array(it.share))
+                        }
+                    },
+                ),
+            )
         }
     }
 

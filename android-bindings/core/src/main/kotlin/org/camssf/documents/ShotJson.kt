@@ -6,6 +6,8 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
+import org.camssf.Grid
+import org.camssf.curves.FoundLight
 import org.camssf.photo.ChartPose
 import org.camssf.photo.InWork
 import org.camssf.photo.MeasuredShot
@@ -14,17 +16,20 @@ import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** What a fit knows of a patch, three numbers each; null where it knows nothing. */
+/** What a fit knows of a patch, three numbers each but for the light's level; null where it knows nothing. */
 internal class Fitted(
     val used: Boolean,
+    val level: Double,
     val predicted: DoubleArray?,
     val unseen: DoubleArray?,
     val measured: DoubleArray?,
     val synthetic: DoubleArray?,
+    val predictedStd: DoubleArray? = null,
+    val unseenStd: DoubleArray? = null,
 ) {
     companion object {
         /** Where there was no fit. */
-        val NONE = Fitted(false, null, null, null, null)
+        val NONE = Fitted(false, 1.0, null, null, null, null)
     }
 }
 
@@ -35,6 +40,7 @@ internal object ShotJson {
      *
      * @param signals of this shot alone; null where they could not be formed: what was measured is shown all the same.
      * @param colours (n, 3) sRGB of the table.
+     * @param light what the signals say of it, where nobody named it.
      * @param fitted by patch.
      */
     fun of(
@@ -42,6 +48,7 @@ internal object ShotJson {
         signals: Signals?,
         table: ChartTable,
         colours: DoubleArray,
+        light: FoundLight?,
         fitted: (Int) -> Fitted,
     ): JsonObject {
         val means = shot.means
@@ -56,6 +63,7 @@ internal object ShotJson {
             put("pose", pose(shot.pose))
             put("saturation", JsonPrimitive(means.saturation))
             put("patches", patches(shot, signals, table, colours, fitted))
+            light?.let { put("light", found(it)) }
         }
     }
 
@@ -88,8 +96,13 @@ internal object ShotJson {
                     put("measured_srgb", known.measured?.let { array(it) } ?: JsonNull)
                     put("synthetic_srgb", known.synthetic?.let { array(it) } ?: JsonNull)
                     put("signal", triple(y))
+                    put("level", JsonPrimitive(known.level))
                     put("predicted", known.predicted?.let { array(it) } ?: JsonNull)
                     put("unseen", known.unseen?.let { array(it) } ?: JsonNull)
+                    if (known !== Fitted.NONE) {
+                        put("predicted_std", known.predictedStd?.let { array(it) } ?: JsonNull)
+                        put("unseen_std", known.unseenStd?.let { array(it) } ?: JsonNull)
+                    }
                     put("standard_error", triple(error))
                     put("clipped", triple(chart.sharedClipped))
                     put("dead", triple(dead))
@@ -117,8 +130,17 @@ internal object ShotJson {
 
     private fun lamp(lamp: Lamp): JsonObject = buildJsonObject {
         text("name", lamp.name)
-        put("tolerance", JsonPrimitive(lamp.tolerance))
+        put("tolerance", JsonPrimitive(lamp.tolerance.takeUnless { lamp.unnamed }))
         text("source", lamp.source)
+    }
+
+    private fun found(light: FoundLight): JsonObject = buildJsonObject {
+        put("kinds", JsonObject(light.kinds.mapValues { JsonPrimitive(it.value) }))
+        put("wavelength_nm", array(Grid.WAVELENGTHS))
+        put("power", array(light.sharedPower))
+        put("std", array(light.sharedStd))
+        put("kelvin", JsonPrimitive(light.kelvin))
+        put("kelvin_std", JsonPrimitive(light.kelvinStd))
     }
 
     private fun photo(photo: Photo): JsonObject = buildJsonObject {

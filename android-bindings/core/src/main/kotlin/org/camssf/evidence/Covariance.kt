@@ -3,8 +3,7 @@ package org.camssf.evidence
 import org.camssf.Grid
 import org.camssf.Rules
 import org.camssf.photo.Signals
-import kotlin.math.ceil
-import kotlin.math.exp
+import org.camssf.spectra.Directions
 import kotlin.math.max
 import kotlin.math.sqrt
 
@@ -42,8 +41,8 @@ internal class Rows(signals: Signals) {
 
 /**
  * Rule 1 of docs/verdict.md: Σ of the used signals of all three channels, taken at the answer. It is Σ = D + U Uᵀ: D has
- * a block a patch (its noise, and the chart's error there); U is few errors that all rows share, the white's and each
- * lamp's. [Precision] inverts it as that.
+ * a block a patch (its noise, and the chart's error there); U is few errors that all rows share, the white's, each
+ * lamp's and that of the light on the patches. [Precision] inverts it as that.
  */
 internal class Covariance(private val told: Told, private val rows: Rows) {
     private val white = told.whiteReflectance
@@ -101,7 +100,27 @@ internal class Covariance(private val told: Told, private val rows: Rows) {
     init {
         val widths = told.lamps.map { smooth.columns.size + 1 + it.sharedModes.size }
         val starts = widths.runningFold(long.columns.size) { from, width -> from + width }
-        shared = Array(rows.size) { row -> DoubleArray(starts.last()).also { fill(it, row, starts[rows.shot(row)]) } }
+        val lightFrom = starts.last()
+        val light = told.gains?.modes?.let { 4 * it.shape[0] * it.shape[1] } ?: 0
+        shared = Array(rows.size) { row ->
+            DoubleArray(lightFrom + light).also {
+                fill(it, row, starts[rows.shot(row)])
+                uneven(it, row, lightFrom)
+            }
+        }
+    }
+
+    /** y φ of each gain mode of the row's shot: what the channels share, and what each has for itself. */
+    private fun uneven(factors: DoubleArray, row: Int, from: Int) {
+        val gains = told.gains ?: return
+        val (_, g, n) = gains.modes.shape
+        val shot = rows.shot(row)
+        for (q in 0 until g) {
+            val step = signal[row] * gains.modes.values[(shot * g + q) * n + rows.patch(row)]
+            val at = from + 4 * (shot * g + q)
+            factors[at] = step
+            factors[at + 1 + rows.channel(row)] = gains.own * step
+        }
     }
 
     private fun fill(factors: DoubleArray, row: Int, lampFrom: Int) {
@@ -189,34 +208,6 @@ private class Spectra(private val size: Int, value: (Int, Int) -> Double) {
             for (i in sums.indices) found[i][q] = sums[i]
         }
         return found
-    }
-}
-
-/**
- * Φ of an error that is smooth over a length: column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²), with h = ℓ / 2 and
- * t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ.
- */
-private class Directions private constructor(length: Double) {
-    val columns: List<DoubleArray>
-
-    init {
-        val step = length / 2.0
-        val weight = sqrt(step / (length * sqrt(Math.PI / 2.0)))
-        val grid = Grid.WAVELENGTHS
-        columns = List(ceil((340.0 + 4.0 * length) / step).toInt() + 1) { q ->
-            val place = 380.0 - 2.0 * length + step * q
-            DoubleArray(Grid.SIZE) {
-                val u = (grid[it] - place) / length
-                weight * exp(-u * u)
-            }
-        }
-    }
-
-    companion object {
-        private val made = HashMap<Double, Directions>()
-
-        /** Of that length, nm. */
-        fun of(length: Double): Directions = synchronized(made) { made.getOrPut(length) { Directions(length) } }
     }
 }
 

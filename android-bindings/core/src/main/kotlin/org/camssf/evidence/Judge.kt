@@ -14,7 +14,8 @@ import kotlin.math.sqrt
  * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and for each shot what its file
  * foretells of its white.
  *
- * @property family the basis that the file's own word for the maker speaks for, if any.
+ * @property family the basis that the file's own word for the maker speaks for, if any, where the signals choose it.
+ * @property unnamed nobody named the light of some shot.
  * @property rivals finds other lamps; it is not asked where the capture is refused already.
  */
 internal class Case(
@@ -23,6 +24,7 @@ internal class Case(
     val alone: List<Ssf>,
     val foretold: List<List<Foretold>>,
     val family: String?,
+    val unnamed: Boolean = false,
     val rivals: () -> List<Rival>,
 ) {
     /** What is told of each shot alone, and the answer to it. */
@@ -71,15 +73,16 @@ internal object Judge {
                 reasons += Reasons.because("pose", shot.pose.score, mapOf("shot" to name, "score" to shot.pose.score))
             }
         }
-        val whites = case.shots.mapIndexed { j, shot ->
-            Light.tinted("shot ${j + 1}", shot.lamp.name, case.foretold[j], case.single[j])
+        val whites = case.shots.indices.map { j ->
+            Light.tinted("shot ${j + 1}", told.lamps[j].name, case.foretold[j], case.single[j])
         }
         whites.forEach { reasons += it }
         reasons += vague(told.ssf)
         reasons += unusual(told.ssf, case.family)
+        if (case.unnamed) reasons += Light.unnamed(told.ssf.choice, case.family)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.accused() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
-            reasons += Light.rivalled(case.rivals(), case.shots.map { it.lamp.name }, doubted)
+            reasons += Light.rivalled(case.rivals(), told.lamps.map { it.name }, doubted)
         }
         return Verdict(Status.of(reasons), reasons)
     }

@@ -2,6 +2,8 @@ package org.camssf.evidence
 
 import org.camssf.Grid
 import org.camssf.Rules
+import org.camssf.curves.Choice
+import org.camssf.curves.Weight
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.expm1
@@ -19,8 +21,11 @@ internal class Rival(val shot: Int, val lamp: String, val gain: Double)
 /** The camera's white (3) under a light of power (681), as a file's colour matrix tells it. */
 internal class Foretold(val light: DoubleArray, val white: DoubleArray)
 
-/** What speaks against the lamp that was named: rules 4 and 5 of docs/verdict.md. */
+/** What speaks against the lamp that was named, or against that it was not: rules 4, 5 and 8 of docs/verdict.md. */
 internal object Light {
+    /** The one basis whose cameras are alike enough to tell a light by. */
+    private const val PHONES = "phones"
+
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
     private val CONDEMNED get() = Rules.shipped.number("verdict.condemned")
     private val TINTED get() = Rules.shipped.number("verdict.tinted")
@@ -57,6 +62,25 @@ internal object Light {
         val alone = best.gain > CONDEMNED
         val fatal = alone || best.shot in tintedShots
         return listOf(Reasons.because("rival", best.gain, words, fatal, if (fatal && !alone) RIVAL else null))
+    }
+
+    /**
+     * A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
+     *
+     * Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
+     * speak as clearly for a phone as a basis that answers alone.
+     */
+    fun unnamed(choice: List<Weight>, family: String?): List<Reason> {
+        var phone = choice.sumOf { if (it.basis == PHONES) it.probability else 0.0 }
+        val rest = choice.sumOf { if (it.basis != PHONES) it.probability else 0.0 }
+        // Else the odds hold the maker's word, or there was no choice.
+        if (family == null && rest > 0) phone /= phone + Choice.CLEAR * rest
+        val number = Rules.shipped::number
+        val bound = if (family == PHONES) number("verdict.unnamed") else Choice.CLEAR / (1.0 + Choice.CLEAR)
+        if (phone >= bound) return emptyList()
+        val fatal = phone < number("verdict.unnameable")
+        val words = mapOf("probability" to phone)
+        return listOf(Reasons.because("unnamed", phone, words, fatal, if (fatal) null else bound))
     }
 
     /** Rule 5, by the answer to that shot alone. */

@@ -2,6 +2,7 @@ package org.camssf.evidence
 
 import org.camssf.LeastSquares
 import org.camssf.Rules
+import org.camssf.curves.Gains
 import org.camssf.curves.Ssf
 import org.camssf.photo.ChartPose
 import org.camssf.photo.MeasuredShot
@@ -81,7 +82,11 @@ internal class Told(
     val ssf: Ssf,
     val whiteReflectance: DoubleArray,
     val whiteTolerance: Double,
+    gains: Gains? = null,
 ) {
+    /** How the light on the patches may be off; null where that is known. */
+    val gains: Gains? = gains?.takeIf { it.modes.values.isNotEmpty() }
+
     private val rows = Rows(signals)
 
     /** The parts of the answer to shot j alone that concern that shot. */
@@ -92,6 +97,7 @@ internal class Told(
         answer.only(j, signals.patches),
         whiteReflectance,
         whiteTolerance,
+        gains?.only(j),
     )
 
     /** Suspects are questioned where the one shot is given. */
@@ -142,13 +148,23 @@ internal class Told(
         }
 
         private fun unevenness(): List<DoubleArray> {
-            val (across, down) = places(shot.pose)
-            return listOfNotNull(
-                way { signal[it] * across[it] },
-                way { signal[it] * down[it] },
-                way { signal[it] * (across[it] * across[it] + down[it] * down[it]) },
-                if (shot.means.white == null) signal else null,
-            )
+            val (x, y) = places(shot.pose)
+            // Where a plane and a bowl were solved for, they stand in Σ: what is beyond them.
+            val falls = if (gains != null) {
+                listOf(
+                    way { signal[it] * x[it] * x[it] * x[it] },
+                    way { signal[it] * x[it] * x[it] * y[it] },
+                    way { signal[it] * x[it] * y[it] * y[it] },
+                    way { signal[it] * y[it] * y[it] * y[it] },
+                )
+            } else {
+                listOf(
+                    way { signal[it] * x[it] },
+                    way { signal[it] * y[it] },
+                    way { signal[it] * (x[it] * x[it] + y[it] * y[it]) },
+                )
+            }
+            return falls + listOfNotNull(signal.takeIf { shot.means.white == null })
         }
 
         /** What a suspect explains, and its amount. */

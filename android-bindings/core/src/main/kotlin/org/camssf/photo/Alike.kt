@@ -12,29 +12,30 @@ internal object Alike {
     private val SAME get() = Rules.shipped.number("patches.alike")
 
     /** Refuses a frame that was not taken with the chart photo's camera and settings. */
-    fun check(chart: Mosaic, frame: Mosaic, word: String) {
+    fun check(chart: Facts, frame: Facts, word: String) {
         val differ = ArrayList<String>()
         if (frame.width != chart.width || frame.height != chart.height) {
             differ += "size ${frame.width} × ${frame.height} against ${chart.width} × ${chart.height}"
         }
-        if (frame.cfa != chart.cfa) differ += "CFA pattern ${frame.cfa} against ${chart.cfa}"
+        val (its, own) = frame.sensor.cfa to chart.sensor.cfa
+        if (its != own) differ += "CFA pattern $its against $own"
         for ((name, its, own) in listOf(
-            Triple("make", frame.make, chart.make),
-            Triple("model", frame.model, chart.model),
+            Triple("make", frame.origin.make, chart.origin.make),
+            Triple("model", frame.origin.model, chart.origin.model),
         )) {
             if (its.isNotEmpty() && own.isNotEmpty() && its != own) {
                 differ += "camera $name '$its' against '$own'"
             }
         }
-        val theirs = frame.black
-        val ours = chart.black
-        if (frame.white != chart.white) {
-            differ += "white level ${short(frame.white)} against ${short(chart.white)} DN"
-        } else if ((0..3).any { abs(theirs[it] - ours[it]) > 0.005 * chart.white }) {
+        val theirs = frame.sensor.black
+        val ours = chart.sensor.black
+        if (frame.sensor.white != chart.sensor.white) {
+            differ += "white level ${short(frame.sensor.white)} against ${short(chart.sensor.white)} DN"
+        } else if ((0..3).any { abs(theirs[it] - ours[it]) > 0.005 * chart.sensor.white }) {
             differ += "black level ${short(theirs.average())} against ${short(ours.average())} DN"
         }
-        compare("exposure", frame.exposure, chart.exposure, " s")?.let { differ += it }
-        compare("iso", frame.iso, chart.iso, "")?.let { differ += it }
+        compare("exposure", frame.origin.exposure, chart.origin.exposure, " s")?.let { differ += it }
+        compare("iso", frame.origin.iso, chart.origin.iso, "")?.let { differ += it }
         if (differ.isNotEmpty()) {
             throw FramesDiffer(
                 "The $word frame ${frame.name} differs from the chart photo ${chart.name}: " +
@@ -42,6 +43,9 @@ internal object Alike {
                 "Take chart, white and dark frame with one camera in manual mode: same exposure time, ISO, aperture.",
             )
         }
+        val camera = frame.origin.camera
+        val name = "The $word frame ${frame.name}"
+        PhysicalCamera.check("the chart photo ${chart.name}", chart.origin.camera, name, camera)
     }
 
     private fun compare(name: String, theirs: Double?, ours: Double?, unit: String): String? {

@@ -58,7 +58,12 @@ public class ChartPose internal constructor(
          * @throws InvalidArgument the corners are no convex quadrilateral in the photo.
          */
         @JvmStatic
-        public fun refine(mosaic: Mosaic, corners: Corners, chart: ChartTable): ChartPose {
+        public fun refine(mosaic: Mosaic, corners: Corners, chart: ChartTable): ChartPose =
+            refine(Whole(mosaic), corners, chart)
+
+        /** The same of a photo that is read part by part. */
+        internal fun refine(photo: Reading, corners: Corners, chart: ChartTable): ChartPose {
+            val facts = photo.facts
             val layout = ChartLayout.of(chart.layout)
             if (layout == null || chart.patches.size != layout.columns * layout.rows) {
                 throw InvalidArgument(
@@ -66,17 +71,17 @@ public class ChartPose internal constructor(
                     "Use another.",
                 )
             }
-            if (min(mosaic.width, mosaic.height) < SMALLEST) {
+            if (min(facts.width, facts.height) < SMALLEST) {
                 throw ChartNotFound(
-                    "${mosaic.name}: the photo has only ${mosaic.width} × ${mosaic.height} px.",
+                    "${facts.name}: the photo has only ${facts.width} × ${facts.height} px.",
                     "Give the RAW photo of the whole sensor.",
-                    min(mosaic.width, mosaic.height).toDouble(),
+                    min(facts.width, facts.height).toDouble(),
                     SMALLEST.toDouble(),
                 )
             }
             val rough = corners.toArray()
-            check(rough, mosaic)
-            return PoseSearch(mosaic, layout, Agreement.expected(chart), rough).pose()
+            check(rough, facts)
+            return PoseSearch(photo, layout, Agreement.expected(chart), rough).pose()
         }
 
         /** [refine] of corners (4, 2) as eight numbers. */
@@ -108,7 +113,7 @@ public class ChartPose internal constructor(
             return max(places.min() - margin, 0.0).toInt() / 2 * 2 to max(places.max() + margin, 1.0).toInt()
         }
 
-        private fun check(corners: DoubleArray, photo: Mosaic) {
+        private fun check(corners: DoubleArray, photo: Facts) {
             val last = intArrayOf(photo.width - 1, photo.height - 1)
             if (corners.indices.any { corners[it] < 0 || corners[it] > last[it % 2] }) {
                 throw outside(photo.name, photo.width, photo.height)

@@ -50,12 +50,12 @@ internal class ChartView private constructor(
 
     companion object {
         /**
-         * The part `left until right`, `top until bottom` of a mosaic in whole-number blocks of cells, so many that no
-         * side is longer than `longest`.
+         * The part `left until right`, `top until bottom` of a photo in whole-number blocks of cells, so many that no
+         * side is longer than `longest`. Only the blocks' sums are kept.
          *
-         * @throws InvalidArgument if those samples are not in the mosaic's region.
+         * @throws InvalidArgument if those samples are not there.
          */
-        fun of(mosaic: Mosaic, longest: Int, box: Region): ChartView {
+        fun of(photo: Reading, longest: Int, box: Region): ChartView {
             val left = box.left / 2 * 2
             val top = box.top / 2 * 2
             val factor =
@@ -66,28 +66,32 @@ internal class ChartView private constructor(
                 throw InvalidArgument("The corners leave no picture.", "Give the corners of the whole chart.")
             }
             val whole = Region(left, top, left + 2 * columns * factor, top + 2 * rows * factor)
-            mosaic[whole.left, whole.top]
-            mosaic[whole.right - 1, whole.bottom - 1]
-            val colours = FloatArray(3 * rows * columns)
-            val stride = mosaic.region.width
-            for (position in 0..3) {
-                val colour = "RGB".indexOf(mosaic.cfa[position])
-                val share = if (colour == 1) 0.5f else 1f
-                val black = mosaic.black[position].toFloat()
-                for (row in 0 until rows) {
-                    for (column in 0 until columns) {
-                        var sum = 0L
-                        for (v in 0 until factor) {
-                            val y = top + 2 * (row * factor + v) + position / 2 - mosaic.region.top
-                            var at = y * stride + left + 2 * column * factor + position % 2 - mosaic.region.left
-                            repeat(factor) {
-                                sum += mosaic.samples[at].toInt() and 0xffff
-                                at += 2
-                            }
+            val sums = Array(4) { LongArray(rows * columns) } // by the cell's position
+            photo.scan(whole) { y, x, count, samples, at ->
+                val row = (y - top) / 2 / factor * columns
+                for (side in 0..1) {
+                    val sum = sums[(y - top) % 2 * 2 + side]
+                    var from = x - left + (x - left + side) % 2
+                    while (from < x - left + count) {
+                        val block = from / 2 / factor
+                        val until = min(2 * (block + 1) * factor, x - left + count)
+                        var total = 0L
+                        while (from < until) {
+                            total += samples[at + left + from - x].toInt() and 0xffff
+                            from += 2
                         }
-                        colours[3 * (row * columns + column) + colour] += share * (block(sum, factor) - black)
+                        sum[row + block] += total
                     }
                 }
+            }
+            val sensor = photo.facts.sensor
+            val colours = FloatArray(3 * rows * columns)
+            for (position in 0..3) {
+                val colour = "RGB".indexOf(sensor.cfa[position])
+                val share = if (colour == 1) 0.5f else 1f
+                val black = sensor.sharedBlack[position].toFloat()
+                val sum = sums[position]
+                for (i in sum.indices) colours[3 * i + colour] += share * (block(sum[i], factor) - black)
             }
             return ChartView(columns, rows, 2 * factor, left, top, colours)
         }

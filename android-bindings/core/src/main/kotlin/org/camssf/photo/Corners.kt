@@ -63,6 +63,20 @@ public data class Corners(
             "Give four points x, y in pixels of the photo, one after the other around the block of patches."
 
         /**
+         * From four taps in whatever order: clockwise about their middle, as seen in the photo, beginning with any. Bring
+         * taps to the mosaic first ([PreviewMap.toMosaic]): a mirrored preview runs the other way round.
+         *
+         * @throws InvalidArgument another count, or a number that is not finite.
+         */
+        @JvmStatic
+        public fun around(taps: List<Point>): Corners {
+            if (taps.size != 4) throw InvalidArgument("${taps.size} taps are not four corners.", ADVICE)
+            val (x, y) = taps.sumOf { it.x } / taps.size to taps.sumOf { it.y } / taps.size
+            val (a, b, c, d) = taps.sortedBy { atan2(it.y - y, it.x - x) }
+            return Corners(a, b, c, d)
+        }
+
+        /**
          * From x, y of four points, eight numbers.
          *
          * @throws InvalidArgument another count, or a number that is not finite.

@@ -23,7 +23,27 @@ public class MeasuredShot internal constructor(
     public val pose: ChartPose,
     public val means: PatchMeans,
     public val lensShading: LensShading,
-)
+) {
+    /** The same under another lamp. */
+    internal fun under(lamp: Lamp): MeasuredShot = MeasuredShot(lamp, photo, white, dark, pose, means, lensShading)
+
+    /**
+     * The shot as text ("camssf-shot/1"; 13 kB, under a lamp known by kind up to 93), for a file or an activity's saved
+     * state: an app may measure right after the photo and solve when it is started again. It holds the photo's name, and
+     * the camera's serial number where the file tells it.
+     */
+    public fun toText(): String = SavedShot.write(this)
+
+    public companion object {
+        /**
+         * The shot that [toText] wrote, equal to the last bit.
+         *
+         * @throws org.camssf.InvalidArgument another text, a later version's, or damage.
+         */
+        @JvmStatic
+        public fun fromText(text: String): MeasuredShot = SavedShot.read(text)
+    }
+}
 
 /**
  * k measured shots of one chart with one camera: what `SsfCalibrator.solve` needs.

@@ -62,15 +62,17 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         tell("reading photo$at", j.toDouble() / k)
         val corners = shot.outline
         val region = ChartPose.region(corners)
-        val photo = shot.photo.read(region)
+        val watch = { tell.check() }
+        val photo = Reading.of(shot.photo, region, true, watch)
+        val white = shot.white?.let { Reading.of(it, region, false, watch) }
+        val dark = shot.dark?.let { Reading.of(it, region, false, watch) }
+        val saturation = photo.facts.sensor.white
         val facts = Photo.of(photo)
-        inWork = InWork(shot.lamp, facts, photo.white, null)
+        inWork = InWork(shot.lamp, facts, saturation, null)
         tell("looking for the chart$at", (j + 0.4) / k)
         val pose = ChartPose.refine(photo, corners, capture.chart)
-        inWork = InWork(shot.lamp, facts, photo.white, pose)
+        inWork = InWork(shot.lamp, facts, saturation, pose)
         tell("measuring the patches$at", (j + 0.7) / k)
-        val white = shot.white?.read(region)
-        val dark = shot.dark?.read(region)
         val means = PatchMeans.measure(photo, pose, white, dark, shot.lensShading)
         val whiteFacts = white?.let(Photo::of)
         val darkFacts = dark?.let(Photo::of)
@@ -123,6 +125,10 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
                     "the photos come from different cameras: ${bodies.joinToString()}.",
                     "Calibrate one camera at a time.",
                 )
+            }
+            val first = shots[0].photo
+            for (shot in shots.drop(1)) {
+                PhysicalCamera.check(first.name, first.camera, shot.photo.name, shot.photo.camera)
             }
         }
     }

@@ -41,6 +41,7 @@ public class Mosaic(
      * @property iso sensitivity, null where unknown.
      * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
      * @property sha256 of the file, lower-case hex; "" where there was no file.
+     * @property camera the physical camera and its lens.
      */
     public class Origin @JvmOverloads constructor(
         public val name: String,
@@ -50,6 +51,7 @@ public class Mosaic(
         public val iso: Double? = null,
         public val orientation: Int = 1,
         public val sha256: String = "",
+        public val camera: PhysicalCamera = PhysicalCamera(),
     )
 
     /**
@@ -176,6 +178,9 @@ public class Mosaic(
         Corrections(gainMaps, badPixels, unknownOpcodes),
         Colours(colorMatrix1, colorMatrix2, asShotNeutral, asShotWhiteXY, neutrals),
     )
+
+    /** All that it says, without its samples. */
+    internal val facts: Facts get() = Facts(origin, width, height, sensor, corrections, colours)
 
     /** See [Origin]. */
     public val name: String get() = origin.name

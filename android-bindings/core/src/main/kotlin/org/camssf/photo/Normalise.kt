@@ -114,8 +114,8 @@ internal object Normalise {
     private fun fallbacks(shot: PatchMeans, white: String, number: Int): List<Assumption> = listOfNotNull(
         Assumption(
             "white_from_patch",
-            "shot $number: no white frame: the chart's patch '$white' stands in, " +
-                "so light that falls off across the chart is not corrected.",
+            "shot $number: no white frame: the chart's patch '$white' stands in for " +
+                "the light on all of them.",
         ).takeIf { shot.white == null },
         Assumption(
             "dark_from_black_level",

@@ -45,29 +45,36 @@ public class PatchMeans internal constructor(
             white: Mosaic? = null,
             dark: Mosaic? = null,
             lensShading: LensShading = LensShading.AS_STORED,
+        ): PatchMeans = measure(Whole(chart), pose, white?.let { Whole(it) }, dark?.let { Whole(it) }, lensShading)
+
+        /** The same of frames that are read part by part. */
+        internal fun measure(
+            chart: Reading,
+            pose: ChartPose,
+            white: Reading?,
+            dark: Reading?,
+            lensShading: LensShading,
         ): PatchMeans {
-            if (lensShading == LensShading.APPLY && chart.gainMaps.isEmpty()) {
+            val facts = chart.facts
+            if (lensShading == LensShading.APPLY && facts.corrections.gainMaps.isEmpty()) {
                 throw InvalidArgument(
-                    "${chart.name} holds no lens-shading map to apply.",
+                    "${facts.name} holds no lens-shading map to apply.",
                     "Leave the samples as stored, or take a white frame.",
                 )
             }
-            if (white != null) Alike.check(chart, white, "white")
-            if (dark != null) Alike.check(chart, dark, "dark")
-            val frames = listOfNotNull(chart, white, dark)
-            val cells = PatchSamples.cells(chart.cfa)
-            val levels = chart.black
+            if (white != null) Alike.check(facts, white.facts, "white")
+            if (dark != null) Alike.check(facts, dark.facts, "dark")
+            val cells = PatchSamples.cells(facts.sensor.cfa)
+            val levels = facts.sensor.sharedBlack
             val black = DoubleArray(4) { levels[cells[it]] }
-            val quads = pose.sharedQuads
-            val joined = frames.map { JoinedPositions(quads.size / 8, black, chart.white) }
-            for (patch in 0 until quads.size / 8) {
-                val quad = quads.copyOfRange(8 * patch, 8 * patch + 8)
-                val shading = if (lensShading == LensShading.APPLY) Shading.of(chart, quad) else null
-                for ((position, cell) in cells.withIndex()) {
-                    val found = PatchSample.of(frames, quad, cell, patch + 1)
-                    val gain = shading?.get(cell) ?: 1.0
-                    for ((frame, sample) in joined.zip(found)) frame.put(patch, position, sample, gain)
-                }
+            val patches = pose.sharedQuads.size / 8
+            val quads = List(patches) { pose.sharedQuads.copyOfRange(8 * it, 8 * it + 8) }
+            val shading = quads.map { if (lensShading == LensShading.APPLY) Shading.of(facts, it) else null }
+            val frames = listOfNotNull(chart, white, dark)
+            val joined = frames.map { JoinedPositions(patches, black, facts.sensor.white) }
+            PatchFrames(frames, quads).each { patch, position, found ->
+                val gain = shading[patch]?.get(cells[position]) ?: 1.0
+                for ((frame, sample) in joined.zip(found)) frame.put(patch, position, sample, gain)
             }
             val means = joined.map { it.means() }
             return PatchMeans(
@@ -75,7 +82,7 @@ public class PatchMeans internal constructor(
                 if (white != null) means[1] else null,
                 if (dark != null) means.last() else null,
                 doubleArrayOf(black[0], (black[1] + black[2]) / 2, black[3]),
-                chart.white,
+                facts.sensor.white,
             )
         }
     }

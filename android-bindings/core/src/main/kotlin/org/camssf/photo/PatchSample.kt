@@ -36,26 +36,43 @@ internal class PatchSample(
         /**
          * Of one position of the CFA cell in one patch, for each frame of a shot: they share one mask.
          *
-         * @param quad (4, 2) the patch's corners, px.
-         * @param cell the position, index in the 2 × 2 cell.
+         * @param name of the chart photo, for messages.
+         * @param white level of each frame, DN.
+         * @param samples of each frame at `places`, in their order.
          * @param patch its number, from 1, for messages.
-         * @throws ChartNotFound the patch leaves the photo, or holds fewer than 16 good samples of the position.
+         * @throws ChartNotFound the patch holds fewer than 16 good samples of the position.
          */
-        fun of(frames: List<Mosaic>, quad: DoubleArray, cell: Int, patch: Int): List<PatchSample> {
-            val places = PatchSamples.select(quad, cell, frames[0].width, frames[0].height, patch)
-            val n = places.size / 2
-            if (n < PatchSamples.FEWEST) throw PatchSamples.tooSmall(frames[0], patch, n)
-            val values = frames.map { frame -> IntArray(n) { frame[places[2 * it], places[2 * it + 1]] } }
+        fun of(
+            name: String,
+            white: List<Double>,
+            places: Places,
+            samples: List<ShortArray>,
+            patch: Int,
+        ): List<PatchSample> {
+            val n = places.size
+            if (n < PatchSamples.FEWEST) throw PatchSamples.tooSmall(name, patch, n)
+            val values = samples.map { frame -> IntArray(n) { frame[it].toInt() and 0xffff } }
             val kept = values.map { kept(it) }
             val joint = indicesOf(n) { i -> kept.all { it[i] } }
-            if (joint.size < PatchSamples.FEWEST) throw PatchSamples.tooSmall(frames[0], patch, joint.size)
-            val left = joint.minOf { places[2 * it] / 2 }
-            val top = joint.minOf { places[2 * it + 1] / 2 }
-            val x = IntArray(joint.size) { places[2 * joint[it]] / 2 - left }
-            val y = IntArray(joint.size) { places[2 * joint[it] + 1] / 2 - top }
-            return frames.indices.map { f ->
+            if (joint.size < PatchSamples.FEWEST) throw PatchSamples.tooSmall(name, patch, joint.size)
+            val x = IntArray(joint.size)
+            val y = IntArray(joint.size)
+            var at = 0
+            places.each { i, column, row ->
+                if (at < joint.size && joint[at] == i) {
+                    x[at] = column
+                    y[at++] = row
+                }
+            }
+            val left = x.min()
+            val top = y.min()
+            for (i in x.indices) {
+                x[i] -= left
+                y[i] -= top
+            }
+            return values.indices.map { f ->
                 val v = IntArray(joint.size) { values[f][joint[it]] }
-                val clipped = values[f].count { it >= frames[f].white }
+                val clipped = values[f].count { it >= white[f] }
                 mean(v, x, y, clipped, kept[f].count { !it }, n)
             }
         }

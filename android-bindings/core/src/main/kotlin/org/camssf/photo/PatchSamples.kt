@@ -4,6 +4,51 @@ import org.camssf.ChartNotFound
 import org.camssf.Rules
 import kotlin.math.floor
 
+/**
+ * The samples of one position of the CFA cell in a patch: every second column of every second row.
+ *
+ * @property top first row.
+ * @property first column of each row, `count` of them there.
+ */
+internal class Places(val top: Int, val first: IntArray, val count: IntArray) {
+    /** Where each row's samples begin, counted over all rows; one behind the last at the end. */
+    private val starts = IntArray(count.size + 1).also { for (i in count.indices) it[i + 1] = it[i] + count[i] }
+
+    /** All samples. */
+    val size: Int get() = starts.last()
+
+    /** The smallest rectangle around them; null if there are none. */
+    val box: Region?
+        get() {
+            val rows = count.indices.filter { count[it] > 0 }
+            if (rows.isEmpty()) return null
+            return Region(
+                rows.minOf { first[it] },
+                top + 2 * rows.first(),
+                rows.maxOf { first[it] + 2 * count[it] - 1 },
+                top + 2 * rows.last() + 1,
+            )
+        }
+
+    /** Calls `each` with the number of every sample, its column and its row, both in cells. */
+    inline fun each(each: (Int, Int, Int) -> Unit) {
+        for (row in count.indices) {
+            for (i in 0 until count[row]) each(starts[row] + i, first[row] / 2 + i, top / 2 + row)
+        }
+    }
+
+    /** Takes what there is of them in a part of a row: see [Rows]. */
+    fun take(y: Int, x: Int, samples: ShortArray, at: Int, length: Int, into: ShortArray) {
+        if (y < top || (y - top) % 2 != 0) return
+        val row = (y - top) / 2
+        if (row >= count.size || count[row] == 0) return
+        val from = first[row]
+        val begin = if (x > from) (x - from + 1) / 2 else 0
+        val end = minOf(count[row], (x + length - from + 1) / 2)
+        for (i in begin until end) into[starts[row] + i] = samples[at + from + 2 * i - x]
+    }
+}
+
 /** Which samples of a patch are measured: rules 1 and 2 of docs/patches.md. */
 internal object PatchSamples {
     /** Part of each patch edge that is measured. */
@@ -24,11 +69,11 @@ internal object PatchSamples {
         DoubleArray(2) { ((quad[it] + quad[2 + it]) + (quad[4 + it] + quad[6 + it])) * 0.25 }
 
     /**
-     * Columns and rows, in turn, of the cell's samples in the shrunk quad (4, 2), px.
+     * The cell's samples in the shrunk quad (4, 2), px.
      *
      * @throws ChartNotFound the patch leaves the photo of `width` × `height`.
      */
-    fun select(quad: DoubleArray, cell: Int, width: Int, height: Int, patch: Int): IntArray {
+    fun select(quad: DoubleArray, cell: Int, width: Int, height: Int, patch: Int): Places {
         val centre = centre(quad)
         val moved = DoubleArray(8) { 16 * (centre[it % 2] + SHRINK * (quad[it] - centre[it % 2])) }
         val limit = doubleArrayOf(16.0 * (width - 1), 16.0 * (height - 1))
@@ -41,21 +86,22 @@ internal object PatchSamples {
         val corners = LongArray(8) { floor(moved[it] + 0.5).toLong() }
         val low = LongArray(2) { axis -> ((0..3).minOf { corners[2 * it + axis] } + 15) / 16 }
         val high = LongArray(2) { axis -> (0..3).maxOf { corners[2 * it + axis] } / 16 }
-        val found = IntArray((2 * ((high[0] - low[0]) / 2 + 1) * ((high[1] - low[1]) / 2 + 1)).toInt())
-        var size = 0
-        var row = low[1] + (cell / 2 + low[1]) % 2
-        while (row <= high[1]) {
-            var column = low[0] + (cell % 2 + low[0]) % 2
-            while (column <= high[0]) {
-                if (inside(corners, column, row)) {
-                    found[size++] = column.toInt()
-                    found[size++] = row.toInt()
-                }
+        val top = low[1] + (cell / 2 + low[1]) % 2
+        val left = low[0] + (cell % 2 + low[0]) % 2
+        val rows = if (top > high[1]) 0 else ((high[1] - top) / 2 + 1).toInt()
+        val first = IntArray(rows)
+        val count = IntArray(rows)
+        for (row in 0 until rows) {
+            // Four half-planes share a convex part, so that a row's samples are neighbours.
+            var column = left
+            while (column <= high[0] && !inside(corners, column, top + 2 * row)) column += 2
+            first[row] = column.toInt()
+            while (column <= high[0] && inside(corners, column, top + 2 * row)) {
+                count[row]++
                 column += 2
             }
-            row += 2
         }
-        return found.copyOf(size)
+        return Places(top.toInt(), first, count)
     }
 
     private fun inside(corners: LongArray, column: Long, row: Long): Boolean = (0..3).all { a ->
@@ -64,8 +110,8 @@ internal object PatchSamples {
             (corners[2 * b + 1] - corners[2 * a + 1]) * (16 * column - corners[2 * a])
     }
 
-    fun tooSmall(frame: Mosaic, patch: Int, count: Int) = ChartNotFound(
-        "${frame.name}: patch $patch holds only $count good samples of a colour, $FEWEST are needed.",
+    fun tooSmall(frame: String, patch: Int, count: Int) = ChartNotFound(
+        "$frame: patch $patch holds only $count good samples of a colour, $FEWEST are needed.",
         "Go closer so that the chart fills the frame, and wipe dust off chart and lens.",
         count.toDouble(),
         FEWEST.toDouble(),

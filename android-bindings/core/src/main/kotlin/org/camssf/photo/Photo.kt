@@ -1,7 +1,5 @@
 package org.camssf.photo
 
-import java.security.MessageDigest
-
 /**
  * What a frame's file says, without its samples.
  *
@@ -28,32 +26,21 @@ public class Photo internal constructor(
     public val model: String,
     public val sha256: String,
     internal val neutrals: List<NamedNeutral> = emptyList(),
+    internal val camera: PhysicalCamera = PhysicalCamera(),
 ) {
     internal companion object {
         /** CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them. */
-        private val LIGHT_SOURCES =
+        val LIGHT_SOURCES =
             mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
 
-        fun of(mosaic: Mosaic): Photo = Photo(
-            mosaic.name, mosaic.width, mosaic.height, mosaic.orientation, mosaic.exposure, mosaic.iso,
-            mosaic.gainMaps.isNotEmpty(), mosaic.make, mosaic.model, mosaic.sha256.ifEmpty { hash(mosaic) },
-            mosaic.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
-        )
+        fun of(reading: Reading): Photo = of(reading.facts, reading.sha256)
 
-        /** Of the samples, row by row, where there was no file (Camera2). */
-        private fun hash(mosaic: Mosaic): String {
-            val digest = MessageDigest.getInstance("SHA-256")
-            val row = ByteArray(2 * mosaic.region.width)
-            for (y in 0 until mosaic.region.height) {
-                for (x in 0 until mosaic.region.width) {
-                    val sample = mosaic.samples[y * mosaic.region.width + x].toInt()
-                    row[2 * x] = sample.toByte()
-                    row[2 * x + 1] = (sample shr 8).toByte()
-                }
-                digest.update(row)
-            }
-            return digest.digest().joinToString("") { "%02x".format(it) }
-        }
+        private fun of(facts: Facts, sha256: String): Photo = Photo(
+            facts.name, facts.width, facts.height, facts.origin.orientation, facts.origin.exposure, facts.origin.iso,
+            facts.corrections.gainMaps.isNotEmpty(), facts.origin.make, facts.origin.model, sha256,
+            facts.colours.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
+            facts.origin.camera,
+        )
     }
 }
 

@@ -7,7 +7,6 @@ import org.camssf.spectra.ChartLayout
 import kotlin.math.abs
 import kotlin.math.hypot
 import kotlin.math.max
-import kotlin.math.min
 import kotlin.math.sqrt
 
 /** A lattice named by its colours. */
@@ -20,17 +19,15 @@ private class Match(val corners: DoubleArray, val score: Double, val mirrored: B
  * @param corners (4, 2) px, convex and inside the photo.
  */
 internal class PoseSearch(
-    private val mosaic: Mosaic,
+    private val photo: Reading,
     private val layout: ChartLayout,
     private val expected: DoubleArray,
     private val corners: DoubleArray,
 ) {
     private val view = ChartView.of(
-        mosaic,
+        photo,
         40 * max(layout.columns, layout.rows),
-        ChartPose.region(Corners.of(*corners)).let {
-            Region(it.left, it.top, min(it.right, mosaic.width), min(it.bottom, mosaic.height))
-        },
+        photo.facts.clipped(ChartPose.region(Corners.of(*corners))),
     )
 
     fun pose(): ChartPose {
@@ -51,7 +48,7 @@ internal class PoseSearch(
         }
         if (found.score < ACCEPT) {
             throw ChartNotFound(
-                "${mosaic.name}: the colours inside the corners given by hand do not agree with the chart.",
+                "${photo.facts.name}: the colours inside the corners given by hand do not agree with the chart.",
                 "Give the outer corners of the block of patches, one after the other, and check the chart's name.",
                 found.score,
                 ACCEPT,
@@ -59,7 +56,7 @@ internal class PoseSearch(
         }
         if (found.mirrored) {
             throw ChartNotFound(
-                "${mosaic.name}: the chart is mirrored (its colours agree as seen in a mirror, " +
+                "${photo.facts.name}: the chart is mirrored (its colours agree as seen in a mirror, " +
                     "${fixed(found.score, 2)}).",
                 "Photograph the chart itself, not its mirror image.",
             )

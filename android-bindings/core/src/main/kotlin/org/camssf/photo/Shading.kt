@@ -7,10 +7,10 @@ import kotlin.math.max
 /** The file's own lens-shading correction at a patch's centre. */
 internal object Shading {
     /** Factors (4) for the positions of the CFA cell: the product of the gain maps that cover them. */
-    fun of(photo: Mosaic, quad: DoubleArray): DoubleArray {
+    fun of(photo: Facts, quad: DoubleArray): DoubleArray {
         val (x, y) = PatchSamples.centre(quad)
         val factors = DoubleArray(4) { 1.0 }
-        for (map in photo.gainMaps) {
+        for (map in photo.corrections.gainMaps) {
             if (map.list == 1 || max(map.rowPitch, map.columnPitch) > 2) {
                 throw UnsupportedRaw(
                     "${photo.name} holds a lens-shading map that camssf does not apply (opcode list ${map.list}, " +
@@ -19,7 +19,7 @@ internal object Shading {
                 )
             }
             for (cell in 0..3) {
-                val plane = if (map.list == 3) "RGB".indexOf(photo.cfa[cell]) else 0
+                val plane = if (map.list == 3) "RGB".indexOf(photo.sensor.cfa[cell]) else 0
                 if (covers(map, x, y, cell, plane)) factors[cell] *= at(map, x, y, photo, plane)
             }
         }
@@ -33,7 +33,7 @@ internal object Shading {
             plane >= map.plane && plane < map.plane + map.planes
 
     /** Bilinear, down both columns first, then across; constant beyond the net's ends. */
-    private fun at(map: GainMap, x: Double, y: Double, photo: Mosaic, plane: Int): Double {
+    private fun at(map: GainMap, x: Double, y: Double, photo: Facts, plane: Int): Double {
         val v = ((y + 0.5) / photo.height - map.originV) / map.spacingV
         val h = ((x + 0.5) / photo.width - map.originH) / map.spacingH
         val i = place(v, map.pointsV)

@@ -23,7 +23,7 @@ public class Shot private constructor(
      * A shot.
      *
      * @param photo of the chart.
-     * @param lamp its light.
+     * @param lamp its light; [Lamp.auto] where nobody knows it.
      * @param corners rough outer corners of the block of patches, see [ChartPose.refine].
      * @param white the white frame, taken like the photo; all shots of a capture have one, or none.
      * @param dark the dark frame, likewise.
@@ -38,6 +38,24 @@ public class Shot private constructor(
         dark: PhotoSource? = null,
         lensShading: LensShading = LensShading.AS_STORED,
     ) : this(photo, lamp, corners.toArray(), white, dark, lensShading, Unit)
+
+    /**
+     * A shot in a light that nobody named ([Lamp.auto]).
+     *
+     * @param photo of the chart.
+     * @param corners rough outer corners of the block of patches, see [ChartPose.refine].
+     * @param white the white frame, taken like the photo; all shots of a capture have one, or none.
+     * @param dark the dark frame, likewise.
+     * @param lensShading what is done about the shading that the photo's file describes.
+     */
+    @JvmOverloads
+    public constructor(
+        photo: PhotoSource,
+        corners: Corners,
+        white: PhotoSource? = null,
+        dark: PhotoSource? = null,
+        lensShading: LensShading = LensShading.AS_STORED,
+    ) : this(photo, Lamp.auto(), corners.toArray(), white, dark, lensShading, Unit)
 
     /** A shot whose corners (4, 2) are eight numbers x, y; they are copied, and checked when they are used. */
     @Deprecated("Corners are a type: Corners.of(x, y, ...). Goes with the next release.")

@@ -51,6 +51,19 @@ public class Signals internal constructor(
     /** The fallbacks taken. */
     public val assumptions: List<Assumption> = assumptions.frozen()
 
+    /** As even light would have given them: times a level (k, n). */
+    internal fun levelled(level: DoubleArray): Signals = Signals(
+        shots,
+        patches,
+        DoubleArray(sharedValues.size) { sharedValues[it] * level[it / 3] },
+        DoubleArray(sharedError.size) { sharedError[it] * level[it / 3] },
+        sharedChart,
+        sharedWhite,
+        sharedDark,
+        sharedUsed,
+        assumptions,
+    )
+
     /** Shot j alone. */
     internal fun only(j: Int): Signals {
         fun part(all: DoubleArray) = all.copyOfRange(3 * patches * j, 3 * patches * (j + 1))

@@ -6,22 +6,34 @@ import org.camssf.LampUnfit
 import org.camssf.short
 
 /**
- * The relative spectral power of a shot's light. Safe to pass between threads.
+ * The relative spectral power of a shot's light, or that nobody named it ([auto]). Safe to pass between threads.
  *
+ * @param given (681), null where nobody named it.
  * @property name as asked for.
- * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
+ * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN where nobody named the light.
  * @property source table, formula or file it came from, in words for the report.
  * @property file name and SHA-256 of the file it came from, or null.
+ * @property kinds what a light that nobody named may be, each a lamp known only by kind; none where it was named.
  */
 public class Lamp internal constructor(
     public val name: String,
-    internal val sharedValues: DoubleArray,
+    private val given: DoubleArray?,
     public val tolerance: Double,
     internal val sharedModes: List<DoubleArray>,
     public val source: String,
     public val file: SourceFile? = null,
+    internal val kinds: List<Lamp> = emptyList(),
 ) {
-    /** (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB). */
+    /** Whether nobody named it: it has no spectrum, only the kinds that it may be of. */
+    public val unnamed: Boolean get() = given == null
+
+    internal val sharedValues: DoubleArray get() = given ?: throw nameless()
+
+    /**
+     * (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB).
+     *
+     * @throws InvalidArgument nobody named the light.
+     */
     public val values: DoubleArray get() = sharedValues.copyOf()
 
     /** Directions (681) in which L may be off, relative to it, each one standard deviation long; copies at each call. */
@@ -33,13 +45,19 @@ public class Lamp internal constructor(
      * A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
      * kelvin at the lamp's own temperature. Both are one standard deviation.
      *
-     * @throws InvalidArgument other text, or a temperature for a lamp that has none.
+     * @throws InvalidArgument other text, a temperature for a lamp that has none, or a light that nobody named.
      */
     public fun withTolerance(text: String): Lamp = text.split(",").map {
         it.trim()
     }.filter { it.isNotEmpty() }.fold(this) { lamp, part -> lamp.tolerating(part) }
 
     private fun tolerating(part: String): Lamp {
+        if (unnamed) {
+            throw InvalidArgument(
+                "A light that nobody named has no tolerance.",
+                "Leave the tolerance out, or name the lamp.",
+            )
+        }
         val number = Regex("""([0-9]+(?:\.[0-9]+)?) ?(%|k)""").matchEntire(part.lowercase())
             ?: throw InvalidArgument("'$part' is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
         val size = number.groupValues[1].toDouble()
@@ -79,8 +97,31 @@ public class Lamp internal constructor(
             "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour " +
                 "temperature; bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; " +
                 "discharge HP1 to HP5; LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by " +
-                "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); or " +
-                "a measured spectrum by Lamp.parse."
+                "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); " +
+                "a measured spectrum by Lamp.parse; or Lamp.auto() for a phone's photo under whatever light."
+
+        /** The word for a light that nobody named. */
+        internal const val AUTO = "auto"
+
+        /**
+         * A light that nobody named: the signals tell its kind (daylight, bulb, white LED or fluorescent), for phones; what
+         * they told is in [org.camssf.curves.Ssf.lights]. A camera that may be no phone is refused with what to name. Of
+         * at most two shots of a capture; the runs of a model are four times as many for one of them, 16 times for two.
+         */
+        @JvmStatic
+        public fun auto(): Lamp = Lamp(
+            AUTO,
+            null,
+            Double.NaN,
+            emptyList(),
+            "not named: daylight, bulb, white LED or fluorescent, as the signals say",
+            kinds = Bundled.families.map { read(it) },
+        )
+
+        private fun nameless() = InvalidArgument(
+            "A light that nobody named has no spectrum.",
+            "Only a chart's photo can tell it. $MENU",
+        )
 
         /** Names that [read] knows, besides `2856K` and `D:5500`. */
         @JvmStatic
@@ -93,6 +134,8 @@ public class Lamp internal constructor(
          * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck, 1000
          * to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy`; a family whose member is not known:
          * `daylight`, `bulb`, `white-led`, `fluorescent`. The tolerance is 2 % for a name or formula.
+         *
+         * `auto` is no spectrum: [auto].
          *
          * @throws InvalidArgument no lamp, an unknown name, or a temperature out of range.
          */
@@ -107,6 +150,7 @@ public class Lamp internal constructor(
                         "and no photo of a chart tells lamp from camera. $MENU",
                 )
             }
+            if (key == AUTO) throw nameless()
             if (plain(text) == "equalenergy") {
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }

@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.Nodes
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNotNull

@@ -114,6 +114,26 @@ class JudgeTest {
         assertEquals(emptyList<Reason>(), judged(1.0, emptyList(), "phones").reasons)
     }
 
+    /** By the maker's word: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without, and 20 : 1 against nobody's. */
+    @Test
+    fun `in a light that nobody named a phone's word is needed`() {
+        fun said(phone: Double, family: String?): Pair<Boolean, Double?>? =
+            Light.unnamed(weights(phone, 0.0, 1.0 - phone, 0.0), family).singleOrNull()?.let { it.fatal to it.value }
+        assertNull(said(0.81, "phones"))
+        assertEquals(false to 0.79, said(0.79, "phones"))
+        assertEquals(true to 0.49, said(0.49, "phones"))
+        assertEquals(false to 0.95, said(0.95, "cameras"))
+        assertNull(said(0.96, "cameras"))
+        assertEquals(19.0 / 39, said(0.95, null)!!.also { assertTrue(it.first) }.second!!, 1e-12)
+        assertEquals(24.0 / 44, said(0.96, null)!!.also { assertTrue(!it.first) }.second!!, 1e-12)
+        assertNull(said(401.0 / 402, null))
+        val told = listOf(Weight("phones", 1.0, 0.0, 1.0, listOf("bulb")))
+        assertEquals(emptyList<Reason>(), Light.unnamed(told, null))
+        val doubtful = Light.unnamed(weights(0.9, 0.0, 0.1, 0.0), "cameras").single()
+        assertEquals("lamp_unfit" to 20.0 / 21, doubtful.code to doubtful.threshold)
+        assertTrue("90%" in doubtful.message && "--lamp" !in doubtful.advice, doubtful.advice)
+    }
+
     @Test
     fun `the length of the code is a normal number under the prior`() {
         // Ten directions fully known, none of the others: the square root of χ² of ten degrees of freedom.

@@ -30,6 +30,19 @@ class LampTest {
     }
 
     @Test
+    fun `a light that nobody named has kinds and no spectrum`() {
+        val light = Lamp.auto()
+        assertTrue(light.unnamed && light.tolerance.isNaN() && light.modes.isEmpty())
+        assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.map { it.name })
+        for (kind in light.kinds) assertArrayEquals(Lamp.read(kind.name).values, kind.values)
+        for (wrong in listOf({ light.values }, { light.withTolerance("2%") }, { Lamp.read(" Auto ") })) {
+            val error = assertThrows(InvalidArgument::class.java) { wrong() }
+            assertTrue("nobody named" in error.message && error.advice.isNotEmpty(), error.message)
+        }
+        assertTrue("auto" !in Lamp.names() && !Lamp.read("A").unnamed)
+    }
+
+    @Test
     fun `names are free of case, blanks and hyphens`() {
         for ((said, meant) in listOf("cie d65" to "D65", "f2" to "FL2", "led b3" to "LED-B3", "fl 3.1" to "FL3.1")) {
             assertArrayEquals(Lamp.read(meant).values, Lamp.read(said).values)

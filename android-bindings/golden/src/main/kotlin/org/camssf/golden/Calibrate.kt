@@ -87,7 +87,7 @@ public class Calibrate private constructor() : Closeable {
         fun shots(): List<Shot> = photos.mapIndexed { j, photo ->
             fun own(name: String): String? = options[name]?.getOrNull(j)
             val corners = requireNotNull(own("--corners")) { "give corners a photo" }
-            val lamp = lamp(requireNotNull(own("--lamp")) { "give a lamp a photo" })
+            val lamp = lamp(own("--lamp") ?: AUTO)
             Shot(
                 PhotoSource.of(File(photo)),
                 own("--lamp-tolerance")?.let { lamp.withTolerance(it) } ?: lamp,
@@ -100,13 +100,18 @@ public class Calibrate private constructor() : Closeable {
 
         private fun lamp(name: String): Lamp {
             val file = File(name)
-            return if (file.isFile) Lamp.parse(file.name, file.readBytes()) else Lamp.read(name)
+            return when {
+                file.isFile -> Lamp.parse(file.name, file.readBytes())
+                name == AUTO -> Lamp.auto()
+                else -> Lamp.read(name)
+            }
         }
     }
 
     public companion object {
+        private const val AUTO = "auto"
         private const val USAGE =
-            "calibrate PHOTO... --lamp NAME --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
+            "calibrate PHOTO... [--lamp NAME|auto] --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
                 "[--lamp-tolerance T] [--chart NAME] [--white-reflectance R] [--lens-shading as-stored|apply] " +
                 "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] -o FILE"
         private val VALUES = setOf(

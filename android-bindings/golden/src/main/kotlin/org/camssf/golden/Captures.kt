@@ -14,7 +14,9 @@ import org.camssf.Grid
 import org.camssf.Rivals
 import org.camssf.Settings
 import org.camssf.Solve
+import org.camssf.Tell
 import org.camssf.curves.Engine
+import org.camssf.curves.FoundLight
 import org.camssf.curves.Tensor
 import org.camssf.evidence.Reasons
 import org.camssf.evidence.Status
@@ -34,7 +36,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
 
     fun calibrate(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
         val capture = capture(case)
-        val done = Solve(engines, capture, settings(case)) { _, _ -> }.run()
+        val done = Solve(engines, capture, settings(case), Tell.NOBODY).run()
         if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
@@ -55,6 +57,49 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         )
     }
 
+    /** Curves and light where nobody named a lamp, and the verdict on both, even where it refuses. */
+    fun light(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
+        val capture = capture(case)
+        val done = Solve(engines, capture, settings(case), Tell.NOBODY).run()
+        val ssf = done.ssf
+        val lights = ssf.lights.filterNotNull()
+        val reasons = done.verdict.reasons
+        fun words(of: List<String>) = JsonArray(of.map { JsonPrimitive(it) })
+        fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
+        fun powers(of: (FoundLight) -> DoubleArray): Tensor {
+            val all = lights.flatMap { light -> of(light).filterIndexed { at, _ -> at % 10 == 0 } }
+            return Tensor(all.toDoubleArray(), lights.size, NODES)
+        }
+        val weighed = ssf.choice.map {
+            JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale)) + words(it.kinds))
+        }
+        val kinds = lights.flatMap { it.kinds.values }.toDoubleArray()
+        return mapOf(
+            "weighed" to JsonArray(weighed),
+            "log_evidence" to numbers(ssf.choice.map { it.logEvidence }),
+            "probability" to numbers(ssf.choice.map { it.probability }),
+            "basis" to ssf.basis,
+            "prior_scale" to ssf.priorScale,
+            "likeliest" to words(ssf.kinds),
+            "ssf" to onNodes { ssf.curve(it) },
+            "ssf_std" to onNodes { ssf.deviation(it)!! },
+            "predicted" to Tensor(ssf.predicted, capture.shots.size, capture.chart.patches.size, 3),
+            "gap" to Tensor(ssf.gap, 3),
+            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "kinds" to Tensor(kinds, lights.size, kinds.size / lights.size),
+            "power" to powers { it.power },
+            "power_std" to powers { it.std },
+            "kelvin" to numbers(lights.map { it.kelvin }),
+            "kelvin_std" to numbers(lights.map { it.kelvinStd }),
+            "status" to done.verdict.outcome.word,
+            "codes" to words(reasons.map { it.code }),
+            "messages" to words(reasons.map { it.message }),
+            "values" to numbers(reasons.map { it.value ?: 0.0 }),
+            "thresholds" to numbers(reasons.map { it.threshold ?: 0.0 }),
+            "said" to words(done.assumptions.filter { it.code == "lamp" }.map { it.message }),
+        )
+    }
+
     /** Gains of every rival lamp, shot by shot. */
     fun rivals(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
         val capture = capture(case)
@@ -71,7 +116,8 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
 
     private fun settings(case: GoldenCase): Settings {
         val nonnegative = (case.inputs.getValue("nonnegative") as JsonPrimitive).takeIf { it !is JsonNull }
-        return Settings(null, maybe(case, "l2"), maybe(case, "gamma"), nonnegative?.boolean)
+        val differs = case.inputs["light_per_patch"]?.let { number(it) }
+        return Settings(null, maybe(case, "l2"), maybe(case, "gamma"), nonnegative?.boolean, differs)
     }
 
     private fun capture(case: GoldenCase): MeasuredCapture {
@@ -103,10 +149,12 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val (make, model) = listOf("make", "model").map { (case.inputs[it] as? JsonPrimitive)?.content ?: "golden" }
         val photo = Photo("golden", 600, 400, 1, null, null, false, make, model, "")
         val (lamp, modes, tolerance) = listOf("lamp", "lamp_modes", "lamp_tolerance").map { given(it) }
+        val unnamed = (case.inputs["unnamed"] as? JsonArray).orEmpty().map { it.jsonPrimitive.int }
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
             val means = frames.means(entry.jsonObject)
             val own = List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) }
-            val light = Lamp("golden", row(lamp, j), tolerance.values[j], own, "golden/spectra")
+            val named = Lamp("golden", row(lamp, j), tolerance.values[j], own, "golden/spectra")
+            val light = if (j + 1 in unnamed) Lamp.auto() else named
             val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
             MeasuredShot(light, photo, white, dark, pose, means, LensShading.AS_STORED)
         }
@@ -115,6 +163,15 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
 
     private fun row(tensor: Tensor, at: Int): DoubleArray =
         tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)
+}
+
+/** Every tenth point of the grid. */
+internal const val NODES = 69
+
+/** Curves of three channels on the 5-nm nodes. */
+internal fun onNodes(of: (Int) -> DoubleArray): Tensor {
+    val channels = List(3) { of(it) }
+    return Tensor(DoubleArray(3 * NODES) { channels[it % 3][10 * (it / 3)] }, NODES, 3)
 }
 
 /** (k, n) as nested lists. */

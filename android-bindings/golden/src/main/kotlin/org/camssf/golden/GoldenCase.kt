@@ -120,7 +120,7 @@ internal class GoldenCase private constructor(val name: String, private val json
         /** What a runner may have; golden/README.md explains each. */
         val CAPABILITIES = setOf(
             "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate",
-            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour",
+            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour", "finder",
         )
         private val PROBLEM = setOf("matrix", "target", "covariance", "l2", "gamma", "nonnegative")
         private val ROWS = setOf(
@@ -142,10 +142,12 @@ internal class GoldenCase private constructor(val name: String, private val json
 
         /** Inputs that a case may leave out. */
         private val MAY = mapOf(
-            "ssf" to setOf("prior_scale"),
-            "calibrate" to setOf("make", "model"),
+            "sensing" to setOf("gain_modes", "gain_own"),
+            "ssf" to setOf("prior_scale", "gain_modes", "gain_own"),
+            "calibrate" to setOf("make", "model", "light_per_patch"),
+            "light" to setOf("make", "model"),
             "rivals" to setOf("make", "model"),
-            "verdict" to setOf("choice", "family", "code_variance"),
+            "verdict" to setOf("choice", "family", "code_variance", "unnamed", "gain_modes", "gain_own"),
         )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
@@ -161,6 +163,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "layers" to CALL + setOf("iteration", "depth"),
             "choice" to CALL + "prior",
             "calibrate" to CAPTURE,
+            "light" to CAPTURE + "unnamed",
             "rivals" to CAPTURE,
             "verdict" to setOf(
                 "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
@@ -169,6 +172,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
             "regions" to setOf("photo", "areas", "dark", "lens_shading"),
+            "finder" to setOf("dng", "form"),
         )
         private val OUTPUTS = mapOf(
             "mosaic" to setOf(
@@ -193,6 +197,11 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "weighed", "log_evidence", "probability", "basis", "prior_scale", "ssf", "ssf_std", "predicted",
                 "gap",
             ),
+            "light" to setOf(
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "likeliest", "ssf", "ssf_std",
+                "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std", "status",
+                "codes", "messages", "values", "thresholds", "said",
+            ),
             "rivals" to setOf("gains"),
             "calibrate" to setOf(
                 "signals", "used", "ssf", "ssf_std", "predicted", "gap", "channel_gain", "rmsre_percent", "codes",
@@ -207,6 +216,7 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "surprise", "far", "reach",
             ),
             "regions" to setOf("raw", "standard_error"),
+            "finder" to setOf("findings", "kinds", "mirrored", "seen", "corners", "patches", "confidence"),
         )
         private val ORACLE = setOf("solver", "polished", "x", "objective", "gap", "ssf")
 

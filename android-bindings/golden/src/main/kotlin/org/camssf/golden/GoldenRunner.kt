@@ -61,6 +61,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private val frames = Statistics(forms)
     private val captures = Captures(forms, frames)
     private val colours = Colours(files, forms, photos)
+    private val finders = Finders(photos)
     private val engines = HashMap<String, Engine>()
 
     /**
@@ -165,10 +166,12 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "layers" -> layers(case)
         "choice" -> choice(case)
         "calibrate" -> captures.calibrate(case, engines(case))
+        "light" -> captures.light(case, engines(case))
         "rivals" -> captures.rivals(case, engines(case))
         "verdict" -> Weighing(forms, frames).verdict(case)
         "colour" -> colours.colour(case)
         "regions" -> colours.regions(case)
+        "finder" -> finders.finder(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }
 
@@ -210,7 +213,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "predicted" to frames.chart.shape,
             "evidence" to intArrayOf(),
         )
-        return (ModelOutputs.NAMES - "lamp_estimate").associateWith { name ->
+        return (ModelOutputs.NAMES - setOf("lamp_estimate", "gain_code")).associateWith { name ->
             Tensor(found[name], *(shapes[name] ?: intArrayOf(found[name].size)))
         }
     }
@@ -234,6 +237,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         return Known(
             given("reflectance"), given("chart_tolerance"), given("white_reflectance"),
             given("white_tolerance").values[0], given("lamp"), given("lamp_tolerance"), given("lamp_modes"),
+            gains(case.inputs, forms),
         )
     }
 
@@ -264,10 +268,6 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val (chart, white, dark) = listOf("chart", "white", "dark").map { forms.resolve(case.inputs.getValue(it)) }
         val prior = case.inputs.getValue("prior").jsonObject.mapValues { number(it.value)!! }
         val ssf = Choice.recover(engines(case), evidence, Frames(chart, white, dark), penalties(case), prior)
-        fun nodes(of: (Int) -> DoubleArray): Tensor {
-            val channels = List(3) { of(it) }
-            return Tensor(DoubleArray(3 * NODES) { channels[it % 3][10 * (it / 3)] }, NODES, 3)
-        }
         fun weighed(of: (Weight) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
         val bases = ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale))) }
         return mapOf(
@@ -276,17 +276,14 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "probability" to weighed { it.probability },
             "basis" to ssf.basis,
             "prior_scale" to ssf.priorScale,
-            "ssf" to nodes { ssf.curve(it) },
-            "ssf_std" to nodes { ssf.deviation(it)!! },
+            "ssf" to onNodes { ssf.curve(it) },
+            "ssf_std" to onNodes { ssf.deviation(it)!! },
             "predicted" to Tensor(ssf.predicted, *chart.shape),
             "gap" to Tensor(ssf.gap, 3),
         )
     }
 
     public companion object {
-        /** Every tenth point of the grid. */
-        private const val NODES = 69
-
         /** What Kotlin can do of what cases require. */
         @JvmField
         public val CAPABILITIES: Set<String> = GoldenCase.CAPABILITIES - "reference"

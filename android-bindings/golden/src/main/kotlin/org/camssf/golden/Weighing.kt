@@ -13,6 +13,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
+import org.camssf.curves.Gains
 import org.camssf.curves.Ssf
 import org.camssf.curves.Tensor
 import org.camssf.curves.Weight
@@ -28,6 +29,12 @@ import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+
+/** Gain modes of a case; null where it has none. */
+internal fun gains(inputs: JsonObject, forms: Forms): Gains? {
+    val modes = inputs["gain_modes"] ?: return null
+    return Gains(forms.resolve(modes), number(inputs.getValue("gain_own"))!!)
+}
 
 /** The stage verdict: the judge, and the numbers of its rules 1 to 3. */
 internal class Weighing(private val forms: Forms, private val frames: Statistics) {
@@ -82,6 +89,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             answer(inputs),
             given("white_reflectance").values,
             given("white_tolerance").values[0],
+            gains(inputs, forms),
         )
         val weighed = Case(
             told,
@@ -89,6 +97,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             inputs.getValue("alone").jsonArray.map { answer(it.jsonObject) },
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { foretold(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
+            inputs["unnamed"]?.jsonPrimitive?.boolean ?: false,
         ) {
             inputs.getValue("rivals").jsonArray.map { entry ->
                 val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }

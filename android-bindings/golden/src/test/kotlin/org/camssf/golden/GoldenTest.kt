@@ -5,10 +5,12 @@ import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Assumptions.assumeTrue
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.TestFactory
 import java.io.File
 
 /** Every golden case as a test of its own; what Kotlin lacks is skipped and counted. */
+@Tag("R-PARITY")
 class GoldenTest {
     @TestFactory
     fun cases(): List<DynamicTest> = runner.names().map { name ->

@@ -4,6 +4,7 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Assumptions.assumeTrue
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.io.TempDir
 import java.io.File
@@ -14,6 +15,7 @@ import java.util.zip.ZipFile
 import java.util.zip.ZipOutputStream
 
 /** A calibration in a JVM of its own: nothing is sent, and nothing stays but the result. docs/privacy.md is about it. */
+@Tag("R-PRIVACY")
 class PrivacyTest {
     @TempDir
     lateinit var folder: File

@@ -9,7 +9,7 @@ public object Models {
     @JvmField
     public val NAMES: List<String> = listOf(
         "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json",
-        "colour.json",
+        "colour.json", "finder.json",
     )
 
     /**

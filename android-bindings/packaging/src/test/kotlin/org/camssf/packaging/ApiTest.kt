@@ -6,6 +6,7 @@ import kotlinx.validation.api.loadApiFromJvmClasses
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.TestFactory
 import java.io.File
 import java.util.jar.JarFile
@@ -14,6 +15,7 @@ import java.util.jar.JarFile
  * What apps compile against, line by line in NAME/api/NAME.api: a change that nobody meant makes this test fail.
  * After a change that was meant: `mvn -f android-bindings verify -Dapi.write`.
  */
+@Tag("R-ANDROID")
 class ApiTest {
     @TestFactory
     fun `the public API is the one that was checked in`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->

@@ -5,7 +5,7 @@ import java.io.File
 /** The files that this build ships. */
 internal object Artifacts {
     /** Modules whose jars apps take. */
-    val SHIPPED = listOf("model", "core", "camera2", "passport")
+    val SHIPPED = listOf("model", "core", "finder", "camera2", "passport", "testing")
 
     /** The folder android-bindings. */
     val FOLDER = File(System.getProperty("camssf.root"), "android-bindings")

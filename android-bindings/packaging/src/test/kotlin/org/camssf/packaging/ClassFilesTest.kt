@@ -1,11 +1,10 @@
 package org.camssf.packaging
 
-import org.camssf.SsfCalibrator
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
-import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.TestFactory
 import org.objectweb.asm.ClassReader
 import org.objectweb.asm.ClassVisitor
@@ -15,6 +14,7 @@ import org.objectweb.asm.commons.Remapper
 import java.util.zip.ZipFile
 
 /** What Android's tools need of a class file; the API level is animal-sniffer's part. */
+@Tag("R-ANDROID")
 class ClassFilesTest {
     @TestFactory
     fun `Java 8 class files without desktop classes`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
@@ -34,11 +34,21 @@ class ClassFilesTest {
         }
     }
 
-    /** A compiler reads the metadata of the version after its own: docs/android.md asks for Kotlin 2.3. */
-    @Test
-    fun `Kotlin's metadata is of the version that the docs name`() {
-        val metadata = SsfCalibrator::class.java.getAnnotation(Metadata::class.java)
-        assertEquals(listOf(2, 4), metadata.metadataVersion.take(2))
+    /** A compiler reads the metadata of the version after its own: that of Kotlin 2.1 those of 2.2 (docs/jvm.md). */
+    @TestFactory
+    fun `every class speaks the Kotlin that the docs name`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
+        dynamicTest(name) {
+            val found = HashSet<String>()
+            ZipFile(Artifacts.jar(name)).use { jar ->
+                for (entry in jar.entries().toList().filter { it.name.endsWith(".class") }) {
+                    val type = entry.name.removeSuffix(".class").replace('/', '.')
+                    val declared = Class.forName(type, false, javaClass.classLoader)
+                    val metadata = declared.getAnnotation(Metadata::class.java) ?: continue
+                    found += metadata.metadataVersion.take(2).joinToString(".")
+                }
+            }
+            assertEquals(setOf("2.2"), found)
+        }
     }
 
     /** Internal names of all classes that a class file refers to. */

@@ -4,6 +4,7 @@ import org.camssf.PassportInvalid
 import org.camssf.passport.Fixtures.refused
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNotNull
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.assertThrows
 import java.math.BigInteger
@@ -12,6 +13,7 @@ import javax.crypto.Mac
 import javax.crypto.spec.SecretKeySpec
 
 /** No byte can be changed without the key. Seeded: the same changes at every run, of the passports that are stored. */
+@Tag("R-PASSPORT")
 class ChangedTest {
     private val small = Fixtures.case("small").data
     private val whole = Fixtures.case("whole").data

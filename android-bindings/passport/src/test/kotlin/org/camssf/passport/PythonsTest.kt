@@ -12,6 +12,7 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.TestFactory
 import org.junit.jupiter.api.assertThrows
@@ -20,6 +21,7 @@ import java.util.Base64
 import kotlin.time.Duration.Companion.days
 
 /** Every document that Python signed or spoiled gets Python's answer, word for word; and Python reads Kotlin's. */
+@Tag("R-PASSPORT")
 class PythonsTest {
     @TestFactory
     fun `the answers are Python's`(): List<DynamicTest> = Fixtures.CASES.map { case ->

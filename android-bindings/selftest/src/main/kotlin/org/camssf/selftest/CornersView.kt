@@ -9,6 +9,7 @@ import android.view.MotionEvent
 import android.view.View
 import org.camssf.photo.Corners
 import org.camssf.photo.Mosaic
+import org.camssf.photo.Point
 
 /** A grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
 internal class CornersView(context: Context) : View(context) {
@@ -17,6 +18,7 @@ internal class CornersView(context: Context) : View(context) {
     private var step = 1
     private val taps = ArrayList<Double>()
     private var then: (Corners) -> Unit = {}
+    private var spot: ((Point) -> Unit)? = null
 
     /** Shows the mosaic and calls `then` with the four corners; the order of the taps does not matter to camssf. */
     fun ask(mosaic: Mosaic, then: (Corners) -> Unit) {
@@ -24,8 +26,14 @@ internal class CornersView(context: Context) : View(context) {
         picture = thumbnail(mosaic, step)
         taps.clear()
         this.then = then
+        spot = null
         requestLayout()
         invalidate()
+    }
+
+    /** From now on each tap is a place, in the mosaic's pixels. */
+    fun pick(then: (Point) -> Unit) {
+        spot = then
     }
 
     override fun onMeasure(widthSpec: Int, heightSpec: Int) {
@@ -51,6 +59,12 @@ internal class CornersView(context: Context) : View(context) {
 
     override fun onTouchEvent(event: MotionEvent): Boolean {
         val picture = picture ?: return false
+        val picked = spot
+        if (event.action == MotionEvent.ACTION_UP && picked != null) {
+            val scale = width.toDouble() / picture.width
+            picked(Point(event.x / scale * step, event.y / scale * step))
+            return true
+        }
         if (event.action == MotionEvent.ACTION_UP && taps.size < 8) {
             val scale = width.toDouble() / picture.width
             taps += event.x / scale * step
@@ -65,11 +79,7 @@ internal class CornersView(context: Context) : View(context) {
         private const val SIDE = 600
 
         /** Clockwise about their middle, whatever their order was. */
-        fun ordered(taps: List<Double>): Corners {
-            val points = taps.chunked(2)
-            val (x, y) = points.sumOf { it[0] } / points.size to points.sumOf { it[1] } / points.size
-            return Corners.of(*points.sortedBy { Math.atan2(it[1] - y, it[0] - x) }.flatten().toDoubleArray())
-        }
+        fun ordered(taps: List<Double>): Corners = Corners.around(taps.chunked(2).map { Point(it[0], it[1]) })
 
         /** Green samples, every so many, with a gamma that shows the dark patches. */
         fun thumbnail(mosaic: Mosaic, step: Int): Bitmap {

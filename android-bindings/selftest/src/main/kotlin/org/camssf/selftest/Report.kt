@@ -1,13 +1,15 @@
 package org.camssf.selftest
 
 import org.camssf.Calibration
+import org.camssf.colour.StandardColour
 import org.camssf.golden.GoldenRunner
 import org.camssf.golden.Outcome
 import org.json.JSONArray
 import org.json.JSONObject
 
 /**
- * What the user sends back: the device, the golden vectors, the calibration. No photo, no place, no time.
+ * What the user sends back: the device, the golden vectors, the calibration, what the guide said, tapped colours.
+ * No photo, no place, no time.
  *
  * A result carries its photos' names, and Android's hold date and time (IMG_20261121_130000.dng): whoever calls
  * [calibration] calls the photo something else, as [Nameless] does. The photo's SHA-256 stays, so that the sender can
@@ -16,6 +18,8 @@ import org.json.JSONObject
 internal class Report(private val device: Map<String, String>) {
     private var golden: JSONObject? = null
     private var calibration: JSONObject? = null
+    private var guide: JSONObject? = null
+    private val colours = JSONArray()
 
     /** Takes the golden vectors' outcomes and the time that they took, ms. */
     fun golden(outcomes: List<Outcome>, milliseconds: Long) {
@@ -37,11 +41,23 @@ internal class Report(private val device: Map<String, String>) {
             .put("result", JSONObject(found.toJson()))
     }
 
+    /** Takes what a live session was, the text of a [GuideLog]. */
+    fun guide(log: String) {
+        guide = JSONObject(log)
+    }
+
+    /** Takes the standard colour of a tapped spot; not where it was. */
+    fun colour(found: StandardColour) {
+        colours.put(JSONObject().put("lab", JSONArray(found.lab.toList())))
+    }
+
     /** "camssf-selftest/1". */
     fun toJson(): String = JSONObject()
         .put("format", "camssf-selftest/1")
         .put("device", JSONObject(device))
         .put("golden", golden ?: JSONObject.NULL)
         .put("calibration", calibration ?: JSONObject.NULL)
+        .put("guide", guide ?: JSONObject.NULL)
+        .put("colours", colours)
         .toString(1)
 }

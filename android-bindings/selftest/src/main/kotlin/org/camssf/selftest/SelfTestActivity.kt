@@ -22,7 +22,9 @@ import org.camssf.golden.GoldenRunner
 import org.camssf.golden.Outcome
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
+import org.camssf.photo.Mosaic
 import org.camssf.photo.PhotoSource
+import org.camssf.photo.Point
 import org.camssf.photo.Shot
 import org.camssf.photo.dng.DngReader
 import org.camssf.spectra.ChartTable
@@ -31,7 +33,8 @@ import java.io.IOException
 import java.util.concurrent.Executors
 
 /**
- * The only screen: golden vectors, a calibration from a chosen DNG, and a JSON to send back.
+ * The first screen: golden vectors, the guide on the live picture ([LiveActivity]), a calibration from a chosen DNG,
+ * standard colour of tapped spots, and a JSON to send back.
  *
  * Everything but drawing runs on one worker thread; what it finds is posted to the main thread.
  */
@@ -49,20 +52,24 @@ public class SelfTestActivity : Activity() {
     override fun onCreate(state: Bundle?) {
         super.onCreate(state)
         said = TextView(this)
-        lamps = choice(Lamp.names(), "D55")
+        lamps = choice(Lamp.names() + UNNAMED, "D55")
         charts = choice(ChartTable.names(), "classic24")
         corners = CornersView(this)
         curves = CurvesView(this)
         buttons = listOf(
             button("Run the golden vectors", ::runGolden),
+            button("Guide on the live picture …") {
+                startActivityForResult(Intent(this, LiveActivity::class.java), LIVE)
+            },
             button("Calibrate from a DNG …") { ask(Intent.ACTION_OPEN_DOCUMENT, "*/*", OPEN) },
             button("Save the report …") { ask(Intent.ACTION_CREATE_DOCUMENT, "application/json", SAVE) },
         )
         val column = LinearLayout(this).apply { orientation = LinearLayout.VERTICAL }
         column.addView(TextView(this).apply { text = INTRODUCTION })
         column.addView(buttons[0])
+        column.addView(buttons[1])
         column.addView(TextView(this).apply { text = "Light, then chart:" })
-        for (view in listOf(lamps, charts, buttons[1], corners, curves, buttons[2], said)) column.addView(view)
+        for (view in listOf(lamps, charts, buttons[2], corners, curves, buttons[3], said)) column.addView(view)
         setContentView(ScrollView(this).apply { addView(column) })
     }
 
@@ -72,6 +79,10 @@ public class SelfTestActivity : Activity() {
     }
 
     override fun onActivityResult(request: Int, result: Int, data: Intent?) {
+        data?.getStringExtra(LiveActivity.LOG)?.takeIf { request == LIVE }?.let { log ->
+            report.guide(log)
+            tell("What the guide said is in the report.")
+        }
         val uri = data?.data ?: return
         if (result == RESULT_OK && request == OPEN) open(uri)
         if (result == RESULT_OK && request == SAVE) save(uri)
@@ -100,25 +111,36 @@ public class SelfTestActivity : Activity() {
         val mosaic = Photos.open(contentResolver, uri).use { DngReader.read(it) }
         post {
             tell("Tap the four outer corners of the chart's block of patches.")
-            corners.ask(mosaic) { calibrate(uri, it) }
+            corners.ask(mosaic) { calibrate(uri, mosaic, it) }
         }
     }
 
-    private fun calibrate(uri: Uri, corners: Corners) {
+    private fun calibrate(uri: Uri, mosaic: Mosaic, corners: Corners) {
         val lamp = lamps.selectedItem as String
         val chart = charts.selectedItem as String
         work("Calibrating …") {
             val start = System.nanoTime()
             val photo = PhotoSource.dng { Nameless(Photos.open(contentResolver, uri)) }
-            val capture = Capture(Shot(photo, Lamp.read(lamp), corners), ChartTable.read(chart))
+            val light = if (lamp == UNNAMED) Lamp.auto() else Lamp.read(lamp)
+            val capture = Capture(Shot(photo, light, corners), ChartTable.read(chart))
             val found = SsfCalibrator.open().use { it.calibrate(capture) { stage, _ -> tell(stage) } }
             val time = (System.nanoTime() - start) / 1_000_000
             val memory = Memory.now()
+            val spot = (found as? Calibrated)?.let { Spot(mosaic, corners, ChartTable.read(chart), it, lamp) }
             post {
                 report.calibration(found, time, memory)
                 curves.ssf = (found as? Calibrated)?.ssf
                 tell(words(found, time))
+                if (spot != null) this.corners.pick { colour(spot, it) }
             }
+        }
+    }
+
+    private fun colour(spot: Spot, place: Point) = work("Measuring the spot …") {
+        val found = spot.at(place)
+        post {
+            report.colour(found)
+            tell(Spot.words(found))
         }
     }
 
@@ -191,6 +213,10 @@ public class SelfTestActivity : Activity() {
     private companion object {
         const val OPEN = 1
         const val SAVE = 2
+        const val LIVE = 3
+
+        /** In the menu of lamps: a light that nobody named. */
+        const val UNNAMED = "auto"
         const val INTRODUCTION = "Checks that camssf computes on this phone what it computes on a desktop. " +
             "Nothing leaves the phone but the report that you save and send yourself."
     }

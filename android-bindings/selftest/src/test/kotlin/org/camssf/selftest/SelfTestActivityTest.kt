@@ -10,10 +10,18 @@ import android.view.ViewGroup
 import android.widget.Button
 import android.widget.Spinner
 import android.widget.TextView
+import org.camssf.finder.Picture
+import org.camssf.finder.Plane
 import org.camssf.golden.GoldenFiles
 import org.camssf.golden.GoldenRunner
+import org.camssf.guide.CaptureGuide
+import org.camssf.photo.ChartPose
+import org.camssf.photo.Corners
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Region
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
 import org.json.JSONObject
 import org.junit.Assert.assertArrayEquals
 import org.junit.Assert.assertEquals
@@ -68,6 +76,19 @@ class SelfTestActivityTest {
         }
         waitFor(views, "accepted, ")
         assertEquals(681, views.filterIsInstance<CurvesView>().single().ssf!!.curve(0).size)
+        // From now on taps are spots: the white patch, itself the reference, has a white's 0.9.
+        val white = ChartPose.refine(
+            DngReader.read(DngSource.of(photo)),
+            Corners.of(162.56, 116.56, 16.44, 109.56, 22.44, 17.44, 156.56, 22.44), ChartTable.read("classic24"),
+        ).patches[18].points
+        picture.layout(0, 0, 2 * 180, 2 * 132) // the window has laid it out anew
+        val (x, y) = white.sumOf { it.x } / 4 to white.sumOf { it.y } / 4
+        val tap = MotionEvent.obtain(0, 0, MotionEvent.ACTION_UP, 2 * x.toFloat(), 2 * y.toFloat(), 0)
+        picture.dispatchTouchEvent(tap)
+        val colour = waitFor(views, "L* ")
+        assertTrue(colour, colour.startsWith("L* 96.0, a* 0.0, b* ") || colour.startsWith("L* 96.0, a* -0.0, b* "))
+        picture.dispatchTouchEvent(MotionEvent.obtain(0, 0, MotionEvent.ACTION_UP, 1f, 1f, 0))
+        waitFor(views, "invalid_argument: The spot reaches beyond the photo.")
 
         val saved = File(scratch.root, "report.json")
         shadowOf(activity.contentResolver).registerOutputStream(Uri.fromFile(saved), saved.outputStream())
@@ -75,6 +96,8 @@ class SelfTestActivityTest {
         waitFor(views, "Saved.")
         val text = saved.readText()
         assertFalse(text, "IMG_" in text || "20261121" in text)
+        val lab = JSONObject(text).getJSONArray("colours").getJSONObject(0).getJSONArray("lab")
+        assertEquals(116 * Math.cbrt(0.9) - 16, lab.getDouble(0), 0.1)
         val calibration = JSONObject(text).getJSONObject("calibration")
         assertTrue(calibration.getJSONObject("memory").getLong("peak_resident") > 1 shl 20)
         val result = calibration.getJSONObject("result")
@@ -126,11 +149,57 @@ class SelfTestActivityTest {
         val outcomes = GoldenRunner(GoldenFiles.of(folder)).use { listOf(it.run("signals/triple")) }
         val report = Report(mapOf("model" to "Phone 7")).apply { golden(outcomes, 12) }
         val json = JSONObject(report.toJson())
-        assertEquals(setOf("format", "device", "golden", "calibration"), json.keys().asSequence().toSet())
+        val keys = setOf("format", "device", "golden", "calibration", "guide", "colours")
+        assertEquals(keys, json.keys().asSequence().toSet())
         assertEquals("Phone 7", json.getJSONObject("device").getString("model"))
         assertEquals(1, json.getJSONObject("golden").getInt("ran"))
         assertEquals(0, json.getJSONObject("golden").getJSONArray("faults").length())
         assertTrue(json.isNull("calibration"))
+        assertTrue(json.isNull("guide"))
+        assertEquals(0, json.getJSONArray("colours").length())
+    }
+
+    /** Of frames without a chart: what a session was, without a picture. */
+    @Test
+    fun `a live session is counted`() {
+        val frame = Picture.luma(Plane(ByteArray(64 * 48) { (it * 7).toByte() }, 64), 64, 48)
+        val guide = CaptureGuide()
+        val log = GuideLog()
+        assertTrue(log.toJson().isNull("median_ms"))
+        for (i in 1..20L) log.add(guide.look(frame, i), i * 1_000_000)
+        val report = Report(emptyMap()).apply { guide(log.toJson().toString()) }
+        val found = JSONObject(report.toJson()).getJSONObject("guide")
+        assertEquals(20, found.getInt("frames"))
+        assertEquals(10.0, found.getDouble("median_ms"), 0.0)
+        assertEquals(19.0, found.getDouble("slowest_twentieth_ms"), 0.0)
+        assertEquals(20, found.getJSONObject("said").getInt("NO_CHART"))
+        assertEquals(0, found.getInt("changes"))
+        assertTrue(found.isNull("last"))
+    }
+
+    @Test
+    fun `the live picture's log comes back into the report`() {
+        val activity = Robolectric.buildActivity(SelfTestActivity::class.java).setup().get()
+        val views = all(activity.window.decorView)
+        views.filterIsInstance<Button>().single { "live" in it.text }.performClick()
+        val asked = shadowOf(activity).nextStartedActivityForResult
+        assertEquals(LiveActivity::class.java.name, asked.intent.component!!.className)
+        val log = Intent().putExtra(LiveActivity.LOG, GuideLog().toJson().toString())
+        shadowOf(activity).receiveResult(asked.intent, Activity.RESULT_OK, log)
+        waitFor(views, "What the guide said")
+        assertEquals(0, JSONObject(activity.report.toJson()).getJSONObject("guide").getInt("frames"))
+    }
+
+    /** Without the camera's permission nothing is opened; what was seen until then, nothing, is handed back. */
+    @Test
+    fun `the live picture asks for the camera and ends without it`() {
+        val activity = Robolectric.buildActivity(LiveActivity::class.java).setup().get()
+        assertFalse(activity.isFinishing)
+        activity.onRequestPermissionsResult(1, arrayOf("android.permission.CAMERA"), intArrayOf(-1))
+        assertTrue(activity.isFinishing)
+        assertEquals(Activity.RESULT_OK, shadowOf(activity).resultCode)
+        val log = JSONObject(shadowOf(activity).resultIntent.getStringExtra(LiveActivity.LOG)!!)
+        assertEquals(0, log.getInt("frames"))
     }
 
     @Test

@@ -2,11 +2,16 @@ package org.camssf.photo.dng
 
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.OutOfMemory
 import org.camssf.RawError
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
+import org.camssf.checkInterrupt
+import org.camssf.photo.Facts
 import org.camssf.photo.Mosaic
+import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
+import org.camssf.photo.Rows
 import org.camssf.photo.outside
 import java.security.MessageDigest
 
@@ -31,63 +36,104 @@ public object DngReader {
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
      * @throws UnsupportedRaw a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
+     * @throws OutOfMemory the part does not fit into the memory that is left.
      * @throws InvalidArgument `region` is empty or lies outside the active area.
+     * @throws InterruptedException the thread is interrupted; the flag is cleared.
      */
     @JvmStatic
     @JvmOverloads
-    public fun read(source: DngSource, region: Region? = null): Mosaic {
-        try {
-            return mosaic(Tiff(source), region)
-        } catch (error: OutOfMemoryError) {
-            throw UnsupportedRaw(
-                "${source.name} needs more memory than there is.",
-                if (region == null) "Ask for the part around the chart." else MEMORY,
-                cause = error,
-            )
-        }
+    @Throws(InterruptedException::class)
+    public fun read(source: DngSource, region: Region? = null): Mosaic = bounded(source, region) {
+        val head = Head(Tiff(source), region)
+        val window = Window(head.wanted, head.table)
+        head.decode(window)
+        head.facts().mosaic(head.part, window.samples)
     }
 
-    private fun mosaic(tiff: Tiff, region: Region?): Mosaic {
-        val raw = rawDirectory(tiff)
+    /**
+     * What [read] says of the file, without its samples.
+     *
+     * @param region as there: it must lie in the photo, at least in part.
+     */
+    internal fun facts(source: DngSource, region: Region?): Facts =
+        bounded(source, region) { Head(Tiff(source), region).facts() }
+
+    /** Gives the samples of a part, each once, in the order in which the file holds them; none is kept. */
+    internal fun scan(source: DngSource, region: Region, rows: Rows) = bounded(source, region) {
+        val head = Head(Tiff(source), region)
+        val area = head.picture.area
+        head.decode(
+            Window(head.wanted, head.table) { y, x, count, samples, at ->
+                rows.take(y - area.top, x - area.left, count, samples, at)
+            },
+        )
+    }
+
+    private inline fun <T> bounded(source: DngSource, region: Region?, work: () -> T): T = try {
+        work()
+    } catch (error: OutOfMemoryError) {
+        throw OutOfMemory(
+            "${source.name} needs more memory than there is.",
+            if (region == null) "Ask for the part around the chart." else OutOfMemory.ADVICE,
+            cause = error,
+        )
+    }
+
+    /** The parsed file, and the part of it that is asked for. */
+    private class Head(val tiff: Tiff, region: Region?) {
+        private val raw = rawDirectory(tiff)
         val picture = storedPicture(tiff, raw)
-        val area = picture.area
-        val cfa = cfa(tiff, raw)
-        val black = black(tiff, raw, area)
-        val white = white(tiff, raw, picture.bits)
-        val first = tiff.main[0]
-        val exif = tiff.exif()
-        val orientation = tiff.one(first, Tag.ORIENTATION, 1)
-        val opcodes = Opcodes(tiff, raw)
+        private val area = picture.area
+        private val cfa = cfa(tiff, raw)
+        private val black = black(tiff, raw, area)
+        private val white = white(tiff, raw, picture.bits)
+        private val opcodes = Opcodes(tiff, raw)
         val part = part(tiff, region, area)
+        val table = linearization(tiff, raw)
+
+        /** [part] in the stored picture. */
         val wanted =
             Region(area.left + part.left, area.top + part.top, area.left + part.right, area.top + part.bottom)
-        val samples = decode(tiff, picture, wanted, linearization(tiff, raw), before11(tiff))
-        val origin = Mosaic.Origin(
-            name = tiff.name,
-            make = tiff.text(first, Tag.MAKE),
-            model = tiff.text(first, Tag.MODEL).ifEmpty { tiff.text(first, Tag.UNIQUE_MODEL) },
-            exposure = positive(tiff, listOf(first, raw, exif), Tag.EXPOSURE),
-            iso = positive(tiff, listOf(first, raw, exif), Tag.ISO),
-            orientation = if (orientation in 1..8) orientation.toInt() else 1,
-            sha256 = sha256(tiff),
-        )
-        val colours = Mosaic.Colours(
-            colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),
-            colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
-            asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
-            asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
-            neutrals = neutrals(tiff, first),
-        )
-        return Mosaic(
-            origin,
-            area.width,
-            area.height,
-            part,
-            samples,
-            Mosaic.Sensor(cfa, black, white, noiseProfile(tiff, raw), maskedAreas(tiff, raw, picture)),
-            Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels, opcodes.unknown),
-            colours,
-        )
+
+        fun decode(window: Window) = decode(tiff, picture, window, before11(tiff))
+
+        /** Reads the file once through for its hash. */
+        fun facts(): Facts {
+            val first = tiff.main[0]
+            val exif = tiff.exif()
+            val orientation = tiff.one(first, Tag.ORIENTATION, 1)
+            val origin = Mosaic.Origin(
+                name = tiff.name,
+                make = tiff.text(first, Tag.MAKE),
+                model = tiff.text(first, Tag.MODEL).ifEmpty { tiff.text(first, Tag.UNIQUE_MODEL) },
+                exposure = positive(tiff, listOf(first, raw, exif), Tag.EXPOSURE),
+                iso = positive(tiff, listOf(first, raw, exif), Tag.ISO),
+                orientation = if (orientation in 1..8) orientation.toInt() else 1,
+                sha256 = sha256(tiff),
+                camera = PhysicalCamera(
+                    serial = tiff.text(exif, Tag.BODY_SERIAL).ifEmpty { tiff.text(first, Tag.CAMERA_SERIAL) },
+                    lens = tiff.text(exif, Tag.LENS_MODEL),
+                    focalLength = positive(tiff, listOf(exif, first), Tag.FOCAL_LENGTH),
+                    aperture = positive(tiff, listOf(exif, first), Tag.F_NUMBER),
+                    activeArea = area,
+                ),
+            )
+            val colours = Mosaic.Colours(
+                colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),
+                colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
+                asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
+                asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
+                neutrals = neutrals(tiff, first),
+            )
+            return Facts(
+                origin,
+                area.width,
+                area.height,
+                Mosaic.Sensor(cfa, black, white, noiseProfile(tiff, raw), maskedAreas(tiff, raw, picture)),
+                Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels, opcodes.unknown),
+                colours,
+            )
+        }
     }
 
     private fun part(tiff: Tiff, region: Region?, area: Region): Region {
@@ -103,10 +149,6 @@ public object DngReader {
         return part
     }
 
-    private const val MEMORY =
-        "Close other photos and bitmaps, measure the shots one after the other, or give the app a large heap " +
-            "(android:largeHeap in its manifest)."
-
     /** DNG 1.0 wrote 16 more bits behind category 16 of lossless JPEG. */
     private fun before11(tiff: Tiff): Boolean = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 2).getOrElse(1) { 0 } < 1
 
@@ -115,6 +157,7 @@ public object DngReader {
         val chunk = ByteArray(1 shl 16)
         var at = 0L
         while (at < tiff.size) {
+            checkInterrupt()
             val count = minOf(tiff.size - at, chunk.size.toLong()).toInt()
             tiff.read(at, chunk, 0, count)
             digest.update(chunk, 0, count)

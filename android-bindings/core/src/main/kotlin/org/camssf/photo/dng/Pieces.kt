@@ -1,6 +1,5 @@
 package org.camssf.photo.dng
 
-import org.camssf.photo.Region
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.util.zip.DataFormatException
@@ -11,18 +10,15 @@ private const val CHUNK = 1 shl 18
 /**
  * Decodes the strips or tiles that the wanted part touches, and no others.
  *
- * @param wanted part of the stored picture.
+ * @param window takes the rows.
  * @param extraBits category 16 of lossless JPEG is followed by 16 bits, as DNG before 1.1 wrote it.
- * @return (wanted.height, wanted.width) row-major unsigned 16 bit.
  */
 internal fun decode(
     tiff: Tiff,
     picture: StoredPicture,
-    wanted: Region,
-    table: ShortArray?,
+    window: Window,
     extraBits: Boolean,
-): ShortArray {
-    val window = Window(wanted, table)
+) {
     val jpeg = LosslessJpeg(tiff, extraBits)
     val bytes = Scratch()
     for (number in picture.offsets.indices) {
@@ -37,7 +33,6 @@ internal fun decode(
             else -> piece.inflate(bytes)
         }
     }
-    return window.samples
 }
 
 /** Room that grows and is used again. */

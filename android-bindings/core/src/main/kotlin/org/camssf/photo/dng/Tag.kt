@@ -26,8 +26,12 @@ internal object Tag {
     const val CFA_SIZE = 33421
     const val CFA_PATTERN = 33422
     const val EXPOSURE = 33434
+    const val F_NUMBER = 33437
     const val EXIF = 34665
     const val ISO = 34855
+    const val FOCAL_LENGTH = 37386
+    const val BODY_SERIAL = 42033
+    const val LENS_MODEL = 42036
     const val DNG_VERSION = 50706
     const val UNIQUE_MODEL = 50708
     const val CFA_PLANES = 50710
@@ -45,6 +49,7 @@ internal object Tag {
     const val ANALOG_BALANCE = 50727
     const val NEUTRAL = 50728
     const val WHITE_XY = 50729
+    const val CAMERA_SERIAL = 50735
     const val ILLUMINANT_1 = 50778
     const val ILLUMINANT_2 = 50779
     const val ACTIVE_AREA = 50829
@@ -62,5 +67,6 @@ internal object Tag {
         CFA_PLANES, CFA_LAYOUT, LINEARIZATION, BLACK_REPEAT, BLACK, BLACK_ACROSS, BLACK_DOWN, WHITE, COLOR_MATRIX_1,
         COLOR_MATRIX_2, CALIBRATION_1, CALIBRATION_2, ANALOG_BALANCE, ILLUMINANT_1, ILLUMINANT_2,
         NEUTRAL, WHITE_XY, ACTIVE_AREA, MASKED_AREAS, OPCODES_1, OPCODES_2, OPCODES_3, NOISE_PROFILE,
+        F_NUMBER, FOCAL_LENGTH, BODY_SERIAL, LENS_MODEL, CAMERA_SERIAL,
     )
 }

@@ -32,6 +32,8 @@ internal object DecodeServer {
         val tiff = Tiff(source)
         val raw = rawDirectory(tiff)
         val picture = storedPicture(tiff, raw)
-        return decode(tiff, picture, picture.area, linearization(tiff, raw), false)
+        val window = Window(picture.area, linearization(tiff, raw))
+        decode(tiff, picture, window, false)
+        return window.samples
     }
 }

@@ -9,6 +9,7 @@ import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
+import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.TestFactory
 import java.io.File
@@ -21,6 +22,7 @@ import java.security.MessageDigest
  *
  * `python -m benchmarks.kotlin_variants` writes that file anew, from [VariantFiles].
  */
+@Tag("R-SAMPLES")
 class JudgesTest {
     private val judged: JsonObject by lazy {
         val stream = checkNotNull(javaClass.getResourceAsStream("/dng/judges.json"))

@@ -304,7 +304,7 @@ class RefusalsTest {
         )
         val picture = storedPicture(tiff, rawDirectory(tiff))
         pieces.clear()
-        decode(tiff, picture, Region(13, 11, 20, 15), null, false)
+        decode(tiff, picture, Window(Region(13, 11, 20, 15), null), false)
         assertEquals(listOf(picture.offsets[3] + 24), pieces) // the last tile, from its second row on
     }
 

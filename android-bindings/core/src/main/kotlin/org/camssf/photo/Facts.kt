@@ -1,0 +1,24 @@
+package org.camssf.photo
+
+/** What a photo says of itself, without its samples. */
+internal class Facts(
+    val origin: Mosaic.Origin,
+    val width: Int,
+    val height: Int,
+    val sensor: Mosaic.Sensor,
+    val corrections: Mosaic.Corrections,
+    val colours: Mosaic.Colours,
+) {
+    val name: String get() = origin.name
+
+    /** The whole active area. */
+    val area: Region get() = Region(0, 0, width, height)
+
+    /** The part of `region` that lies in the photo. */
+    fun clipped(region: Region): Region =
+        Region(maxOf(region.left, 0), maxOf(region.top, 0), minOf(region.right, width), minOf(region.bottom, height))
+
+    /** A mosaic of these facts. */
+    fun mosaic(region: Region, samples: ShortArray): Mosaic =
+        Mosaic(origin, width, height, region, samples, sensor, corrections, colours)
+}

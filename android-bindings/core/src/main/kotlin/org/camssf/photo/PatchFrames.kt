@@ -1,0 +1,105 @@
+package org.camssf.photo
+
+import org.camssf.ChartNotFound
+import org.camssf.checkInterrupt
+
+/**
+ * The patches of all frames of a shot, a few at a time: of each frame only the samples of those few are in memory.
+ *
+ * @param frames the chart's first, alike in size.
+ * @param quads corners (4, 2) of each patch, px.
+ * @param together samples of all frames that are kept at a time, if a patch does not have more.
+ */
+internal class PatchFrames(
+    private val frames: List<Reading>,
+    private val quads: List<DoubleArray>,
+    private val together: Long = TOGETHER,
+) {
+    private val chart = frames[0].facts
+    private val cells = PatchSamples.cells(chart.sensor.cfa)
+    private val white = frames.map { it.facts.sensor.white }
+
+    /** One patch: its places and samples, by position; samples by frame, empty until they are read. */
+    private inner class Patch(val number: Int) {
+        val places = cells.map { PatchSamples.select(quads[number], it, chart.width, chart.height, number + 1) }
+        val samples = ArrayList<List<ShortArray>>()
+        val size: Long = places.sumOf { it.size.toLong() } * frames.size
+        val box: Region? = places.mapNotNull { it.box }.reduceOrNull(::union)
+    }
+
+    /** Calls `each` with a patch from 0, a position of the CFA cell, and the statistics of each frame. */
+    fun each(each: (Int, Int, List<PatchSample>) -> Unit) {
+        // The first patch that fails is the one that is named, whatever the order in which they are read.
+        val failures = arrayOfNulls<ChartNotFound>(quads.size)
+        val patches = quads.indices.mapNotNull { i ->
+            checkInterrupt()
+            try {
+                Patch(i)
+            } catch (error: ChartNotFound) {
+                failures[i] = error
+                null
+            }
+        }
+        for (group in groups(patches)) {
+            read(group)
+            for (patch in group) {
+                try {
+                    patch.places.forEachIndexed { position, places ->
+                        checkInterrupt()
+                        val samples = patch.samples.map { it[position] }
+                        val found = PatchSample.of(chart.name, white, places, samples, patch.number + 1)
+                        each(patch.number, position, found)
+                    }
+                } catch (error: ChartNotFound) {
+                    failures[patch.number] = error
+                }
+                patch.samples.clear()
+            }
+        }
+        failures.firstOrNull { it != null }?.let { throw it }
+    }
+
+    /** Patches that are read together, from the photo's top down. */
+    private fun groups(patches: List<Patch>): List<List<Patch>> {
+        val found = ArrayList<MutableList<Patch>>()
+        var room = 0L
+        for (patch in patches.sortedBy { it.box?.top ?: 0 }) {
+            if (found.isEmpty() || patch.size > room) {
+                found += ArrayList<Patch>()
+                room = together
+            }
+            found.last() += patch
+            room -= patch.size
+        }
+        return found
+    }
+
+    private fun read(group: List<Patch>) {
+        val box = group.mapNotNull { it.box }.reduceOrNull(::union)
+        for (frame in frames) {
+            val taken = group.map { patch -> patch.places.map { ShortArray(it.size) } }
+            if (box != null) {
+                frame.scan(box) { y, x, count, samples, at ->
+                    for (i in group.indices) {
+                        val own = group[i].box ?: continue
+                        if (y < own.top || y >= own.bottom || x >= own.right || x + count <= own.left) continue
+                        val places = group[i].places
+                        for (p in places.indices) places[p].take(y, x, samples, at, count, taken[i][p])
+                    }
+                }
+                frame.release()
+            }
+            for (i in group.indices) group[i].samples += taken[i]
+        }
+    }
+
+    private companion object {
+        /** 16 MB. */
+        const val TOGETHER = 8L shl 20
+
+        fun union(one: Region, other: Region) = Region(
+            minOf(one.left, other.left), minOf(one.top, other.top),
+            maxOf(one.right, other.right), maxOf(one.bottom, other.bottom),
+        )
+    }
+}

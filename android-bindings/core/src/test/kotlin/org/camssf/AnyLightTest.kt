@@ -1,0 +1,128 @@
+package org.camssf
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.double
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.curves.LampPosterior
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import java.util.concurrent.CancellationException
+import kotlin.math.abs
+
+/** A golden photo in a light that nobody named; its numbers are held to Python's by the golden stage `light`. */
+class AnyLightTest {
+    private val root = File(System.getProperty("camssf.root"))
+    private val photo = PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng"))
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val chart = ChartTable.read("classic24")
+    private val capture = Capture(Shot(photo, corners), chart)
+
+    @Test
+    fun `the light is in the answer and in the document`() = SsfCalibrator.open("phones").use { calibrator ->
+        assertTrue(capture.shots[0].lamp.unnamed)
+        var solving = 0
+        val found = calibrator.calibrate(capture) { stage, _ -> if (stage == "solving") solving++ } as Calibrated
+        // One before all, one for each kind, one for each light that is asked for.
+        assertTrue(solving in 6..9, "$solving")
+        val light = found.ssf.lights.single()!!
+        assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.keys.toList())
+        assertEquals(1.0, light.kinds.values.sum(), 1e-12)
+        assertEquals(1.0, light.power.average(), 1e-12)
+        assertTrue(light.std.all { it > 0 } && light.kelvinStd > 0)
+        light.power[0] = 7.0
+        assertTrue(light.power[0] < 7.0)
+        val document = Json.parseToJsonElement(found.toJson()).jsonObject
+        val shot = document.getValue("shots").jsonArray.single().jsonObject
+        val lamp = shot.getValue("lamp").jsonObject
+        assertEquals("auto" to JsonNull, lamp.getValue("name").jsonPrimitive.content to lamp["tolerance"])
+        val written = shot.getValue("light").jsonObject
+        assertEquals(light.kelvin, written.getValue("kelvin").jsonPrimitive.double)
+        val power = written.getValue("power").jsonArray.map { it.jsonPrimitive.double }
+        assertArrayEquals(light.power, power.toDoubleArray())
+        val kinds = document.getValue("choice").jsonArray.map {
+            it.jsonObject.getValue("kinds").jsonArray.single().jsonPrimitive.content
+        }
+        assertEquals(light.kinds.keys.toList(), kinds)
+        val said = found.assumptions.single { it.code == "lamp" }.message
+        assertTrue(said.startsWith("nobody named the light"), said)
+    }
+
+    @Test
+    fun `a named lamp is told as ever`() = SsfCalibrator.open("phones").use { calibrator ->
+        val found = calibrator.calibrate(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Calibrated
+        assertEquals(emptyList<Any?>(), found.ssf.lights + found.ssf.choice)
+        val shot = Json.parseToJsonElement(found.toJson()).jsonObject.getValue("shots").jsonArray.single().jsonObject
+        assertNull(shot["light"])
+    }
+
+    @Test
+    fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.open().use { calibrator ->
+        val found = calibrator.calibrate(capture) as Refused
+        assertEquals("lamp_unfit", found.error.code)
+        assertTrue("nobody named the light" in found.error.message, found.error.message)
+        assertTrue("daylight, bulb, white-led, fluorescent" in found.error.advice, found.error.advice)
+        assertTrue("\"name\": \"auto\"" in found.toJson())
+    }
+
+    @Test
+    fun `too many lights, and a basis that weighs nothing, are a wrong call`() {
+        SsfCalibrator.open("phones").use { calibrator ->
+            val one = calibrator.measure(capture.shots[0], chart)
+            fun other(name: String): MeasuredShot {
+                val from = one.photo
+                val photo = org.camssf.photo.Photo(
+                    name, from.width, from.height, 1, null, null, false, from.make, from.model, name,
+                )
+                return MeasuredShot(Lamp.auto(), photo, null, null, one.pose, one.means, one.lensShading)
+            }
+            val three = listOf(one, other("b"), other("c"))
+            val error = assertThrows(InvalidArgument::class.java) { calibrator.solve(three, chart) }
+            assertTrue("3 shots was not named; at most 2" in error.message, error.message)
+        }
+        SsfCalibrator.open("gaussian").use { calibrator ->
+            val error = assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }
+            assertTrue("cannot tell one light from another" in error.message, error.message)
+        }
+    }
+
+    @Test
+    fun `a step between two hypotheses ends it`() = SsfCalibrator.open("phones").use { calibrator ->
+        var solving = 0
+        assertThrows(CancellationException::class.java) {
+            calibrator.calibrate(capture) { stage, _ ->
+                if (stage == "solving" && ++solving == 3) throw CancellationException("enough")
+            }
+        }
+        assertEquals(3, solving)
+    }
+
+    @Test
+    fun `the colour temperature is McCamy's, and its slope that of differences`() {
+        for ((name, kelvin) in listOf("A" to 2856.0, "D50" to 5003.0, "D65" to 6504.0)) {
+            val power = Lamp.read(name).values
+            val (found, slope) = LampPosterior.temperature(power)
+            assertEquals(kelvin, found, 0.005 * kelvin, name)
+            for (at in listOf(50, 200, 340, 500)) {
+                fun moved(by: Double) =
+                    LampPosterior.temperature(power.copyOf().also { it[at] += by }).first
+                val rise = (moved(1e-2) - moved(-1e-2)) / 2e-2
+                assertTrue(abs(rise - slope[at]) <= 1e-5 * abs(rise) + 1e-7, "$name: $rise, ${slope[at]}")
+            }
+        }
+    }
+}

@@ -1,0 +1,115 @@
+package org.camssf
+
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertFalse
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+import java.util.concurrent.CountDownLatch
+import java.util.concurrent.TimeUnit
+import java.util.concurrent.atomic.AtomicReference
+import kotlin.concurrent.thread
+
+/** What `close` promises, what a logger hears, and what becomes of a heap that is too small. */
+class ClosingTest {
+    private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val chart = ChartTable.read("classic24")
+
+    private fun capture(source: PhotoSource = PhotoSource.of(photo)) =
+        Capture(Shot(source, Lamp.read("E"), corners), chart)
+
+    @Test
+    fun `close ends a run with its own error, and waits until it has ended`() {
+        val reading = CountDownLatch(1)
+        val go = CountDownLatch(1)
+        val source = PhotoSource { region ->
+            reading.countDown()
+            go.await()
+            PhotoSource.of(photo).read(region)
+        }
+        val calibrator = SsfCalibrator.open("phones")
+        val ended = AtomicReference<Throwable>()
+        val run = thread {
+            ended.set(runCatching { calibrator.calibrate(capture(source)) }.exceptionOrNull())
+        }
+        reading.await()
+        val closing = thread { calibrator.close() }
+        closing.join(200)
+        assertTrue(closing.isAlive, "close does not wait")
+        go.countDown()
+        closing.join(10_000)
+        run.join(10_000)
+        assertFalse(closing.isAlive || run.isAlive)
+        assertEquals(CalibratorClosed::class.java, ended.get()?.javaClass)
+        assertThrows(CalibratorClosed::class.java) { calibrator.calibrate(capture()) }
+    }
+
+    @Test
+    fun `a listener may close, and its run ends`() {
+        val calibrator = SsfCalibrator.open("phones")
+        val stages = ArrayList<String>()
+        assertThrows(CalibratorClosed::class.java) {
+            calibrator.calibrate(capture()) { stage, _ ->
+                stages += stage
+                if (stage == "solving") calibrator.close()
+            }
+        }
+        assertEquals("solving", stages.last())
+        calibrator.close()
+    }
+
+    @Test
+    fun `one that waits behind another run is ended, too`() {
+        val calibrator = SsfCalibrator.open("phones")
+        val started = CountDownLatch(3)
+        val errors = List(3) { AtomicReference<Throwable>() }
+        val runs = errors.map { error ->
+            thread {
+                started.countDown()
+                error.set(
+                    runCatching { while (true) calibrator.calibrate(capture()) }.exceptionOrNull(),
+                )
+            }
+        }
+        assertTrue(started.await(10, TimeUnit.SECONDS))
+        Thread.sleep(100)
+        calibrator.close()
+        runs.forEach { it.join(10_000) }
+        assertEquals(List(3) { CalibratorClosed::class.java }, errors.map { it.get()?.javaClass })
+    }
+
+    @Test
+    fun `a logger hears each stage and what came of it`() {
+        val lines = ArrayList<String>()
+        SsfCalibrator.open("phones") { lines += it }.use { calibrator ->
+            calibrator.calibrate(capture())
+            assertTrue(lines.any { Regex("reading photo: \\d+ ms").matches(it) }, lines.toString())
+            assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
+            lines.clear()
+            calibrator.calibrate(capture { throw UnreadableRaw("a.dng", "b") })
+            assertEquals("refused, unreadable_raw", lines.last())
+            assertTrue(lines.none { File.separator + "golden" in it })
+        }
+    }
+
+    @Test
+    fun `a heap that is too small is a refusal with advice`() {
+        SsfCalibrator.open("phones").use { calibrator ->
+            val source = PhotoSource { throw OutOfMemoryError("Java heap space") }
+            val found = calibrator.calibrate(capture(source)) as Refused
+            assertEquals("out_of_memory", found.error.code)
+            assertEquals(listOf("out_of_memory"), found.verdict.reasons.map { it.code })
+            assertTrue("12 megapixels" in found.error.advice && "largeHeap" in found.error.advice)
+            assertThrows(OutOfMemory::class.java) { calibrator.measure(capture(source).shots[0], chart) }
+            assertTrue(calibrator.calibrate(capture()) is Calibrated) // and the next run stands
+        }
+    }
+}

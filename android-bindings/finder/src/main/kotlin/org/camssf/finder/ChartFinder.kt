@@ -1,0 +1,105 @@
+package org.camssf.finder
+
+import org.camssf.photo.Corners
+import org.camssf.photo.Point
+import kotlin.math.max
+import kotlin.math.min
+
+/**
+ * Finds the chart in a small picture: its corners, which way up, and how sure that is. The same rule as Python's
+ * `camssf.photo.finder`; docs/finder.md says it in words.
+ *
+ * Keeps its buffers from picture to picture: one finder for each thread that searches.
+ */
+public class ChartFinder {
+    private val whole = Codes()
+    private val half = Codes()
+    private val blobs = Blobs()
+    private val lattices = Lattices(blobs)
+    private val naming = Naming(blobs)
+
+    /**
+     * Looks for charts: in the picture, and where there is none, in one of half the size.
+     *
+     * @param picture of any size; larger ones than 960 px are reduced by whole-number blocks first.
+     */
+    public fun find(picture: Picture): Found {
+        whole.read(picture)
+        var sightings = look(whole)
+        if (sightings.isEmpty() && min(whole.width, whole.height) >= 2 * SMALLEST) {
+            half.halve(whole)
+            sightings = look(half)
+        }
+        val findings = LinkedHashSet<Finding>()
+        if (sightings.isEmpty()) findings += Finding.NONE
+        if (sightings.isNotEmpty() && sightings[0].mirrored) findings += Finding.MIRRORED
+        if (sightings.size > 1) findings += Finding.TWO_CHARTS
+        return Found(sightings, findings)
+    }
+
+    private fun look(codes: Codes): List<Sighting> {
+        blobs.find(codes)
+        val accept = if (codes.channels == 3) ACCEPT else ACCEPT_LUMA
+        val sightings = ArrayList<Sighting>()
+        for (grid in lattices.find().take(MOST_GRIDS)) {
+            var best: Named? = null
+            for (kind in KINDS) {
+                val match = naming.named(codes, grid, kind) ?: continue
+                if (match.score >= accept && match.score > (best?.score ?: -2.0)) best = match
+            }
+            if (best == null) continue
+            val (h, seen) = naming.placed(grid, best) ?: continue
+            sightings += sighting(codes, h, best, seen)
+        }
+        return apart(sightings.sortedBy { -it.confidence })
+    }
+
+    private fun sighting(codes: Codes, h: DoubleArray, found: Named, seen: Int): Sighting {
+        val kind = found.kind
+        val edge = kind.side / 2
+        val last = kind.columns - 1 + edge
+        val low = kind.rows - 1 + edge
+
+        fun point(u: Double, v: Double): Point =
+            Point(codes.toSource(Maps.x(h, u, v), 0), codes.toSource(Maps.y(h, u, v), 1))
+        return Sighting(
+            Corners(point(-edge, -edge), point(last, -edge), point(last, low), point(-edge, low)),
+            kind,
+            found.mirrored,
+            min(max(found.score, 0.0), 1.0),
+            List(kind.columns * kind.rows) {
+                point((it % kind.columns).toDouble(), (it / kind.columns).toDouble())
+            },
+            seen,
+        )
+    }
+
+    /** Without those that lie in a better one. */
+    private fun apart(sightings: List<Sighting>): List<Sighting> {
+        val kept = ArrayList<Sighting>()
+        for (sighting in sightings) if (kept.none { overlap(sighting, it) }) kept += sighting
+        return kept
+    }
+
+    /** Is a patch of one nearer to a patch of the other than half a pitch? */
+    private fun overlap(a: Sighting, b: Sighting): Boolean {
+        val stepX = b.patches[1].x - b.patches[0].x
+        val stepY = b.patches[1].y - b.patches[0].y
+        val near = 0.25 * (stepX * stepX + stepY * stepY)
+        return a.patches.any { p ->
+            b.patches.any { q -> (p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) < near }
+        }
+    }
+
+    private companion object {
+        private const val SMALLEST = 32
+
+        /** Agreement with a chart's colours from which a part of a lattice is that chart; and where there is no colour. */
+        private const val ACCEPT = 0.75
+        private const val ACCEPT_LUMA = 0.85
+
+        /** Lattices that are compared with the charts, those of most patches first. */
+        private const val MOST_GRIDS = 24
+        private val KINDS = ChartKind.entries
+    }
+}

@@ -1,0 +1,341 @@
+package org.camssf.finder
+
+import kotlin.math.abs
+import kotlin.math.floor
+import kotlin.math.max
+import kotlin.math.min
+
+/**
+ * Lattice coordinates → px, and the blobs in their places.
+ *
+ * @property u, v places, by u and then by v.
+ * @property blob its number.
+ */
+internal class Grid(val map: DoubleArray, val u: IntArray, val v: IntArray, val blob: IntArray) {
+    val size: Int get() = blob.size
+}
+
+/** Blobs side by side in two directions, and the homography that they follow. */
+internal class Lattices(private val blobs: Blobs) {
+    private val near = IntArray(MOST_NEIGHBOURS * blobs.x.size)
+    private val far = DoubleArray(MOST_NEIGHBOURS * blobs.x.size)
+    private val nears = IntArray(blobs.x.size)
+    private val used = BooleanArray(blobs.x.size)
+    private val taken = BooleanArray(blobs.x.size)
+    private val queueU = IntArray(blobs.x.size)
+    private val queueV = IntArray(blobs.x.size)
+    private val queueBlob = IntArray(blobs.x.size)
+    private val steps = DoubleArray(4 * blobs.x.size)
+    private val basis = DoubleArray(4)
+    private val pairs = DoubleArray(4 * blobs.x.size)
+    private val shares = DoubleArray(blobs.x.size)
+
+    /** The blob of each place, or -1; place (u, v) at (u + ORIGIN) · SIDE + v + ORIGIN, so that they go by u, then v. */
+    private val places = IntArray(SIDE * SIDE)
+    private val offs = DoubleArray(SIDE * SIDE)
+    private val groups = IntArray(SIDE * SIDE)
+
+    /** Lattices, those with most blobs first. */
+    fun find(): List<Grid> {
+        for (i in 0 until blobs.size) neighbours(i)
+        used.fill(false)
+        val grids = ArrayList<Grid>()
+        for (seed in 0 until blobs.size) {
+            if (used[seed] || !basis(seed)) continue
+            val count = grow(seed)
+            if (count < FEWEST || 2 * known(count) > count) continue
+            val grid = settle(count) ?: continue
+            for (i in 0 until count) used[queueBlob[i]] = true
+            for (i in grid.blob) used[i] = true
+            grids += grid
+        }
+        return grids.sortedBy { -it.size }
+    }
+
+    /** The nearest that may be the next patches, by their square distance as the blob's shape sees it. */
+    private fun neighbours(i: Int) {
+        val from = i * MOST_NEIGHBOURS
+        var count = 0
+        val area = blobs.area[i]
+        val det = blobs.det[i]
+        val xx = blobs.xx[i]
+        val xy = blobs.xy[i]
+        val yy = blobs.yy[i]
+        val reach = FARTHEST * det
+        for (j in 0 until blobs.size) {
+            if (j == i || blobs.area[j] > ALIKE * area || area > ALIKE * blobs.area[j]) continue
+            val dx = blobs.x[j] - blobs.x[i]
+            val dy = blobs.y[j] - blobs.y[i]
+            val apart = yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy
+            if (!(NEAREST * det <= apart && apart <= reach)) continue
+            val distance = apart / det
+            var at = count
+            while (at > 0 && distance < far[from + at - 1]) at--
+            if (at == MOST_NEIGHBOURS) continue
+            for (k in min(count, MOST_NEIGHBOURS - 1) downTo at + 1) {
+                far[from + k] = far[from + k - 1]
+                near[from + k] = near[from + k - 1]
+            }
+            far[from + at] = distance
+            near[from + at] = j
+            if (count < MOST_NEIGHBOURS) count++
+        }
+        nears[i] = count
+    }
+
+    /** Two steps from the seed, clockwise as seen, that its shape calls square: the shortest such; false if none. */
+    private fun basis(seed: Int): Boolean {
+        val from = seed * MOST_NEIGHBOURS
+        val det = blobs.det[seed]
+        val xx = blobs.xx[seed]
+        val xy = blobs.xy[seed]
+        val yy = blobs.yy[seed]
+        var best = Double.POSITIVE_INFINITY
+        for (m in 0 until nears[seed]) {
+            for (l in m + 1 until nears[seed]) {
+                val first = far[from + m]
+                val second = far[from + l]
+                if (first + second >= best || second > LENGTHS * first) continue
+                val px = blobs.x[near[from + m]] - blobs.x[seed]
+                val py = blobs.y[near[from + m]] - blobs.y[seed]
+                val qx = blobs.x[near[from + l]] - blobs.x[seed]
+                val qy = blobs.y[near[from + l]] - blobs.y[seed]
+                val dot = (yy * px * qx - xy * (px * qy + py * qx) + xx * py * qy) / det
+                if (dot * dot > COSINE * COSINE * first * second) continue
+                best = first + second
+                val clockwise = px * qy - py * qx > 0
+                basis[0] = if (clockwise) px else qx
+                basis[1] = if (clockwise) py else qy
+                basis[2] = if (clockwise) qx else px
+                basis[3] = if (clockwise) qy else py
+            }
+        }
+        return best < Double.POSITIVE_INFINITY
+    }
+
+    /** Blobs reached from the seed step by step; each step is what the last one was. How many they are. */
+    private fun grow(seed: Int): Int {
+        places.fill(-1)
+        taken.fill(false)
+        places[ORIGIN * SIDE + ORIGIN] = seed
+        taken[seed] = true
+        queueU[0] = 0
+        queueV[0] = 0
+        queueBlob[0] = seed
+        basis.copyInto(steps)
+        var count = 1
+        var at = 0
+        while (at < count) {
+            val i = queueBlob[at]
+            for (way in 0..3) {
+                val du = WAYS_U[way]
+                val dv = WAYS_V[way]
+                val u = queueU[at] + du
+                val v = queueV[at] + dv
+                if (abs(u) > WIDEST || abs(v) > WIDEST || places[(u + ORIGIN) * SIDE + v + ORIGIN] >= 0) continue
+                val chosen = next(
+                    i, du * steps[4 * at] + dv * steps[4 * at + 2],
+                    du * steps[4 * at + 1] + dv * steps[4 * at + 3],
+                )
+                if (chosen < 0) continue
+                val gx = blobs.x[chosen] - blobs.x[i]
+                val gy = blobs.y[chosen] - blobs.y[i]
+                steps.copyInto(steps, 4 * count, 4 * at, 4 * at + 4)
+                if (du != 0) {
+                    steps[4 * count] = du * gx
+                    steps[4 * count + 1] = du * gy
+                } else {
+                    steps[4 * count + 2] = dv * gx
+                    steps[4 * count + 3] = dv * gy
+                }
+                places[(u + ORIGIN) * SIDE + v + ORIGIN] = chosen
+                taken[chosen] = true
+                queueU[count] = u
+                queueV[count] = v
+                queueBlob[count++] = chosen
+            }
+            at++
+        }
+        return count
+    }
+
+    /** The free neighbour of blob i that lies nearest to where this step leads, or -1. */
+    private fun next(i: Int, sx: Double, sy: Double): Int {
+        val x = blobs.x[i] + sx
+        val y = blobs.y[i] + sy
+        var best = STEP * STEP * (sx * sx + sy * sy)
+        var chosen = -1
+        for (k in i * MOST_NEIGHBOURS until i * MOST_NEIGHBOURS + nears[i]) {
+            val j = near[k]
+            val ex = blobs.x[j] - x
+            val ey = blobs.y[j] - y
+            if (!taken[j] && ex * ex + ey * ey < best) {
+                best = ex * ex + ey * ey
+                chosen = j
+            }
+        }
+        return chosen
+    }
+
+    /** One homography for all: what lies in its places is added, what does not is left out, and it is fitted anew. */
+    private fun settle(grown: Int): Grid? {
+        var left = 0
+        var right = 0
+        var top = 0
+        var bottom = 0
+        for (i in 0 until grown) {
+            left = min(left, queueU[i])
+            right = max(right, queueU[i])
+            top = min(top, queueV[i])
+            bottom = max(bottom, queueV[i])
+        }
+        val bounds = intArrayOf(left - FAR, top - FAR, right + FAR, bottom + FAR)
+        var count = gather()
+        for (place in PLACE) {
+            val h = Maps.fitted(pairs, count) ?: return null
+            for (i in 0 until count) {
+                val blob = places[at(pairs[4 * i].toInt(), pairs[4 * i + 1].toInt())]
+                shares[i] = blobs.area[blob] / Maps.area(h, pairs[4 * i], pairs[4 * i + 1])
+            }
+            shares.sort(0, count)
+            inPlace(h, shares[count / 2], place, bounds)
+            count = gather()
+            if (count < FEWEST) return null
+        }
+        val h = Maps.fitted(pairs, count) ?: return null
+        val u = IntArray(count) { pairs[4 * it].toInt() }
+        val v = IntArray(count) { pairs[4 * it + 1].toInt() }
+        return Grid(h, u, v, IntArray(count) { places[at(u[it], v[it])] })
+    }
+
+    /** Writes the places and their blobs' middles as pairs, by u and then by v. */
+    private fun gather(): Int {
+        var count = 0
+        for (u in -ORIGIN until ORIGIN) {
+            for (v in -ORIGIN until ORIGIN) {
+                val i = places[at(u, v)]
+                if (i < 0) continue
+                pairs[4 * count] = u.toDouble()
+                pairs[4 * count + 1] = v.toDouble()
+                pairs[4 * count + 2] = blobs.x[i]
+                pairs[4 * count + 3] = blobs.y[i]
+                count++
+            }
+        }
+        return count
+    }
+
+    /** The blobs that lie where the lattice has a place and are as large as those there; the nearest of each place. */
+    private fun inPlace(h: DoubleArray, usual: Double, place: Double, bounds: IntArray) {
+        val back = Maps.inverse(h)
+        places.fill(-1)
+        for (i in 0 until blobs.size) {
+            val x = blobs.x[i]
+            val y = blobs.y[i]
+            if (back[6] * x + back[7] * y + back[8] == 0.0) continue
+            val u = Maps.x(back, x, y)
+            val v = Maps.y(back, x, y)
+            if (!(bounds[0] <= u && u <= bounds[2] && bounds[1] <= v && v <= bounds[3])) continue
+            if (h[6] * u + h[7] * v + h[8] <= 0.0) continue // behind the camera
+            val p = floor(u + 0.5)
+            val q = floor(v + 0.5)
+            val off = (u - p) * (u - p) + (v - q) * (v - q)
+            if (off > place * place) continue
+            val share = blobs.area[i] / (usual * Maps.area(h, p, q))
+            if (!(LEAST <= share && share <= MOST)) continue
+            val spot = at(p.toInt(), q.toInt())
+            if (places[spot] < 0 || off < offs[spot]) {
+                offs[spot] = off
+                places[spot] = i
+            }
+        }
+        together(bounds)
+    }
+
+    /** How many of the grown blobs are in a lattice already. */
+    private fun known(count: Int): Int {
+        var known = 0
+        for (i in 0 until count) if (used[queueBlob[i]]) known++
+        return known
+    }
+
+    /** Keeps the most places that hang together, by steps of at most [BRIDGE]; what lies apart is by chance, or another's. */
+    private fun together(bounds: IntArray) {
+        groups.fill(0)
+        var group = 0
+        var most = 0
+        var largest = 0
+        for (u in bounds[0]..bounds[2]) {
+            for (v in bounds[1]..bounds[3]) {
+                if (places[at(u, v)] < 0 || groups[at(u, v)] != 0) continue
+                group++
+                val count = spread(at(u, v), group)
+                if (count > largest) {
+                    largest = count
+                    most = group
+                }
+            }
+        }
+        for (spot in places.indices) if (groups[spot] != most) places[spot] = -1
+    }
+
+    /** Marks all places that hang together with this one; how many they are. */
+    private fun spread(start: Int, group: Int): Int {
+        groups[start] = group
+        queueU[0] = start
+        var count = 1
+        var next = 0
+        while (next < count) {
+            val spot = queueU[next++]
+            for (du in -BRIDGE..BRIDGE) {
+                for (dv in -BRIDGE..BRIDGE) {
+                    val other = spot + du * SIDE + dv
+                    if (places[other] < 0 || groups[other] != 0) continue
+                    groups[other] = group
+                    queueU[count++] = other
+                }
+            }
+        }
+        return count
+    }
+
+    private companion object {
+        /** Square distance of a neighbour in the blob's own second moments: 12 / side² = 15.5 for a patch of 0.88 pitch. */
+        const val NEAREST = 10.0
+        const val FARTHEST = 45.0
+        const val MOST_NEIGHBOURS = 12
+
+        /** Largest ratio of two neighbours' areas. */
+        const val ALIKE = 3.0
+
+        /** Of two steps from a blob, as its second moments see them: largest ratio of square lengths, largest cosine. */
+        const val LENGTHS = 1.7
+        const val COSINE = 0.35
+
+        /** How far a blob may lie from where its neighbour expects it, in steps. */
+        const val STEP = 0.22
+
+        /** Blobs that make a lattice. */
+        const val FEWEST = 8
+
+        /** How far a blob may lie from its place in the whole lattice, in pitches, round by round. */
+        val PLACE = doubleArrayOf(0.25, 0.2, 0.15, 0.12)
+
+        /** A blob's area over what its lattice expects there. */
+        const val LEAST = 0.5
+        const val MOST = 1.7
+
+        /** Places from the seed, each way, that a lattice grows to; and beyond those in which others may lie. */
+        const val WIDEST = 40
+        const val FAR = 14
+        const val SIDE = 128
+        const val ORIGIN = 64
+
+        /** Places between two blobs of one lattice, each way: one or none may be missing. */
+        const val BRIDGE = 2
+        val WAYS_U = intArrayOf(1, 0, -1, 0)
+        val WAYS_V = intArrayOf(0, 1, 0, -1)
+
+        fun at(u: Int, v: Int): Int = (u + ORIGIN) * SIDE + v + ORIGIN
+    }
+}

@@ -1,0 +1,185 @@
+package org.camssf.guide
+
+import org.camssf.InvalidArgument
+import org.camssf.finder.ChartFinder
+import org.camssf.finder.Finding
+import org.camssf.finder.Found
+import org.camssf.finder.Picture
+import kotlin.math.log2
+
+/**
+ * Guides the hand that photographs a chart: a preview's frames in, one line of advice out, and "now" when all holds.
+ *
+ * Frames must be those of one camera, 640 × 480 or larger, not turned and not mirrored, 5 to 60 a second. Advice is steady:
+ * each measure is the median of five frames with hysteresis, and other advice must last four frames before it is said.
+ * Only "now" ends at once.
+ *
+ * It guides and never refuses: the preview is not the RAW photo. What it cannot see is the lamp's spectrum, light from
+ * behind the camera, and whether the chart is a printed copy.
+ *
+ * One guide for one stream of frames, used by one thread at a time; it keeps arrays, no frame, and holds nothing that must
+ * be closed. Nothing here is of Android.
+ *
+ * @param focal focal length of the lens in longer sides of the picture, for the tilt: 0.75 is an ordinary phone's main
+ *   camera (26 mm on film); of Camera2, LENS_INFO_AVAILABLE_FOCAL_LENGTHS over SENSOR_INFO_PHYSICAL_SIZE's width.
+ * @throws InvalidArgument a focal length that no lens has.
+ */
+public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
+    private val finder = ChartFinder()
+    private val meter: FrameMeter
+    private val motion = Motion()
+
+    private val margin = Steady(Limits.MARGIN)
+    private val size = Steady(Limits.SIZE)
+    private val tilt = Steady(Limits.TILT)
+    private val speed = Steady(Limits.SPEED)
+    private val dark = Steady(Limits.DARK)
+    private val bright = Steady(Limits.BRIGHT)
+    private val clipped = Steady(Limits.CLIPPED)
+    private val blur = Steady(Limit(1.0, Limits.BLUR_PIXELS.end / Limits.BLUR_PIXELS.begin))
+    private val glare = Steady(Limits.GLARE)
+    private val veil = Steady(Limits.VEIL)
+    private val shadow = Steady(Limits.SHADOW)
+    private val gradient = Steady(Limits.GRADIENT)
+    private val tint = Steady(Limits.TINT)
+    private val all =
+        listOf(margin, size, tilt, speed, dark, bright, clipped, blur, glare, veil, shadow, gradient, tint)
+
+    private var said = Advice.NO_CHART
+    private var waiting = Advice.NO_CHART
+    private var waited = 0
+    private var lost = Limits.LOST
+    private var held = 0
+    private var softness = 0.0
+    private var shining = 0
+    private var patches = 0
+
+    init {
+        if (!(focal > 0.2 && focal < 20)) {
+            throw InvalidArgument(
+                "A focal length of $focal picture widths.",
+                "Give it in longer sides of the picture, as 0.75.",
+            )
+        }
+        meter = FrameMeter(focal)
+    }
+
+    /**
+     * Looks for the chart in a frame and says what to do.
+     *
+     * @param frame read before this returns; close its image then.
+     * @param time when it was taken, ns: `Image.getTimestamp`, or any clock's.
+     * @throws InvalidArgument a picture of another make than bytes of a preview.
+     */
+    public fun look(frame: Picture, time: Long): Guidance = take(frame, finder.find(frame), time)
+
+    /** The same where the app has searched the frame already. */
+    public fun take(frame: Picture, found: Found, time: Long): Guidance {
+        val sighting = found.sighting?.takeIf { it.confidence >= Limits.CONFIDENCE }
+        val pitch = sighting?.let { ChartPlane.of(it)?.pitch }
+        if (sighting == null || pitch == null) return missed()
+        if (lost >= Limits.LOST) forget()
+        lost = 0
+        val measures = meter.measure(frame, sighting, motion.speed(sighting, time, pitch)) ?: return missed()
+        keep(measures)
+        val due = when {
+            sighting.mirrored || Finding.MIRRORED in found.findings -> Advice.MIRRORED
+            Finding.TWO_CHARTS in found.findings -> Advice.TWO_CHARTS
+            else -> due()
+        }
+        held = if (due == Advice.STEADY && measures.speed != null) held + 1 else 0
+        return say(if (held >= Limits.HELD) Advice.NOW else due, measures)
+    }
+
+    /** Begins anew, as for another camera. */
+    public fun reset() {
+        forget()
+        said = Advice.NO_CHART
+        waited = 0
+        lost = Limits.LOST
+    }
+
+    private fun forget() {
+        all.forEach { it.forget() }
+        motion.forget()
+        held = 0
+    }
+
+    private fun missed(): Guidance {
+        held = 0
+        lost++
+        if (lost >= Limits.LOST) {
+            said = Advice.NO_CHART
+            waited = 0
+        } else if (said == Advice.NOW) {
+            said = Advice.STEADY
+        }
+        return Guidance(said, amount(said), null)
+    }
+
+    private fun keep(found: FrameMeasures) {
+        softness = found.blur ?: softness
+        if (found.glare.isNotEmpty()) shining = found.glare.size
+        patches = found.sighting.patches.size
+        margin.take(found.margin)
+        size.take(found.size)
+        tilt.take(found.tilt)
+        speed.take(found.speed)
+        dark.take(found.white)
+        bright.take(found.white)
+        clipped.take(found.clipped)
+        val most = maxOf(Limits.BLUR_PIXELS.begin, Limits.BLUR_PITCHES.begin * found.pitch)
+        blur.take(found.blur?.let { it / most })
+        glare.take(found.glare.size.toDouble())
+        veil.take(found.veil)
+        shadow.take(found.shadow)
+        gradient.take(found.gradient)
+        tint.take(found.tint)
+    }
+
+    /** What is due by the measures, the most urgent first: what comes later cannot be judged before it is mended. */
+    private fun due(): Advice = when {
+        margin.bad -> Advice.CUT
+        size.bad -> Advice.TOO_FAR
+        tilt.bad -> Advice.TILTED
+        speed.bad -> Advice.MOVING
+        clipped.bad || bright.bad -> Advice.TOO_BRIGHT
+        dark.bad -> Advice.TOO_DARK
+        blur.bad -> Advice.OUT_OF_FOCUS
+        glare.bad || veil.bad -> Advice.GLARE
+        shadow.bad -> Advice.SHADOW
+        gradient.bad -> Advice.UNEVEN
+        tint.bad -> Advice.TINTED
+        else -> Advice.STEADY
+    }
+
+    private fun amount(advice: Advice): Double = when (advice) {
+        Advice.TOO_FAR -> Limits.GOOD_SIZE / maxOf(size.value, 1e-3)
+        Advice.TILTED -> tilt.value
+        Advice.MOVING -> speed.value
+        Advice.TOO_DARK -> log2(Limits.GOOD_WHITE / maxOf(dark.value, 1e-4))
+        Advice.TOO_BRIGHT -> maxOf(0.5, log2(bright.value / Limits.GOOD_WHITE))
+        Advice.OUT_OF_FOCUS -> softness
+        Advice.GLARE -> (if (veil.bad) patches else shining).toDouble()
+        Advice.SHADOW -> shadow.value
+        Advice.UNEVEN -> gradient.value
+        Advice.TINTED -> tint.value
+        else -> 0.0
+    }
+
+    /** "Now" begins when it is due and ends at once; all else waits until it has lasted. */
+    private fun say(due: Advice, measures: FrameMeasures): Guidance {
+        if (due != waiting) {
+            waiting = due
+            waited = 0
+        }
+        waited++
+        val first = said == Advice.NO_CHART
+        when {
+            due == Advice.NOW -> said = due
+            said == Advice.NOW -> said = Advice.STEADY
+        }
+        if (due != said && (waited >= Limits.PATIENCE || (first && waited >= 2))) said = due
+        return Guidance(said, amount(said), measures)
+    }
+}

@@ -1,0 +1,243 @@
+package org.camssf.guide
+
+import org.camssf.finder.ChartKind
+import kotlin.math.PI
+import kotlin.math.abs
+import kotlin.math.cos
+import kotlin.math.exp
+import kotlin.math.ln
+import kotlin.math.max
+import kotlin.math.sin
+
+/**
+ * How even the light on the chart is.
+ *
+ * **Gradient.** A patch is of one colour, so what changes within it is the light: the median over the patches of each
+ * one's slope in ln. It needs no knowledge of the chart and none of the tone curve but its steepness.
+ *
+ * **Shadow.** ln of all cells is fitted by what the patches reflect (a tone curve of second order and the colourfulness,
+ * since previews brighten or darken colours) and one step across a line. Lines of twelve directions are tried. Where a
+ * plane fits as well there is no shadow but a gradient.
+ *
+ * **Glare** adds light, however dark the patch: a spot is much brighter than the rest of its own patch, by more than any
+ * shadow's edge explains. Of a veil over all, the black patch tells.
+ */
+internal class Evenness(kind: ChartKind) {
+    private val reference = Reference.of(kind)
+    private val columns = kind.columns
+    private val count = kind.columns * kind.rows
+    private val size = 9 * count
+
+    /** Places of the cells, pitches from the chart's middle. */
+    private val u = DoubleArray(size) { it / 9 % columns - (columns - 1) / 2.0 + (it % 9 % 3 - 1) * STEP }
+    private val v = DoubleArray(size) { it / 9 / columns - (kind.rows - 1) / 2.0 + (it % 9 / 3 - 1) * STEP }
+    private val width = kind.columns - 1.0
+    private val height = kind.rows - 1.0
+    private val sides = if (reference == null) emptyList() else lines()
+
+    private val used = BooleanArray(count)
+    private val rest = DoubleArray(size)
+    private val steps = DoubleArray(size)
+    private val basis = Array(4) { DoubleArray(size) }
+    private val slope = DoubleArray(count)
+
+    /** How much steeper than sRGB's the frame's tone curve is. */
+    private var steepness = 1.0
+
+    /** Stops; see [FrameMeasures]. */
+    var gradient = 0.0
+        private set
+    var shadow: Double? = null
+        private set
+    var glare: List<Int> = emptyList()
+        private set
+    var veil: Double? = null
+        private set
+
+    /** @param white the white patch's level. */
+    fun look(light: PatchLight, white: Double) {
+        for (i in 0 until count) used[i] = light.clipped[i] < MOSTLY_CLEAR && light.level[i] > FAINTEST
+        val within = ln(2.0) * gradients(light)
+        val step = if (reference == null) 0.0 else step(light)
+        gradient = within / ln(2.0)
+        shadow = if (reference == null) null else abs(step) / steepness / ln(2.0)
+        // As the frame shows it, tone curve and all.
+        glare = spots(light, white, abs(step) + within / (width + height))
+        veil = reference?.let {
+            val black = it.black
+            if (white > FAINTEST && abs(step) < EVEN && it.white !in glare) light.level[black] / white else null
+        }
+    }
+
+    /** Stops across the block, and none of it where fewer patches than a quarter tell. */
+    private fun gradients(light: PatchLight): Double {
+        var sum = 0.0
+        for ((axis, across) in listOf(width, height).withIndex()) {
+            var found = 0
+            for (patch in 0 until count) {
+                if (!used[patch]) continue
+                val at = 9 * patch
+                var (low, high) = 0.0 to 0.0
+                for (k in 0..2) {
+                    low += light.cells[if (axis == 0) at + 3 * k else at + k]
+                    high += light.cells[if (axis == 0) at + 3 * k + 2 else at + 6 + k]
+                }
+                if (low <= 0 || high <= 0) continue
+                slope[found++] = ln(high / low) / (2 * STEP)
+            }
+            if (4 * found < count) return 0.0
+            slope.sort(0, found)
+            sum += abs((slope[(found - 1) / 2] + slope[found / 2]) / 2) * across
+        }
+        return sum / ln(2.0)
+    }
+
+    /** ln of how much darker the frame shows the darker side of the best line; 0 where a plane says as much. */
+    private fun step(light: PatchLight): Double {
+        val reference = reference ?: return 0.0
+        if (2 * used.count { it } < count) return 0.0
+        for (cell in 0 until size) {
+            val patch = cell / 9
+            val tone = reference.tone[patch]
+            val level = light.cells[cell]
+            val known = used[patch] && level > 0
+            rest[cell] = if (known) ln(level) else 0.0
+            basis[0][cell] = if (known) 1.0 else 0.0
+            basis[1][cell] = if (known) tone else 0.0
+            basis[2][cell] = if (known) tone * tone else 0.0
+            basis[3][cell] = if (known) reference.colourfulness[patch] else 0.0
+        }
+        for (k in basis.indices) {
+            for (before in 0 until k) remove(basis[before], basis[k])
+            val length = kotlin.math.sqrt(dot(basis[k], basis[k]))
+            if (length < 1e-9) return 0.0
+            for (cell in 0 until size) basis[k][cell] /= length
+        }
+        steepness = (dot(basis[1], rest) / max(spread(reference), 1e-9)).coerceIn(FLATTEST, STEEPEST)
+        basis.forEach { remove(it, rest) }
+        for (cell in 0 until size) rest[cell] = rest[cell].coerceIn(-WILDEST, WILDEST)
+        val whole = dot(rest, rest)
+        val plane = whole - gain(u) - gainBeside(u, v)
+        var (best, height) = 0.0 to 0.0
+        for (side in sides) {
+            for (cell in 0 until size) steps[cell] = if (side[cell] && used[cell / 9]) 1.0 else 0.0
+            basis.forEach { remove(it, steps) }
+            val length = dot(steps, steps)
+            if (length < LEAST_SIDE * size) continue
+            val along = dot(steps, rest)
+            if (along * along / length > best) {
+                best = along * along / length
+                height = along / length
+            }
+        }
+        if (whole - best > CLEARLY * plane) return 0.0
+        return height
+    }
+
+    /** Length of the tone's part that the constant does not explain: what [step] divides a steepness by. */
+    private fun spread(reference: Reference): Double {
+        var (sum, squares, n) = Triple(0.0, 0.0, 0)
+        for (patch in 0 until count) {
+            if (!used[patch]) continue
+            sum += reference.tone[patch]
+            squares += reference.tone[patch] * reference.tone[patch]
+            n++
+        }
+        return kotlin.math.sqrt(9 * max(squares - sum * sum / max(n, 1), 0.0))
+    }
+
+    /** Sum of squares that a direction takes away from [rest]; leaves it, made free of the basis, in [steps]. */
+    private fun gain(direction: DoubleArray): Double {
+        free(direction)
+        val length = dot(steps, steps)
+        return if (length > 1e-9) dot(steps, rest).let { it * it / length } else 0.0
+    }
+
+    private fun gainBeside(first: DoubleArray, second: DoubleArray): Double {
+        free(first)
+        val one = steps.copyOf()
+        free(second)
+        val length = dot(one, one)
+        if (length > 1e-9) {
+            val share = dot(one, steps) / length
+            for (cell in 0 until size) steps[cell] -= share * one[cell]
+        }
+        val left = dot(steps, steps)
+        return if (left > 1e-9) dot(steps, rest).let { it * it / left } else 0.0
+    }
+
+    private fun free(direction: DoubleArray) {
+        for (cell in 0 until size) steps[cell] = if (used[cell / 9]) direction[cell] else 0.0
+        basis.forEach { remove(it, steps) }
+    }
+
+    /** @param explained ln of what the light's own course within a patch may make of it. */
+    private fun spots(light: PatchLight, white: Double, explained: Double): List<Int> {
+        if (white <= 0) return emptyList()
+        val factor = Limits.SPOT_FACTOR * exp(explained)
+        val shining = (0 until count).filter {
+            val low = light.middle[it]
+            // Where most of a patch shines, its darkest cell is the patch.
+            val least = (9 * it until 9 * it + 9).minOf { cell -> light.cells[cell] }
+            val base = minOf(low, max(least, FAINTEST))
+            light.top[it] - base > Limits.SPOT * white && light.top[it] > factor * base
+        }
+        val reference = reference
+        if (shining.isEmpty() || reference == null) return shining
+        // A patch that shines all over has no edge; it lies beside one that has.
+        return (0 until count).filter { patch ->
+            val wanted = white * reference.luminance[patch] / reference.luminance[reference.white]
+            val high = light.level[patch] - wanted > 2 * Limits.SPOT * white && light.level[patch] > factor * wanted
+            patch in shining || (high && shining.any { beside(it, patch) })
+        }
+    }
+
+    private fun beside(a: Int, b: Int) =
+        abs(a % columns - b % columns) <= 1 && abs(a / columns - b / columns) <= 1
+
+    private fun remove(unit: DoubleArray, from: DoubleArray) {
+        val along = dot(unit, from)
+        for (cell in 0 until size) from[cell] -= along * unit[cell]
+    }
+
+    private fun dot(a: DoubleArray, b: DoubleArray): Double {
+        var sum = 0.0
+        for (cell in 0 until size) sum += a[cell] * b[cell]
+        return sum
+    }
+
+    /** Which cells lie beyond each of the lines: twelve directions, 23 places each: one between any two cells. */
+    private fun lines(): List<BooleanArray> = (0 until 12).flatMap { turn ->
+        val (c, s) = cos(turn * PI / 12) to sin(turn * PI / 12)
+        val along = DoubleArray(size) { c * u[it] + s * v[it] }
+        val (low, high) = along.min() to along.max()
+        (1..23).map { place ->
+            val line = low + (high - low) * place / 24
+            BooleanArray(size) { along[it] > line }
+        }
+    }
+
+    private companion object {
+        /** Pitches between the middles of neighbouring cells. */
+        const val STEP = 2 * PatchLight.REACH / 3
+
+        const val MOSTLY_CLEAR = 0.02
+
+        /** ln of a step that may be noise, and leaves black over white as it is. */
+        const val EVEN = 0.2
+        const val FAINTEST = 0.002
+
+        /** ln: residuals beyond are glare's, and must not move a line. */
+        const val WILDEST = 1.0
+
+        /** Part of the cells' variance that a line must split off, p (1 - p): 6 % of the cells at least. */
+        const val LEAST_SIDE = 0.05
+
+        /** A shadow leaves at most this part of what the best plane leaves. */
+        const val CLEARLY = 0.8
+
+        /** Of a preview's tone curve against sRGB's. */
+        const val FLATTEST = 0.7
+        const val STEEPEST = 1.8
+    }
+}

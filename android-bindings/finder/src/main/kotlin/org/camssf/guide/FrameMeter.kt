@@ -1,0 +1,73 @@
+package org.camssf.guide
+
+import org.camssf.finder.ChartKind
+import org.camssf.finder.Picture
+import org.camssf.finder.Sighting
+import kotlin.math.max
+
+/** One frame and its sighting → measures. Keeps arrays of a kind of chart from frame to frame. */
+internal class FrameMeter(private val focal: Double) {
+    private class Kept(kind: ChartKind) {
+        val light = PatchLight(kind.columns, kind.rows)
+        val evenness = Evenness(kind)
+        val reference = Reference.of(kind)
+    }
+
+    private val kept = HashMap<ChartKind, Kept>()
+    private val sharpness = Sharpness()
+
+    /** Null where the sighting is no quadrilateral. */
+    fun measure(picture: Picture, sighting: Sighting, speed: Double?): FrameMeasures? {
+        val plane = ChartPlane.of(sighting) ?: return null
+        val pixels = Pixels(picture)
+        val own = kept.getOrPut(sighting.kind) { Kept(sighting.kind) }
+        val light = own.light
+        light.read(pixels, plane)
+        val reference = own.reference
+        val brightest = reference?.white ?: light.level.indices.maxByOrNull { light.level[it] }!!
+        val clipped = light.clipped[brightest]
+        val white = white(light, reference, brightest)
+        own.evenness.look(light, white)
+        val grey = grey(light, brightest)
+        val factor = if (reference == null || grey == brightest) {
+            light.level[grey] / max(white, 1e-9)
+        } else {
+            reference.luminance[grey] / reference.luminance[brightest]
+        }
+        val longer = max(picture.width, picture.height)
+        return FrameMeasures(
+            sighting = sighting,
+            size = plane.longest / longer,
+            margin = plane.margin(picture.width, picture.height),
+            tilt = plane.tilt(picture.width, picture.height, focal * longer),
+            speed = speed,
+            white = white,
+            clipped = clipped,
+            blur = sharpness.look(pixels, plane, light, white),
+            glare = own.evenness.glare,
+            veil = own.evenness.veil,
+            shadow = own.evenness.shadow,
+            gradient = own.evenness.gradient,
+            tint = Surroundings.tint(pixels, plane, light, grey, factor),
+            pitch = plane.pitch,
+        )
+    }
+
+    /** The white patch's level; where it is clipped, the median of what patches brighter than dark grey say. */
+    private fun white(light: PatchLight, reference: Reference?, index: Int): Double {
+        if (reference == null || light.clipped[index] < Limits.CLIPPED.end) return light.level[index]
+        val told = (0 until light.count).filter {
+            light.clipped[it] < Limits.CLIPPED.end && reference.luminance[it] > 0.08
+        }.map { light.level[it] * reference.luminance[index] / reference.luminance[it] }.sorted()
+        return max(light.level[index], if (told.isEmpty()) CLIPPED_ALL else told[told.size / 2])
+    }
+
+    /** The white patch, or of a clipped one the next grey: on 24 patches they lie beside it. */
+    private fun grey(light: PatchLight, white: Int): Int =
+        (white until minOf(white + 3, light.count)).firstOrNull { light.clipped[it] < 0.02 } ?: white
+
+    private companion object {
+        /** Where all is clipped: two stops, then look again. */
+        const val CLIPPED_ALL = 4 * Limits.GOOD_WHITE
+    }
+}

@@ -1,0 +1,34 @@
+package org.camssf.guide
+
+import org.camssf.finder.Sighting
+import org.camssf.photo.Corners
+import kotlin.math.hypot
+
+/** How fast the chart's corners move over the last tenth of a second. */
+internal class Motion {
+    private class Past(val time: Long, val corners: Corners)
+
+    private val past = ArrayDeque<Past>()
+
+    fun forget() = past.clear()
+
+    /**
+     * Pitches a second of the fastest corner; null at first and after a pause.
+     *
+     * @param time ns, of any clock.
+     * @param pitch px.
+     */
+    fun speed(sighting: Sighting, time: Long, pitch: Double): Double? {
+        while (past.isNotEmpty() && seconds(past.first().time, time).let { it > Limits.PAUSE || it <= 0 }) {
+            past.removeFirst()
+        }
+        while (past.size > 1 && seconds(past[1].time, time) >= Limits.SPAN) past.removeFirst()
+        val before = past.firstOrNull()
+        past.addLast(Past(time, sighting.corners))
+        if (before == null) return null
+        val far = before.corners.points.zip(sighting.corners.points) { a, b -> hypot(b.x - a.x, b.y - a.y) }.max()
+        return far / pitch / seconds(before.time, time)
+    }
+
+    private fun seconds(from: Long, to: Long) = (to - from) / 1e9
+}

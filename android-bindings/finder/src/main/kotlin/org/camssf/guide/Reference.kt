@@ -1,0 +1,52 @@
+package org.camssf.guide
+
+import org.camssf.Grid
+import org.camssf.finder.ChartKind
+import org.camssf.spectra.ChartTable
+import kotlin.math.exp
+import kotlin.math.ln
+
+/**
+ * What the patches of a kind of chart are known to reflect.
+ *
+ * @property luminance of each, 0 to 1.
+ * @property colourfulness of each: one less the smallest over the largest of red, green, blue.
+ * @property white index of the white patch.
+ * @property black index of the black patch.
+ */
+internal class Reference private constructor(
+    val luminance: DoubleArray,
+    val colourfulness: DoubleArray,
+    val white: Int,
+    val black: Int,
+) {
+    /** ln of [luminance], less that of a middle grey. */
+    val tone = DoubleArray(luminance.size) { ln(luminance[it] / 0.2) }
+
+    companion object {
+        private val classic: Reference by lazy {
+            val table = ChartTable.read("classic24")
+            val values = table.values
+            fun seen(patch: Int, centre: Double, width: Double): Double {
+                var (sum, total) = 0.0 to 0.0
+                for (i in 0 until Grid.SIZE) {
+                    val off = (Grid.WAVELENGTHS[i] - centre) / width
+                    val weight = exp(-off * off / 2)
+                    sum += weight * values[patch * Grid.SIZE + i]
+                    total += weight
+                }
+                return sum / total
+            }
+            // The eye's V(λ) as a bell.
+            val luminance = DoubleArray(table.patches.size) { seen(it, 559.0, 42.0) }
+            val colour = DoubleArray(table.patches.size) { patch ->
+                val rgb = listOf(600.0, 540.0, 455.0).map { seen(patch, it, 38.0) }
+                1 - rgb.min() / rgb.max()
+            }
+            Reference(luminance, colour, table.white, luminance.indices.minByOrNull { luminance[it] }!!)
+        }
+
+        /** Null for the SG: camssf has no table of its colours. */
+        fun of(kind: ChartKind): Reference? = if (kind == ChartKind.CLASSIC_24) classic else null
+    }
+}

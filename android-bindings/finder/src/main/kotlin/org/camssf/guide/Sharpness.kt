@@ -1,0 +1,78 @@
+package org.camssf.guide
+
+import kotlin.math.PI
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/**
+ * How soft the borders of the patches are. Across a border between a bright patch and the dark gap, light rises by its
+ * contrast C with a slope of at most C / (σ √(2π)) where the blur is a Gaussian of σ: the slope gives σ.
+ */
+internal class Sharpness {
+    private val profile = DoubleArray(LENGTH)
+    private val found = Array(2) { ArrayList<Double>() }
+
+    /** Standard deviation of the blur in px, the worse of both directions; null where no border has contrast. */
+    fun look(pixels: Pixels, plane: ChartPlane, light: PatchLight, white: Double): Double? {
+        found.forEach { it.clear() }
+        for (patch in 0 until light.count) {
+            val level = light.level[patch]
+            if (level < BRIGHT * white || light.clipped[patch] > 0.02) continue
+            for (side in SIDES) border(pixels, plane, light, patch, side)?.let { found[side[0] and 1] += it }
+        }
+        return found.mapNotNull { all ->
+            all.sort()
+            if (all.size >= FEWEST) all[all.size / 2] else null
+        }.maxOrNull()
+    }
+
+    /** From within the patch to beyond its gap; the mean of lines beside each other. */
+    private fun border(pixels: Pixels, plane: ChartPlane, light: PatchLight, patch: Int, side: IntArray): Double? {
+        val (u, v) = patch % light.columns to patch / light.columns
+        profile.fill(0.0)
+        for (line in 0 until LINES) {
+            val aside = ASIDE * ((2 * line + 1.0) / LINES - 1)
+            for (i in 0 until LENGTH) {
+                val out = FROM + (TO - FROM) * i / (LENGTH - 1)
+                val a = u + out * side[0] + aside * side[1]
+                val b = v + out * side[1] + aside * side[0]
+                profile[i] += pixels.between(plane.x(a, b), plane.y(a, b)) / LINES
+            }
+        }
+        val end = (FROM + TO) / 2
+        val length = (TO - FROM) * plane.let { step(it, u, v, side, end) } / (LENGTH - 1)
+        val gap = profile.indices.minByOrNull { profile[it] }!!
+        var (plateau, steepest) = 0.0 to 0.0
+        for (i in 0 until INSIDE) plateau += profile[i] / INSIDE
+        for (i in 2..gap) steepest = max(steepest, (profile[i - 2] - profile[i]) / (2 * length))
+        val contrast = plateau - profile[gap]
+        if (contrast < CONTRAST * plateau || steepest <= 0) return null
+        return contrast / (steepest * sqrt(2 * PI))
+    }
+
+    /** px of one pitch across this border. */
+    private fun step(plane: ChartPlane, u: Int, v: Int, side: IntArray, at: Double): Double {
+        val (a, b) = u + (at - 0.05) * side[0] to v + (at - 0.05) * side[1]
+        val (c, d) = u + (at + 0.05) * side[0] to v + (at + 0.05) * side[1]
+        return Math.hypot(plane.x(c, d) - plane.x(a, b), plane.y(c, d) - plane.y(a, b)) / 0.1
+    }
+
+    private companion object {
+        val SIDES = listOf(intArrayOf(1, 0), intArrayOf(-1, 0), intArrayOf(0, 1), intArrayOf(0, -1))
+
+        /** Pitches from the patch's centre: the patch ends at 0.42 to 0.44, the next begins at 0.56 to 0.58. */
+        const val FROM = 0.25
+        const val TO = 0.58
+        const val LENGTH = 34
+        const val INSIDE = 4
+
+        /** Half the length of a border that is read, pitches. */
+        const val ASIDE = 0.25
+        const val LINES = 10
+
+        /** Of white: darker patches have too little contrast with the gap. */
+        const val BRIGHT = 0.15
+        const val CONTRAST = 0.2
+        const val FEWEST = 4
+    }
+}

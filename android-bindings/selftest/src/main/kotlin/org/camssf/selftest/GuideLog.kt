@@ -1,0 +1,55 @@
+package org.camssf.selftest
+
+import org.camssf.guide.Advice
+import org.camssf.guide.Guidance
+import org.json.JSONObject
+
+/** What a live session was: how long frames took, what was said, the last frame's measures. No picture. */
+internal class GuideLog {
+    private val milliseconds = ArrayList<Double>()
+    private val said = LinkedHashMap<Advice, Int>()
+    private var changes = 0
+    private var before: Advice? = null
+    private var last: Guidance? = null
+
+    /** Takes a frame's guidance and the time that search and guide took. */
+    @Synchronized
+    fun add(guidance: Guidance, nanoseconds: Long) {
+        milliseconds += nanoseconds / 1e6
+        said[guidance.advice] = (said[guidance.advice] ?: 0) + 1
+        if (before != null && before != guidance.advice) changes++
+        before = guidance.advice
+        if (guidance.measured != null) last = guidance
+    }
+
+    /** For the report: times in ms, frames by advice. */
+    @Synchronized
+    fun toJson(): JSONObject {
+        val sorted = milliseconds.sorted()
+        fun part(share: Double): Any = sorted.getOrNull((share * (sorted.size - 1)).toInt()) ?: JSONObject.NULL
+        val counts = JSONObject()
+        for ((advice, count) in said) counts.put(advice.name, count)
+        return JSONObject()
+            .put("frames", sorted.size)
+            .put("median_ms", part(0.5))
+            .put("slowest_twentieth_ms", part(0.95))
+            .put("said", counts)
+            .put("changes", changes)
+            .put("last", last?.let(::measures) ?: JSONObject.NULL)
+    }
+
+    private fun measures(guidance: Guidance): JSONObject {
+        val m = guidance.measured ?: return JSONObject()
+        fun known(value: Double?): Any = value ?: JSONObject.NULL
+        return JSONObject()
+            .put("confidence", m.sighting.confidence)
+            .put("size", m.size)
+            .put("tilt", m.tilt)
+            .put("white", m.white)
+            .put("blur", known(m.blur))
+            .put("shadow", known(m.shadow))
+            .put("gradient", m.gradient)
+            .put("glare", m.glare.size)
+            .put("tint", known(m.tint))
+    }
+}

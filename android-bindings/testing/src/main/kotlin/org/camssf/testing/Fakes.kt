@@ -1,0 +1,118 @@
+package org.camssf.testing
+
+import org.camssf.Calibrated
+import org.camssf.CalibrationException
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.Nodes
+import org.camssf.Refused
+import org.camssf.curves.BasisConstants
+import org.camssf.curves.Ssf
+import org.camssf.curves.respond
+import org.camssf.documents.Predictions
+import org.camssf.documents.Solution
+import org.camssf.documents.Uncertainty
+import org.camssf.evidence.Reason
+import org.camssf.evidence.Scores
+import org.camssf.evidence.Status
+import org.camssf.evidence.Verdict
+import org.camssf.photo.Assumption
+import org.camssf.photo.Begun
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.Normalise
+
+/**
+ * Results without a calibration, for an app's own tests: what its screens and files make of an answer, of a doubtful one
+ * and of a refusal. No model runs, and ONNX Runtime need not be there. Each says in its assumptions that it is a fake.
+ */
+public object Fakes {
+    /** The code of the assumption that every fake carries. */
+    public const val FAKE: String = "fake"
+
+    private const val BASIS = "phones"
+    private const val BAND = 0.02
+
+    /**
+     * An answer: the mean phone's curves, with a band of 2 % of the peak, on the signals of [SampleCapture].
+     *
+     * @param doubts codes of the reasons for which it is doubtful; none for an accepted one.
+     * @param curves (681, 3) other curves, row-major, on [Grid], any scale.
+     * @throws InvalidArgument curves of another size, or without a positive peak.
+     */
+    @JvmStatic
+    @JvmOverloads
+    public fun calibrated(doubts: List<String> = emptyList(), curves: DoubleArray? = null): Calibrated {
+        val shot = SampleCapture.measured()
+        val capture = MeasuredCapture(listOf(shot), SampleCapture.chart(), null)
+        val table = capture.chart
+        val signals = Normalise.all(listOf(shot.means), table.patches, table.white)
+        val white = table.reflectance(table.white)
+        val lamp = shot.lamp.values
+        val values = scaled(curves ?: mean(), DoubleArray(Grid.SIZE) { white[it] * lamp[it] * Grid.STEP })
+        val predicted = respond(values, table.values, lamp, white)
+        val r = BasisConstants.of(BASIS)!!.atoms
+        val peaks = List(3) { c -> (0 until Grid.SIZE).maxOf { values[3 * it + c] } }
+        val ssf = Ssf(
+            Ssf.Curves(
+                values,
+                DoubleArray(values.size) { BAND * peaks[it % 3] },
+                DoubleArray(3 * r),
+                DoubleArray(9 * r * r) { if (it / (3 * r) == it % (3 * r)) BAND * BAND else 0.0 },
+                predicted,
+                lamp,
+            ),
+            Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0),
+            DoubleArray(3) { 1.0 },
+            DoubleArray(3),
+            0.0,
+            BASIS,
+        )
+        val used = BooleanArray(signals.patches) { true }
+        val scores = Scores.of(signals, predicted, table, listOf(shot.lamp), used, "a fake's own patches")
+        val reasons = doubts.map {
+            Reason(it, "A doubt called $it.", "It is a fake: nothing is to be done.", null, null)
+        }
+        val status = if (doubts.isEmpty()) Status.ACCEPTED else Status.DOUBTFUL
+        val solution = Solution(
+            capture,
+            signals,
+            ssf,
+            Predictions(DoubleArray(predicted.size / 3) { 1.0 }, null, predicted, null),
+            scores,
+            Verdict(status, reasons),
+            signals.assumptions + Assumption(FAKE, "Made by camssf-testing: these are no camera's curves."),
+            Uncertainty(ssf.halfWidth, emptyList(), emptyList()),
+        )
+        return Calibrated(solution, "0".repeat(64))
+    }
+
+    /**
+     * A refusal.
+     *
+     * @param error why; `Overexposed("Too bright.", "Close the lens by a stop.")`, for instance.
+     */
+    @JvmStatic
+    public fun refused(error: CalibrationException): Refused {
+        val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold, fatal = true)
+        val shot = SampleCapture.measured()
+        val begun = Begun(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
+        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), begun)
+    }
+
+    private fun mean(): DoubleArray {
+        val basis = BasisConstants.of(BASIS)!!
+        val curves = List(3) { c -> Nodes.straight { basis.mean[c * Nodes.SIZE + it] } }
+        return DoubleArray(3 * Grid.SIZE) { maxOf(curves[it % 3][it / 3], 0.0) }
+    }
+
+    private fun scaled(curves: DoubleArray, white: DoubleArray): DoubleArray {
+        if (curves.size != 3 * Grid.SIZE) {
+            throw InvalidArgument("${curves.size} numbers are no curves.", "Give (681, 3), row-major.")
+        }
+        val sums = List(3) { c -> (0 until Grid.SIZE).sumOf { white[it] * curves[3 * it + c] } }
+        if (sums.any { !(it > 0 && it.isFinite()) }) {
+            throw InvalidArgument("A curve does not see white.", "Give curves with a positive peak.")
+        }
+        return DoubleArray(curves.size) { curves[it] / sums[it % 3] }
+    }
+}

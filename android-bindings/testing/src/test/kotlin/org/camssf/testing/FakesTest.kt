@@ -1,0 +1,72 @@
+package org.camssf.testing
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.Calibration
+import org.camssf.InvalidArgument
+import org.camssf.Overexposed
+import org.camssf.evidence.Status
+import org.camssf.photo.MeasuredShot
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import java.io.File
+
+/** As an app's tests would use them; ONNX Runtime is not on this class path. */
+class FakesTest {
+    private fun assumptions(of: Calibration) = Json.parseToJsonElement(of.toJson()).jsonObject.getValue("assumptions")
+        .jsonArray.map { it.jsonObject.getValue("code").jsonPrimitive.content }
+
+    @Test
+    fun `an answer`() {
+        val found = Fakes.calibrated()
+        assertEquals(Status.ACCEPTED, found.verdict.outcome)
+        for (c in 0..2) {
+            assertEquals(1.0, found.ssf.curve(c).max())
+            assertTrue(found.ssf.band(c)!!.all { it == found.ssf.band(c)!![0] && it > 0 })
+        }
+        val (red, green, blue) = List(3) { c ->
+            found.ssf.curve(c).let { curve -> curve.indices.maxByOrNull { curve[it] }!! }
+        }
+        assertTrue(blue < green && green < red, "$blue $green $red")
+        assertTrue(Fakes.FAKE in found.assumptions.map { it.code } && Fakes.FAKE in assumptions(found))
+        assertEquals(682, found.toCsv().trim().lines().size)
+        assertThrows(ClassNotFoundException::class.java) { Class.forName("ai.onnxruntime.OrtEnvironment") }
+    }
+
+    @Test
+    fun `a doubtful one, and one of given curves`() {
+        val curves = DoubleArray(3 * 681) { if (it % 3 == 2 && it > 1000) 0.0 else 1.0 + it / 3 }
+        val found = Fakes.calibrated(listOf("glare"), curves)
+        assertEquals(
+            Status.DOUBTFUL to listOf("glare"),
+            found.verdict.outcome to found.verdict.reasons.map { it.code },
+        )
+        assertArrayEquals(DoubleArray(681) { (1.0 + it) / 681 }, found.ssf.curve(0), 1e-12)
+        for (wrong in listOf(DoubleArray(5), DoubleArray(3 * 681))) {
+            assertThrows(InvalidArgument::class.java) { Fakes.calibrated(curves = wrong) }
+        }
+    }
+
+    @Test
+    fun `a refusal`() {
+        val error = Overexposed("Too bright.", "Close the lens by a stop.", 0.4, 0.02)
+        val found = Fakes.refused(error)
+        assertEquals(error, found.error)
+        assertEquals(Status.REFUSED to "overexposed", found.verdict.outcome to found.verdict.reasons[0].code)
+        assertTrue("\"refused\"" in found.toJson() && "Close the lens" in found.toJson())
+    }
+
+    @Test
+    fun `the sample is measured and saved without a model`() {
+        val shot = SampleCapture.measured()
+        assertEquals(24, shot.pose.patches.size)
+        assertEquals(shot.toText(), MeasuredShot.fromText(shot.toText()).toText())
+        val golden = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
+        assertArrayEquals(golden.readBytes(), SampleCapture.bytes())
+    }
+}

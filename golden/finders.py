@@ -1,0 +1,109 @@
+"""The cases of the stage `finder`: small pictures of a chart, of two, of none, drawn by whole numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.photo.finder.kinds import kinds
+from camssf.photo.mosaic import Mosaic
+from golden.poses import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, turned
+from golden.reading import Json
+
+FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
+"""What is made of the photo before it is searched: README.md."""
+WIDE = View((440, 300), (-60 * 8 * 900, 900, 150), (-30 * 8 * 900, -120, 900), (48 * 8 * 900, 30, -12))
+
+
+def planes(photo: Mosaic) -> NDArray[np.int64]:
+    """(h, w, 3) DN above 256 of red, the first green and blue of every cell, at least 0."""
+    first = [photo.cfa.index(letter) for letter in "RGB"]
+    height, width = (side // 2 for side in photo.samples.shape)
+    cells = [photo.samples[k // 2 :: 2, k % 2 :: 2][:height, :width].astype(np.int64) for k in first]
+    return np.maximum(np.stack(cells, axis=2) - BLACK, 0)
+
+
+def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Eight bits of planes: twice the whole square root."""
+    return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
+
+
+def finders() -> Iterator[Json]:
+    """Every case; the fields of `golden.scenes.case`."""
+
+    def case(name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", **more: Any) -> Json:
+        photo, samples = content
+        return {
+            "case": f"finder/{name}",
+            "comment": comment,
+            "inputs": {"dng": photo, "form": form},
+            "expect": "success",
+            "truth": None,
+            "generic": True,
+            "files": {f"dng/{photo}": file(samples)},
+        } | more
+
+    upright = ("chart-turned-0.dng", draw(turned(24, 0)))
+    for form in FORMS:
+        yield case(f"form-{form}", f"An upright chart, searched as {form}.", upright, form)
+    for turns in (1, 2, 3):
+        content = (f"chart-turned-{turns}.dng", draw(turned(24, turns)))
+        yield case(f"turned-{turns}", f"The chart turned by {90 * turns}° clockwise.", content)
+    yield case("mirrored", "A mirrored chart.", ("chart-mirrored.dng", draw(turned(24, 0), mirrored=True)))
+    wide = draw(WIDE)
+    yield case("tilted", "Turned and tilted.", ("finder-tilted.dng", wide))
+    yield case("tilted-yuv", "The same as a preview's planes.", ("finder-tilted.dng", wide), "yuv")
+    chart = draw(turned(48, 0), unrest=0)
+    large = np.full((chart.shape[0], 1960), TABLE, dtype=np.uint16)
+    large[:, 1000 : 1000 + chart.shape[1]] = chart
+    yield case("reduced", "A large photo: blocks of cells make a pixel of the search.", ("finder-large.dng", large))
+    two = np.concatenate([draw(turned(24, 0)), draw(turned(24, 2))])
+    yield case("two", "Two charts: the first in the list agrees best.", ("finder-two.dng", two))
+    yield case("semi-gloss", "140 patches, the classic 24 among them.", ("finder-sg140.dng", _semi_gloss(20)))
+    yield case("clutter", "Between keys and tiles.", ("finder-clutter.dng", _cluttered()))
+    yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
+    part = draw(turned(24, 0))[:, :120]
+    yield case("part", "Half of a chart.", ("finder-part.dng", part))
+    small = {"expect": "invalid_argument"}
+    yield case("error-small", "28 × 20 cells.", ("chart-small.dng", draw(turned(8, 0, margin=8))), **small)
+
+
+def _semi_gloss(pitch: int) -> Samples:
+    """The 140 patches, upright, each 0.8 pitch wide."""
+    kind = next(kind for kind in kinds() if kind.columns == 14)
+    colours = BLACK + np.rint(12000 * kind.colours).astype(np.int64)
+    height, width = (n * pitch + 60 for n in (kind.rows, kind.columns))
+    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
+    i, j = (x - 30) // pitch, (y - 30) // pitch
+    inside = (x >= 30) & (y >= 30) & (i < kind.columns) & (j < kind.rows)
+    edge = pitch // 10
+    for place in ((x - 30) % pitch, (y - 30) % pitch):
+        inside &= (place >= edge) & (place < pitch - edge)
+    patch = np.where(inside, np.clip(j, 0, kind.rows - 1) * kind.columns + np.clip(i, 0, kind.columns - 1), 0)
+    colour = np.array([[0, 1], [1, 2]])[y % 2, x % 2]
+    noise = (29 * x + 37 * y + x * y) % 7 - 3
+    return np.asarray(np.where(inside, colours[patch, colour], GAP) + noise, dtype=np.uint16)
+
+
+def _clutter(size: tuple[int, int]) -> Samples:
+    """Keys above, tiles of many greys below, marks between."""
+    width, height = size
+    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
+    noise = (29 * x + 37 * y + x * y) % 11 - 5
+    keys = np.where((x % 26 < 20) & (y % 26 < 20), 1200, 420)
+    tiles = np.where((x % 34 < 30) & (y % 34 < 30), 700 + 900 * ((5 * (x // 34) + 3 * (y // 34)) % 11), TABLE)
+    marks = np.where(((x * x // 97 + 3 * y) % 23 < 9) & (y % 14 < 8), 600, 6000)
+    third = height // 3
+    return np.asarray(np.where(y < third, keys, np.where(y < 2 * third, tiles, marks)) + noise, dtype=np.uint16)
+
+
+def _cluttered() -> Samples:
+    """The tilted chart on it."""
+    samples = _clutter((480, 320))
+    chart = draw(TILTED)
+    samples[60 : 60 + chart.shape[0], 120 : 120 + chart.shape[1]] = chart
+    return samples

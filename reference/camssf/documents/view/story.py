@@ -1,0 +1,227 @@
+"""How the answer came about: which basis, what light, what it is worth for colour, the proof, another result."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from camssf.colour.indices import quality_of
+from camssf.documents.choice import choice_of
+from camssf.documents.light import cost_of, kinds_in_words
+from camssf.documents.view.curves import columns
+from camssf.documents.view.plots import Plot, difference_plot, light_plot
+from camssf.documents.view.text import BAND, CHANNELS, Json, brief, camera_name, number, percent
+from camssf.errors import CalibrationError
+from camssf.grid import WAVELENGTHS
+
+COLOUR_LAMPS = ("D65", "A")
+
+
+def proof_of(document: Json) -> Markup | None:
+    """One line that says what the proof is: the layers' own gap, and what the finish had to do."""
+    if "layers_gap" not in document or "finish_steps" not in document:
+        return None
+    largest, steps = max(document["layers_gap"]), document["finish_steps"]
+    names = f" ({', '.join(CHANNELS)})" if len(steps) > 1 else ""
+    counts = ", ".join(f"{count:.0f}" for count in steps)
+    walked = f"took {counts} step{'' if steps == [1] else 's'} to it{names}" if any(steps) else "had nothing to do"
+    return Markup(
+        "The proof: the layers alone came within {} of the optimum (relative duality gap); the exact finish {}."
+    ).format(number(max(largest, 0.0), 2), walked)
+
+
+# The basis
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which basis answered, in sentences, and what was weighed: basis, width, evidence, probability."""
+
+    words: tuple[str, ...]
+    rows: tuple[tuple[str, Markup, str, str], ...]
+
+
+def basis_of(document: Json) -> Choice | None:
+    """None where one was told."""
+    found = choice_of(document)
+    if found is None:
+        return None
+    weighed = document["choice"]
+    best = max(each["log_evidence"] for each in weighed)
+    together: dict[tuple[str, float], tuple[float, float]] = {}
+    for each in weighed:  # over the kinds of a light that nobody named: their own section shows them
+        nats, share = together.get((each["basis"], each["prior_scale"]), (-math.inf, 0.0))
+        own = max(nats, each["log_evidence"]), share + each["probability"]
+        together[each["basis"], each["prior_scale"]] = own
+    rows = tuple(
+        (basis, brief(scale), f"{nats - best:.1f}".replace("-", "\u2212"), percent(share))
+        for (basis, scale), (nats, share) in together.items()
+    )
+    return Choice(found.words, rows)
+
+
+# The light
+
+
+@dataclass(frozen=True)
+class Light:
+    """A shot's light.
+
+    Attributes:
+        shot: from 1. name: as it was told.
+        named: somebody told it; else the signals did.
+        words: how well it is known, or of what kind it is.
+        kinds: probability of each kind, and in words, the likeliest first; none of a named lamp.
+        plot: its power with its band; None where the document does not hold it.
+    """
+
+    shot: int
+    name: str
+    named: bool
+    words: str
+    kinds: tuple[tuple[str, float, str], ...]
+    plot: Plot | None
+
+
+@dataclass(frozen=True)
+class Lights:
+    """Of all shots, and what the unnamed ones cost."""
+
+    shots: tuple[Light, ...]
+    cost: str
+
+    @property
+    def named(self) -> bool:
+        """Somebody told them all."""
+        return all(light.named for light in self.shots)
+
+
+def lights_of(document: Json) -> Lights | None:
+    """None where no light is known."""
+    lights = tuple(_light(number, shot) for number, shot in enumerate(document["shots"], 1))
+    if not any(light.plot for light in lights):
+        return None
+    cost = None if all(light.named for light in lights) else cost_of(document)
+    words = "" if cost is None else ", ".join(f"{c} {100 * v:.0f} %" for c, v in zip(CHANNELS, cost, strict=True))
+    return Lights(lights, words)
+
+
+def _light(number: int, shot: Json) -> Light:
+    lamp, found = shot["lamp"], shot.get("light")
+    name = f"light-{number}"
+    if found is not None:
+        words = (
+            f"{kinds_in_words(found)}. Correlated colour temperature {found['kelvin']:,.0f} ± "
+            f"{found['kelvin_std']:,.0f} K (one standard deviation)."
+        )
+        kinds = sorted(found["kinds"].items(), key=lambda each: -each[1])
+        shares = tuple((kind, share, percent(share)) for kind, share in kinds)
+        plot = light_plot(np.array(found["power"]), np.array(found["std"]), name)
+        return Light(number, lamp["name"], False, words, shares, plot)
+    tolerance, power = lamp["tolerance"], lamp.get("power")
+    told = "" if tolerance is None else f"Taken for right to {brief(100 * tolerance)} % (one standard deviation)."
+    drawn = None if power is None else light_plot(np.array(power), np.array(power) * (tolerance or 0.0), name)
+    return Light(number, lamp["name"], True, told, (), drawn)
+
+
+# Colour
+
+
+@dataclass(frozen=True)
+class Colour:
+    """What the curves are worth for colour: a sentence, and rows of the matrices."""
+
+    words: str
+    rows: tuple[tuple[str, tuple[Markup, ...]], ...]
+
+
+def colour_of(document: Json) -> Colour | None:
+    """Luther condition, SMI, and the matrices of two lamps: of the curves alone, whatever the photos were like."""
+    try:
+        found = [quality_of(columns(document["ssf"]), lamp) for lamp in COLOUR_LAMPS]
+    except (CalibrationError, np.linalg.LinAlgError):  # curves of a strange document may see no light
+        return None
+    rows = tuple(
+        (f"{word} from {each.lamp}'s camera RGB", tuple(number(value, 5) for value in row))
+        for each in found
+        for word, row in zip("XYZ", each.matrix.coefficients.T.tolist(), strict=True)
+    )
+    misses = "; ".join(
+        f"under {each.lamp} {each.matrix.delta_e00['matrix']:.2f} by a matrix, "
+        f"{each.polynomial.delta_e00['root-polynomial']:.2f} by a root-polynomial"
+        for each in found
+    )
+    first = found[0]
+    return Colour(
+        f"Sensitivity metamerism index {first.smi:.0f} (100 is an observer's). No matrix of the curves gives "
+        f"{100 * first.luther:.0f} % of the CIE 1931 observer (Luther condition: 0 %). Mean ΔE00 of surfaces that "
+        f"the fit had not seen: {misses}.",
+        rows,
+    )
+
+
+# Another result
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A result less another one.
+
+    Attributes:
+        name: of the other's file. camera, facts: whose it is, and what it says of itself.
+        same: both name the same camera.
+        rows: red, green, blue of what differs.
+        within: part of the wavelengths, of all channels, at which zero lies in the difference's 95 % interval; None
+            where one of them has no band.
+        plot: the difference.
+    """
+
+    name: str
+    camera: str
+    facts: str
+    same: bool
+    rows: tuple[tuple[str, tuple[Markup, ...]], ...]
+    within: float | None
+    plot: Plot
+
+
+def comparison_of(document: Json, other: Json | None, name: str) -> Comparison | None:
+    """None where there is nothing to compare with, or nothing here to compare."""
+    if other is None or "ssf" not in document:
+        return None
+    ours, theirs = columns(document["ssf"]), columns(other["ssf"])
+    off, visible = ours - theirs, (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+    stds = [columns(each["ssf_std"]) if each.get("ssf_std") else None for each in (document, other)]
+    half = None if stds[0] is None or stds[1] is None else BAND * np.hypot(stds[0], stds[1])
+    most = np.abs(off * visible[:, None]).argmax(axis=0)
+    moved = WAVELENGTHS[ours.argmax(axis=0)] - WAVELENGTHS[theirs.argmax(axis=0)]
+    gains = np.array(document["channel_gain"]) / np.array(other["channel_gain"])
+    rows = [
+        ("Root mean square, 400 to 700 nm, peak = 1", [number(float(v), 2) for v in _rms(off[visible])]),
+        ("Largest difference, peak = 1", [number(float(off[k, i]), 2) for i, k in enumerate(most)]),
+        ("at, nm", [Markup(f"{WAVELENGTHS[k]:.1f}") for k in most]),
+        ("Peak moved by, nm", [Markup(f"{v:+.1f}".replace("-", "\u2212")) for v in moved]),
+        ("Channel gain, relative to the other's", [number(float(v), 4) for v in gains]),
+    ]
+    within = None
+    if half is not None:
+        inside = (np.abs(off) <= half)[visible]
+        rows.append(("Wavelengths that agree", [Markup(f"{100 * v:.0f} %") for v in inside.mean(axis=0)]))
+        within = float(inside.mean())
+    lamps = " + ".join(shot["lamp"]["name"] for shot in other["shots"])
+    return Comparison(
+        name,
+        camera_name(other),
+        f"{other['verdict']['status']}, {lamps}, basis {other['basis']}, chart {other['chart']['table']}",
+        camera_name(other) == camera_name(document),
+        tuple((word, tuple(cells)) for word, cells in rows),
+        within,
+        difference_plot(off, half, "difference"),
+    )
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

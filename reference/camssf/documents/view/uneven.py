@@ -1,0 +1,82 @@
+"""How the light fell on the chart, where no white frame said so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.documents.view.photos import ring, upright
+from camssf.documents.view.text import Json
+
+DARKEST, BRIGHTEST = 25.0, 95.0
+"""Lightness of the dimmest and the brightest patch of a drawing, %."""
+DIMMEST = 0.01
+"""No level is drawn as less: a document may say 0."""
+EVEN = 0.005
+"""Light that differs by less is drawn as even: a hundredth of a per cent is no shadow."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """One patch: its name, its outline, its middle, and the light on it beside the white patch's, in words."""
+
+    name: str
+    ring: str
+    x: float
+    y: float
+    lightness: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The light over one shot's chart.
+
+    Attributes:
+        view: SVG's viewBox.
+        size: of the text.
+        patches: of the chart.
+        least, most: light on a patch beside the white patch's, in words.
+    """
+
+    view: str
+    size: float
+    patches: tuple[Patch, ...]
+    least: str
+    most: str
+
+
+def falls_of(document: Json) -> list[Fall | None]:
+    """Of each shot; None where nothing was solved for."""
+    return [_fall(shot) for shot in document["shots"]]
+
+
+def _fall(shot: Json) -> Fall | None:
+    patches, pose = shot["patches"], shot["pose"]
+    light = 1.0 / np.maximum([patch.get("level", 1.0) for patch in patches] or [1.0], DIMMEST)
+    if pose is None or not patches or np.ptp(light) < EVEN:
+        return None
+    photo = shot["photo"]
+    quads = upright(pose["patches"], int(photo["width"]), int(photo["height"]), int(photo["orientation"]))
+    low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
+    margin = 0.03 * float((high - low).max())
+    pitch = float(np.sqrt(np.abs(np.prod(high - low)) / len(quads)))
+    share = (light - light.min()) / np.ptp(light)
+    drawn = tuple(
+        Patch(
+            patch["name"],
+            ring(quad),
+            float(quad[:, 0].mean()),
+            float(quad[:, 1].mean()),
+            DARKEST + (BRIGHTEST - DARKEST) * float(part),
+            _words(float(value)),
+        )
+        for patch, quad, part, value in zip(patches, quads, share, light, strict=True)
+    )
+    view = " ".join(f"{v:.1f}" for v in [*(low - margin), *(high - low + 2 * margin)])
+    return Fall(view, 0.24 * pitch, drawn, _words(float(light.min())), _words(float(light.max())))
+
+
+def _words(light: float) -> str:
+    return f"{100.0 * light - 100.0:+.0f} %".replace("-", "\u2212")

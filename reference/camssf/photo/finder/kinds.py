@@ -1,0 +1,49 @@
+"""The charts that the finder knows, with their colours from `data/finder.json`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from camssf.grid import Floats
+
+FORMAT = "camssf-finder/1"
+PLACE = files("camssf") / "data" / "finder.json"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What can be told apart: a grid and its colours.
+
+    Classic, Nano, Mini and the Passport's classic page are one kind: the same 24 colours in one grid; their sizes
+    a picture does not tell, and the gap between their patches (0.12 to 0.17 of the pitch) is measured only when the
+    pose is refined on the mosaic.
+
+    Attributes:
+        name: a layout of that kind.
+        columns, rows: of patches.
+        side: edge of a patch in pitches.
+        colours: (n, 3) signals of a plain camera, any unit.
+    """
+
+    name: str
+    columns: int
+    rows: int
+    side: float
+    colours: Floats
+
+
+@cache
+def kinds() -> tuple[Kind, ...]:
+    """All of them."""
+    stored = json.loads(PLACE.read_text("utf-8"))
+    if stored["format"] != FORMAT:
+        raise ValueError("finder.json is of another version")
+    return tuple(
+        Kind(name, each["columns"], each["rows"], each["side"], np.array(each["colours"], dtype=np.float64))
+        for name, each in stored["kinds"].items()
+    )

@@ -1,0 +1,157 @@
+"""A manifest over a Dask cluster: as over processes here, whoever dies, and whatever the cluster lacks."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_stream import Desk, slow, templates
+
+from camssf import cli
+from camssf.errors import InvalidArgument
+from camssf.fleet import pools
+
+pytest.importorskip("duckdb", reason="duckdb is not here")
+distributed = pytest.importorskip("distributed", reason="distributed is not here")
+
+__all__ = ["templates"]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="signals differ there"),
+    pytest.mark.filterwarnings("default"),  # of Dask and Tornado at their ends: not ours to mend
+]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Two workers; nannies begin a new one where one dies."""
+    search = os.pathsep.join([*(str(Path(path).absolute()) for path in sys.path if path), str(Path(__file__).parent)])
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = search
+    try:
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as found:
+            yield found
+    finally:
+        os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
+
+
+@pytest.fixture
+def desk(tmp_path: Path, templates: dict[str, str]) -> Desk:
+    return Desk(tmp_path, templates)
+
+
+def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Relative paths, too: the workers stand elsewhere. The other way of working then resumes it."""
+    monkeypatch.chdir(desk.home)
+    desk.home = Path()
+    desk.write(
+        ["good,a,D55,,,,S1,lab", "bug,b,D55,,,,,", "wrong,w,D55,,,,,", "again,a2,D55,,,,S1,lab", "fault,,D55,,,,,"],
+        {"a": "Phone", "b": "bug", "w": "wrong", "a2": "Phone"},
+    )
+    found = desk.run(dask=cluster.scheduler_address)
+    assert desk.tasks() == {
+        "good": "doubtful", "bug": "failed", "wrong": "refused", "again": "doubtful", "fault": "refused",
+    }  # fmt: skip
+    assert found.total == 5
+    assert len(desk.rows()) == 1
+    assert not list(Path("out").glob(".camssf-begun*"))
+    again = desk.run(workers=1)
+    assert (again.resumed, again.by_status) == (2, found.by_status)
+
+
+def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
+    names = [f"c{i}" for i in range(16)]
+    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    victims: list[int] = []
+
+    def kill() -> None:
+        deadline = time.monotonic() + 60
+        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+            victims.extend(list(client.run(os.getpid).values())[:1])
+        os.kill(victims[0], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    found = desk.run(dask=cluster.scheduler_address, work=slow)
+    killer.join()
+    assert victims
+    assert found.by_status == {"doubtful": 16}
+    assert [each["name"] for each in desk.rows()] == sorted(names)  # nothing lost, nothing twice
+    visits = desk.visits()
+    assert max(visits.values()) <= 2
+    assert sum(visits.values()) <= 17  # what was under way alone is done again
+
+
+def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:
+    desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
+    found = desk.run(dask=cluster.scheduler_address)
+    assert (found.by_status["failed"], found.total) == (1, 7)
+    assert desk.tasks()["x"] == "failed"
+    assert desk.visits()["x"] == pools.DEATHS
+    assert len(desk.rows()) == 6
+    again = desk.run(dask=cluster.scheduler_address)
+    assert (again.resumed, desk.visits()["x"]) == (7, pools.DEATHS)
+
+
+def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    monkeypatch.setattr(pools, "__version__", "9.9.9")
+    with pytest.raises(InvalidArgument, match="A worker of the Dask cluster has camssf") as caught:
+        desk.run(dask=cluster.scheduler_address)
+    assert "9.9.9" in caught.value.advice
+    assert desk.visits() == {}
+
+
+def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacks(item: Any, *, one: Any, marks: Path, version: str) -> None:
+        raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
+
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    monkeypatch.setattr(pools, "_marked", lacks)
+    with pytest.raises(InvalidArgument, match="lacks camssf") as caught:
+        desk.run(dask=cluster.scheduler_address)
+    assert "wheel" in caught.value.advice
+
+
+def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pools, "ANSWER", 1.0)
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):
+            desk.run(dask=address)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as empty,
+        pytest.raises(InvalidArgument, match="has no worker"),
+    ):
+        desk.run(dask=empty.scheduler_address)
+
+
+def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InvalidArgument, match="distributed") as caught:
+        desk.run(dask="tcp://127.0.0.1:9")
+    assert "camssf[dask]" in caught.value.advice
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--dask", "tcp://127.0.0.1:9"],
+        ["--dask", "tcp://127.0.0.1:9", "--registry", "r", "--workers", "2"],
+    ],
+)
+def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.csv").write_text("name,photo,lamp\na,x,D55\n")
+    assert cli.main(["batch", "m.csv", *words]) == InvalidArgument.exit_status
+    assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]

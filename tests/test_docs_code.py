@@ -1,0 +1,179 @@
+"""Every Python block and command of README and docs runs, a page's one after the other, as readers run them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_docs import ROOT, blocks, calls
+
+from camssf import Options, calibrate
+from camssf.documents.report import report
+from camssf.exports import export
+from camssf.fleet.run import run_batch
+from camssf.grid import WAVELENGTHS
+from camssf.photo.raw import read_raw
+from camssf.simulation.frames import Scene, simulate
+from camssf.spectra import camera_names, read_camera
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+WITH_PYTHON = [page for page in PAGES if blocks(page.read_text("utf-8"), "python")]
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What pages speak of: photo.dng under D55 and bulb.dng with their frames, results, and measured curves."""
+    folder = tmp_path_factory.mktemp("field")
+    body = read_camera("Nikon 5100 (NPL)")
+    for lamp, names in (("D55", ("photo", "white", "dark")), ("A", ("bulb", "bulb-white", "bulb-dark"))):
+        made = simulate(body, lamp, folder / lamp, scene=Scene(size=(900, 675), vignetting=0.3)).shots[0]
+        for path, name in zip((made.chart, made.white, made.dark), names, strict=True):
+            assert path is not None
+            shutil.move(path, folder / f"{name}.dng")
+    shutil.move(folder / "D55" / "truth.csv", folder / "truth.csv")
+    found = calibrate(
+        str(folder / "photo.dng"),
+        "D55",
+        white=str(folder / "white.dng"),
+        dark=str(folder / "dark.dng"),
+        options=Options(basis="cameras"),
+    )
+    report(found.document(), found.previews).save(folder / "out")
+    (folder / "curves.csv").write_bytes(export(found, "colour"))
+    for name in ("a.json", "b.json", "result.json"):
+        found.save(folder / name)
+    return folder
+
+
+@pytest.fixture
+def there(field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    plt.switch_backend("agg")
+    shutil.copytree(field, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    plt.close("all")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for number, block in enumerate(blocks(page.read_text("utf-8"), "python"), 1):
+        exec(compile(block, f"{page.name}, block {number}", "exec"), names)
+    assert "nan" not in capsys.readouterr().out.split()
+
+
+def test_the_pages_with_python_are_seen() -> None:
+    assert {"README", "notebook", "colour", "exports"} <= {page.stem for page in WITH_PYTHON}
+
+
+# -- shell ----------------------------------------------------------------------------------------------------------
+
+NOT_RUN = {
+    "camssf direct rgb.dng": "frames of a spectrograph: tests/test_direct.py makes them and runs the command",
+    "camssf calibrate photo.dng --lamp D55 --corners": "corners of another photo: tests/test_cli.py gives its own",
+    "camssf calibrate day.dng --lamp D55 --basis mine.npz": "a basis of one's own: tests/test_basis.py learns one",
+    "camssf calibrate chart.dng -o out/": "a phone's photo: tests/test_any_light.py, tests/test_gains.py",
+    "camssf calibrate day.dng --lamp D55 --basis pixel9.npz": "the basis that a fleet's registry learned, likewise",
+    "camssf report out/result.json -o signed/": "a passport of this very result: tests/test_cli.py signs one",
+    "camssf registry learn phones/": "a fleet of phones: tests/test_registry_learn.py learns from one",
+    "camssf registry compare phones/": "a fleet of Pixels: tests/test_registry.py compares one",
+}
+"""Lines that begin so are parsed (tests/test_docs.py), not run, and why."""
+BEFORE = {"registry": "passport"}
+"""A page whose commands need what those of another one make."""
+
+
+def camssf_lines(page: Path) -> list[str]:
+    return [line for block in blocks(page.read_text("utf-8"), "sh") for line in block.splitlines() if calls(line)]
+
+
+WITH_COMMANDS = [page for page in PAGES if any("venv" not in line for line in camssf_lines(page))]
+
+
+@pytest.fixture(scope="module")
+def workshop(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The field, and whatever else the pages' commands name; `camssf` is this package."""
+    folder = tmp_path_factory.mktemp("workshop")
+    shutil.copytree(field, folder, dirs_exist_ok=True)
+    for old, new in (("photo", "day"), ("white", "white-day"), ("bulb-white", "white-bulb")):
+        shutil.copy(folder / f"{old}.dng", folder / f"{new}.dng")
+    calibrate(folder / "photo.dng", "D55", white=folder / "white.dng").save(folder / "phone.json")
+    (folder / "manifest.csv").write_text("name,photo,lamp,white,dark\nday,photo.dng,D55,white.dng,dark.dng\n")
+    (folder / "revoked.txt").write_text("")
+    nm = np.arange(400.0, 701.0, 10.0)
+    rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in camera("Canon EOS 5D").T), nm**0])
+    np.savetxt(folder / "sweep.csv", rows, delimiter=",", header="wavelength_nm,red,green,blue,power", comments="")
+    shim = folder / "bin" / "camssf"
+    shim.parent.mkdir()
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m camssf "$@"\n')
+    shim.chmod(0o755)
+    return folder
+
+
+def camera(name: str) -> Any:
+    return read_camera(next(each for each in camera_names() if each.startswith(name))).values
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_run(page: Path, workshop: Path, tmp_path: Path) -> None:
+    """In their order, in one folder, each line with its pipes; the last command's status is the line's."""
+    shutil.copytree(workshop, tmp_path, dirs_exist_ok=True)
+    environment = os.environ | {"PATH": f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}", "MPLBACKEND": "agg"}
+    ran = 0
+    first = camssf_lines(ROOT / "docs" / f"{BEFORE[page.stem]}.md") if page.stem in BEFORE else []
+    for line in [*first, *camssf_lines(page)]:
+        if "venv" in line or any(line.startswith(beginning) for beginning in NOT_RUN):
+            continue
+        done = subprocess.run(
+            ["sh", "-c", line], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        assert "Traceback" not in done.stderr
+        ran += 1
+    assert ran
+
+
+def test_what_is_not_run_is_written_somewhere() -> None:
+    lines = [line for page in PAGES for line in camssf_lines(page)]
+    for beginning in NOT_RUN:
+        assert any(line.startswith(beginning) for line in lines), beginning
+
+
+# -- data -----------------------------------------------------------------------------------------------------------
+
+
+def test_every_block_is_of_a_kind_that_is_checked() -> None:
+    """Kotlin's are for a compiler: android-bindings' own tests do what docs/android.md shows; XML is docs/jvm.md's
+    POM, which `tests/test_recipes.py` builds."""
+    kinds = {kind for page in PAGES for kind in re.findall(r"^ *```(\w+)$", page.read_text("utf-8"), re.MULTILINE)}
+    assert kinds == {"python", "sh", "json", "csv", "kotlin", "xml"}
+
+
+def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
+    (told,) = blocks((ROOT / "docs" / "raw.md").read_text("utf-8"), "json")
+    cv2 = pytest.importorskip("cv2")
+    cv2.imwrite(str(tmp_path / "photo.png"), np.full((40, 60), 9000, np.uint16))
+    (tmp_path / "photo.png.json").write_text(told)
+    found = read_raw(tmp_path / "photo.png")
+    assert (found.cfa, found.white, found.make, found.exposure) == ("RGGB", 16383, "Acme", 0.0125)
+
+
+def test_the_manifest_of_the_quick_start_is_one(tmp_path: Path) -> None:
+    """Its photos are not here; its columns and rows are read."""
+    (told,) = blocks((ROOT / "docs" / "quick-start.md").read_text("utf-8"), "csv")
+    (tmp_path / "manifest.csv").write_text(told + "\n")
+    outcomes = run_batch(tmp_path / "manifest.csv", tmp_path / "out", basis="cameras", jobs=1)
+    assert [each.name for each in outcomes] == ["Canon 550D", "Nikon D5100"]
+    assert all("chart.dng" in each.reason or "led.csv" in each.reason for each in outcomes)

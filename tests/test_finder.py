@@ -1,0 +1,186 @@
+"""The chart finder on what its benchmark draws; `python -m benchmarks.finder` sets OpenCV's beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import camssf.photo.pose as poses
+from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
+from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.grid import Floats
+from camssf.photo.finder.find import Found, find_sightings
+from camssf.photo.finder.kinds import kinds
+from camssf.photo.finder.lattices import fitted, inverse, mapped
+from camssf.photo.finder.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.mosaic import read_dng
+from camssf.photo.pose import find_chart
+from camssf.photo.search import Match
+from camssf.tools import kinds as tool
+from tests.scenes import mosaic, table
+from tests.test_chart import DNG, SCENES, edge, photo_of
+
+
+def off(found: Floats, centres: Floats) -> float:
+    """Largest distance in pitches."""
+    assert found.shape == centres.shape
+    pitch = np.linalg.norm(centres[1:] - centres[:-1], axis=1).min()
+    return float(np.linalg.norm(found - centres, axis=1).max() / pitch)
+
+
+def preview(drawing: Drawing) -> Found:
+    small = replace(drawing, size=(640, 480), blur=0.4 * drawing.blur)
+    return find_sightings(codes_of_bytes(as_preview(small)))
+
+
+@pytest.mark.slow
+@pytest.mark.requirement("R-FINDER")
+@pytest.mark.parametrize("name", SCENES)
+def test_rendered_scenes_are_found(name: str) -> None:
+    scene, sensor, lamp = SCENES[name]
+    frames, photo = photo_of(scene, sensor, lamp)
+    found = find_sightings(codes_of_mosaic(photo))
+    assert found.findings == ()
+    distance = np.linalg.norm(found.sightings[0].patches - frames.pose.patches.mean(axis=1), axis=1).max()
+    assert distance < 0.1 * edge(frames.pose)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drawing", DRAWINGS, ids=lambda d: d.name)
+def test_drawings_are_found_as_previews(drawing: Drawing) -> None:
+    found = preview(drawing)
+    centres = truth(replace(drawing, size=(640, 480)))[1]
+    assert off(found.sightings[0].patches, centres) < 0.25
+    assert found.findings == (("mirrored",) if drawing.mirrored else ())
+
+
+@pytest.mark.parametrize("drawing", EMPTY, ids=lambda d: f"{d.name} {d.seed}")
+def test_without_a_whole_chart_there_is_none(drawing: Drawing) -> None:
+    assert preview(drawing) == Found((), ("none",))
+
+
+def test_the_bars_count_enough_pictures() -> None:
+    assert len(SCENES) == 18
+    assert len(DRAWINGS) >= 40
+    assert {d.behind for d in DRAWINGS} >= {"books", "tiles", "keys", "window", "checks"}
+    assert min(d.fill for d in DRAWINGS) <= 0.1
+    assert max(d.fill for d in DRAWINGS) >= 0.9
+    assert max(abs(d.tilt) for d in DRAWINGS) >= 55
+    assert min(d.stops for d in DRAWINGS) <= -4
+
+
+@pytest.mark.requirement("R-FINDER")
+def test_the_real_photo() -> None:
+    """Before it is refined within a twentieth of a patch of where the refined pose lies."""
+    real = read_dng(DNG / "colorchart.dng")
+    real_pose = find_chart(real, table("passport24"))
+    found = find_sightings(codes_of_mosaic(real))
+    assert len(found.sightings) == 1
+    assert off(found.sightings[0].patches, real_pose.patches.mean(axis=1)) < 0.05
+    assert find_sightings(codes_of_mosaic(read_dng(DNG / "blackmagic_ljpeg.dng"))).sightings == ()
+
+
+def test_two_charts_are_said_to_be_two() -> None:
+    left = as_preview(Drawing("left", fill=0.8, size=(320, 480), blur=0.4))
+    right = as_preview(Drawing("right", fill=0.7, size=(320, 480), turn=180, blur=0.4))
+    found = find_sightings(codes_of_bytes(np.hstack([left, right])))
+    assert found.findings == ("two_charts",)
+    assert len(found.sightings) == 2
+
+
+def test_a_chart_of_other_colours_is_none() -> None:
+    mixed = np.random.default_rng(3).permutation(24)
+    shown = as_preview(Drawing("mixed", fill=0.5, size=(640, 480), blur=0.4))
+    corners = truth(Drawing("mixed", fill=0.5, size=(640, 480)))[1].round().astype(int)
+    patch = shown[corners[:, 1], corners[:, 0]]
+    for place, other in enumerate(mixed):
+        x, y = corners[place]
+        shown[y - 20 : y + 21, x - 20 : x + 21] = patch[other]
+    assert find_sightings(codes_of_bytes(shown)).findings == ("none",)
+
+
+def test_forms_of_one_picture_agree() -> None:
+    drawing = Drawing("forms", fill=0.5, turn=20, size=(640, 480), blur=0.4)
+    shown = as_preview(drawing)
+    red, green, blue = (shown[..., c].astype(np.float64) for c in range(3))
+    y = 0.299 * red + 0.587 * green + 0.114 * blue
+    u, v = (np.rint(128 + part)[::2, ::2].astype(np.uint8) for part in ((blue - y) / 1.772, (red - y) / 1.402))
+    back = rgb_of_yuv(np.rint(y).astype(np.uint8), u, v)
+    assert np.median(np.abs(back.astype(int) - shown)) <= 4  # chroma of every second pixel, and its noise
+    centres = truth(drawing)[1]
+    light = (shown / 255.0) ** 2.2
+    for codes in (codes_of_bytes(back), codes_of_light(light), codes_of_light(light[..., 1]), codes_of_bytes(shown)):
+        assert off(find_sightings(codes).sightings[0].patches, centres) < 0.05
+
+
+def test_a_larger_picture_is_reduced_and_its_points_are_its_own() -> None:
+    drawing = Drawing("large", fill=0.4, turn=70, size=(2400, 1600))
+    codes = codes_of_bytes(as_preview(drawing))
+    assert codes.step == 3
+    assert max(codes.values.shape) == 800
+    assert off(find_sightings(codes).sightings[0].patches, truth(drawing)[1]) < 0.02
+
+
+@pytest.mark.parametrize("shape", [(31, 100), (100, 100, 2), (100,)])
+def test_what_is_no_picture(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InvalidArgument, match="picture"):
+        codes_of_bytes(np.zeros(shape, np.uint8))
+
+
+def test_a_black_picture_and_one_that_is_not_finite() -> None:
+    assert find_sightings(codes_of_light(np.zeros((64, 64, 3)))).findings == ("none",)
+    assert find_sightings(codes_of_light(np.full((64, 64), np.nan))).findings == ("none",)
+
+
+def test_a_fitted_homography_gives_its_points_back() -> None:
+    h = (40.0, 3.0, 100.0, -2.0, 38.0, 80.0, 0.01, -0.02, 1.0)
+    pairs = [(float(u), float(v), *mapped(h, u, v)) for u in range(6) for v in range(4)]
+    again = fitted(pairs)
+    assert again is not None
+    for u, v, x, y in pairs:
+        np.testing.assert_allclose(mapped(again, u, v), (x, y), atol=1e-9)
+        np.testing.assert_allclose(mapped(inverse(again), x, y), (u, v), atol=1e-9)
+    assert fitted([(float(u), 0.0, 10.0 * u, 5.0) for u in range(9)]) is None  # a line fixes none
+
+
+def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFixture[str]) -> None:
+    assert tool.main(["--check"]) == 0, capsys.readouterr()
+    assert [len(kind.colours) for kind in kinds()] == [24, 140]
+
+
+def test_where_opencv_finds_nothing_the_finder_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, sensor, lamp = SCENES["rotated, tilted, cast"]
+    frames, photo = photo_of(scene, sensor, lamp)
+    known = find_chart(photo, table())
+    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
+    pose = find_chart(photo, table())
+    assert "own finder did" in pose.notes[0]
+    assert np.abs(pose.patches - known.patches).max() < 0.1 * edge(frames.pose)
+
+
+def test_where_neither_finds_one_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
+    with pytest.raises(ChartNotFound, match="nothing in the photo"):
+        find_chart(as_mosaic(EMPTY[1]), table())
+
+
+def test_a_mirrored_chart_that_only_the_finder_sees_is_refused_as_mirrored(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawing = next(d for d in DRAWINGS if d.mirrored)
+    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
+    with pytest.raises(ChartNotFound, match="mirrored"):
+        find_chart(as_mosaic(drawing), table())
+
+
+def test_where_the_two_disagree_the_notes_say_where(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, sensor, lamp = SCENES["25 % of the width"]
+    frames, photo = photo_of(scene, sensor, lamp)
+    elsewhere = frames.pose.corners + 300.0
+    claimed = Match(elsewhere, (0.88, 0.88), 1.0, 0.8, False, elsewhere)
+    monkeypatch.setattr(poses, "matches_in", lambda *_: [claimed])
+    monkeypatch.setattr(poses, "finer", lambda _, match, __: match)
+    (note,) = find_chart(photo, table()).notes
+    assert "another chart about (800, 600) px" in note  # the picture's middle
+    monkeypatch.setattr(poses, "matches_in", lambda *_: [replace(claimed, corners=frames.pose.corners)])
+    assert find_chart(mosaic(frames.chart), table()).notes == ()

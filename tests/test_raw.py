@@ -1,0 +1,351 @@
+"""Raw files that are no DNG: by LibRaw's word, or by a sidecar's; and what is refused. Error codes explained."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import error_pages
+from camssf import Calibration, Options, calibrate
+from camssf.cli import main
+from camssf.documents.patches import patches_document, read_patches
+from camssf.documents.report import check_document
+from camssf.errors import CalibrationError, InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
+from camssf.evidence.codes import as_text, codes, explain_code
+from camssf.photo.capture import measure
+from camssf.photo.mosaic import CFA_ORDERS, read_dng
+from camssf.photo.raw import read_raw
+from camssf.rules import rules
+from camssf.simulation.camera import Sensor
+from camssf.simulation.frames import Scene, simulate
+
+rawpy = pytest.importorskip("rawpy")
+tifffile = pytest.importorskip("tifffile")
+cv2 = pytest.importorskip("cv2")
+ROOT = Path(__file__).parents[1]
+ACME = ("Acme", "Model 1")
+"""A maker that LibRaw knows nothing of: it takes 0 for black and 65535 for white."""
+
+
+def write_raw(path: Path, samples: np.ndarray, cfa: str = "RGGB", maker: tuple[str, str] = ACME) -> Path:
+    """A TIFF raw file such as makers write: the mosaic under its own tags, and no word of DNG."""
+    tags = [
+        *((271 + i, 2, 0, word, True) for i, word in enumerate(maker)),
+        (274, 3, 1, 6, True),
+        (33421, 3, 2, (2, 2), True),
+        (33422, 1, 4, bytes("RGB".index(letter) for letter in cfa), True),
+        (33434, 5, 1, (1, 60), True),
+    ]
+    tifffile.imwrite(path, samples, photometric="cfa", metadata=None, extratags=tags, rowsperstrip=len(samples))
+    return path
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Chart and white frame as DNG, as another maker's raw file, and as PNG and TIFF with sidecars."""
+    folder = tmp_path_factory.mktemp("field")
+    sensor = Sensor(black=0.0, white_level=65535, cfa="GBRG")
+    shot = simulate("Nikon 5100 (NPL)", "D55", folder, scene=Scene(size=(900, 675)), sensor=sensor).shots[0]
+    for name, path in (("chart", shot.chart), ("white", shot.white)):
+        assert path is not None
+        samples = read_dng(path).samples
+        write_raw(folder / f"{name}.nef", samples, "GBRG")
+        cv2.imwrite(str(folder / f"{name}.png"), samples)
+        tifffile.imwrite(folder / f"{name}.tif", samples, photometric="minisblack", metadata=None)
+        for ending in ("png", "tif"):
+            (folder / f"{name}.{ending}.json").write_text(json.dumps(SOUND | {"cfa": "GBRG"}))
+    return folder
+
+
+SOUND: dict[str, Any] = {
+    "format": "camssf-mosaic/1", "cfa": "RGGB", "black": 0, "white": 65535, "make": "Acme", "model": "Model 1",
+}  # fmt: skip
+
+
+def solved(folder: Path, ending: str) -> Calibration:
+    return calibrate(
+        folder / f"chart.{ending}", "D55", white=folder / f"white.{ending}", options=Options(basis="cameras")
+    )
+
+
+# -- what LibRaw decodes --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cfa", CFA_ORDERS)
+def test_another_maker_s_raw_file_is_read_by_libraw(cfa: str, tmp_path: Path) -> None:
+    samples = np.random.default_rng(1).integers(100, 60_000, (200, 300)).astype(np.uint16)
+    path = write_raw(tmp_path / "a.nef", samples, cfa)
+    with pytest.raises(UnsupportedRaw, match=r"is a raw file, but no DNG"):
+        read_dng(path)
+    found = read_raw(path)
+    assert np.array_equal(found.samples, samples)
+    assert (found.cfa, found.white, found.make, found.model) == (cfa, 65535.0, *ACME)
+    assert (found.black == 0).all()
+    assert (found.orientation, found.exposure) == (6, pytest.approx(1 / 60))
+    assert found.levels.startswith("LibRaw 0.")
+    assert re.fullmatch("[0-9a-f]{64}", found.sha256)
+
+
+def test_a_known_camera_has_its_levels_and_its_white(tmp_path: Path) -> None:
+    samples = np.random.default_rng(1).integers(100, 15_000, (200, 300)).astype(np.uint16)
+    found = read_raw(write_raw(tmp_path / "a.arw", samples, maker=("SONY", "ILCE-7M3")))
+    assert found.white == 16383
+    ((light, white),) = found.neutrals
+    assert light == 21
+    assert white[1] == 1.0
+    assert 0.3 < white[0] < 1.0  # red and blue of a camera under daylight are less than green
+    assert 0.3 < white[2] < 1.0
+
+
+def test_black_levels_stand_in_their_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """LibRaw numbers the second green 3; the mosaic wants levels by place."""
+    with pretended(monkeypatch, black=[500, 510, 530, 520]) as path:
+        assert read_raw(path(tmp_path)).black.tolist() == [[500, 510], [520, 530]]
+
+
+def test_a_dng_is_still_read_as_one(field: Path) -> None:
+    found = read_raw(field / "chart.dng")
+    assert found.levels == ""
+    assert np.array_equal(found.samples, read_dng(field / "chart.dng").samples)
+
+
+@pytest.mark.parametrize("ending", ["nef", "png", "tif"])
+def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Path, ending: str) -> None:
+    dng, other = solved(field, "dng"), solved(field, ending)
+    assert np.abs(dng.curves - other.curves).max() < 1e-9
+    assert [each.code for each in dng.assumptions].count("raw_levels") == 0
+    said = [each.message for each in other.assumptions if each.code == "raw_levels"]
+    whose = ["LibRaw"] if ending == "nef" else [f"chart.{ending}.json", f"white.{ending}.json"]
+    assert len(said) == len(whose)
+    for words, message in zip(whose, said, strict=True):
+        assert words in message
+    check_document(other.document(), "test")
+
+
+def test_patches_documents_keep_whose_word_it_was(field: Path) -> None:
+    capture = measure(field / "chart.nef", "D55", white=field / "white.nef")
+    again = read_patches(json.loads(json.dumps(patches_document(capture))))
+    assert again.shots[0].photo.levels == capture.shots[0].photo.levels != ""
+    plain = patches_document(measure(field / "chart.dng", "D55"))
+    assert "levels" not in plain["shots"][0]["photo"]
+    assert read_patches(plain).shots[0].photo.levels == ""
+
+
+# -- what LibRaw decodes and we do not take -------------------------------------------------------------------------
+
+
+class pretended:  # noqa: N801
+    """LibRaw as it answers of files that no test here can have: what it says of a sound file, but for some words."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **words: Any) -> None:
+        self.monkeypatch, self.words = monkeypatch, words
+
+    def __enter__(self) -> Callable[[Path], Path]:
+        real, words = rawpy.RawPy, self.words
+
+        class Other:
+            def __init__(self) -> None:
+                self.raw = real()
+
+            def __enter__(self) -> Any:
+                return self
+
+            def __exit__(self, *error: object) -> None:
+                self.raw.close()
+
+            def __getattr__(self, name: str) -> Any:
+                key = {"black_level_per_channel": "black"}.get(name, name)
+                return words.get(key, getattr(self.raw, name))
+
+        self.monkeypatch.setattr(rawpy, "RawPy", Other)
+        return lambda folder: write_raw(folder / "a.raf", np.full((40, 60), 9000, np.uint16))
+
+    def __exit__(self, *error: object) -> None:
+        self.monkeypatch.undo()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "said"),
+    [
+        ({"raw_pattern": np.zeros((6, 6), np.uint8)}, UnsupportedRaw, r"X-Trans or another, 6 × 6"),
+        ({"raw_pattern": None}, UnsupportedRaw, "no Bayer pattern"),
+        ({"raw_type": rawpy.RawType.Stack}, NotSensorRaw, "sRAW"),
+        ({"raw_image_visible": None}, NotSensorRaw, "several colours a pixel"),
+        ({"color_desc": b"RGBE"}, UnsupportedRaw, "colour filters RGEB"),
+        ({"color_desc": b"GMCY"}, UnsupportedRaw, "colour filters GMYC"),
+        ({"black": [70_000] * 4}, UnsupportedRaw, "black at 70000"),
+        ({"white_level": 0}, UnsupportedRaw, "white at 0"),
+        ({"white_level": 2000}, UnsupportedRaw, "far above the white level"),
+        ({"sizes": SimpleNamespace(raw_width=65_535, raw_height=65_535)}, UnreadableRaw, "65535 × 65535"),
+    ],
+)
+def test_what_is_not_bayer_or_not_sound_is_refused(
+    words: dict[str, Any], kind: type[CalibrationError], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pretended(monkeypatch, **words) as path:
+        with pytest.raises(kind, match=said) as caught:
+            read_raw(path(tmp_path))
+        assert caught.value.advice
+
+
+def test_damaged_and_unknown_files_are_refused(tmp_path: Path) -> None:
+    path = write_raw(tmp_path / "a.nef", np.full((200, 300), 9000, np.uint16))
+    data = path.read_bytes()
+    for length in (len(data) // 2, len(data) - 100):
+        path.write_bytes(data[:length])
+        with pytest.raises(UnreadableRaw):
+            read_raw(path)
+    (tmp_path / "b.cr3").write_bytes(b"\0\0\0\x18ftypcrx \0\0\0\x01" + bytes(500))
+    with pytest.raises(UnsupportedRaw, match=r"no DNG, and LibRaw [\d.]+ does not know") as caught:
+        read_raw(tmp_path / "b.cr3")
+    assert "DNG converter" in caught.value.advice
+    for kind, name, content in (
+        (UnreadableRaw, "c.nef", b""),
+        (UnreadableRaw, "d.jpg", b"\xff\xd8\xff\xe0" + bytes(100)),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(kind):
+            read_raw(tmp_path / name)
+    with pytest.raises(UnreadableRaw, match="no file"):
+        read_raw(tmp_path / "nothing.nef")
+
+
+# -- pictures with a sidecar ----------------------------------------------------------------------------------------
+
+
+def picture(folder: Path, told: Any, name: str = "a.png", samples: np.ndarray | None = None) -> Path:
+    values = np.full((40, 60), 9000, np.uint16) if samples is None else samples
+    path = folder / name
+    if name.endswith("png"):
+        cv2.imwrite(str(path), values)
+    else:
+        tifffile.imwrite(path, values, photometric="minisblack" if values.ndim == 2 else "rgb", metadata=None)
+    path.with_name(f"{name}.json").write_text(told if isinstance(told, str) else json.dumps(told))
+    return path
+
+
+def test_a_sidecar_says_levels_for_each_place_and_what_else_is_known(tmp_path: Path) -> None:
+    told = SOUND | {"black": [[1, 2], [3, 4]], "exposure": 0.01, "iso": 50, "orientation": 8}
+    found = read_raw(picture(tmp_path, told))
+    assert found.black.tolist() == [[1, 2], [3, 4]]
+    assert (found.exposure, found.iso, found.orientation) == (0.01, 50, 8)
+    assert found.levels == "the sidecar a.png.json"
+    small = read_raw(picture(tmp_path, SOUND | {"white": 255}, "b.png", np.full((40, 60), 90, np.uint8)))
+    assert small.samples.dtype == np.uint16
+    assert (small.samples == 90).all()
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ("", "cannot be read"),
+        ("[]", "no camssf-mosaic/1"),
+        (SOUND | {"format": "x"}, "no camssf-mosaic/1"),
+        ({"format": "camssf-mosaic/1"}, "needs cfa, black and white"),
+        (SOUND | {"gamma": 2.2}, "knows no other keys"),
+        (SOUND | {"cfa": "RGBG"}, "cfa must be"),
+        (SOUND | {"black": [1, 2, 3, 4]}, "black must be"),
+        (SOUND | {"black": "512"}, "black must be"),
+        (SOUND | {"black": True}, "black must be"),
+        (SOUND | {"white": 0}, "white must be"),
+        (SOUND | {"white": float("nan")}, "white must be"),
+        (SOUND | {"iso": -1}, "iso must be"),
+        (SOUND | {"make": 5}, "make must be"),
+        (SOUND | {"orientation": 9}, "orientation must be"),
+    ],
+)
+def test_a_sidecar_that_is_none_is_refused(told: Any, said: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match=said):
+        read_raw(picture(tmp_path, told))
+
+
+def test_pictures_that_are_no_mosaic_are_refused(tmp_path: Path) -> None:
+    three = np.full((40, 60, 3), 9000, np.uint16)
+    for name in ("a.png", "a.tif"):
+        with pytest.raises(NotSensorRaw):
+            read_raw(picture(tmp_path, SOUND, name, three))
+    with pytest.raises(UnsupportedRaw, match="32 bits"):
+        read_raw(picture(tmp_path, SOUND, "f.tif", np.zeros((40, 60), np.float32)))
+    with pytest.raises(NotSensorRaw, match="int16"):
+        read_raw(picture(tmp_path, SOUND, "i.tif", np.zeros((40, 60), np.int16)))
+    with pytest.raises(UnsupportedRaw, match="far above"):
+        read_raw(picture(tmp_path, SOUND | {"white": 1000}, "w.png"))
+    path = picture(tmp_path, SOUND, "cut.png")
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises((UnreadableRaw, NotSensorRaw)):
+        read_raw(path)
+    huge = bytearray(picture(tmp_path, SOUND, "huge.png").read_bytes())
+    huge[16:24] = (60_000).to_bytes(4, "big") * 2
+    (tmp_path / "huge.png").write_bytes(huge)
+    with pytest.raises(UnreadableRaw, match="60000 × 60000"):
+        read_raw(tmp_path / "huge.png")
+    alone = picture(tmp_path, SOUND, "alone.png")
+    (tmp_path / "alone.png.json").unlink()
+    with pytest.raises(UnreadableRaw, match="not a DNG"):
+        read_raw(alone)
+
+
+# -- error codes ----------------------------------------------------------------------------------------------------
+
+
+def test_every_code_is_explained_and_has_its_page() -> None:
+    kinds = [CalibrationError]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    leaves = {kind.code: kind for kind in kinds if not kind.__subclasses__()}
+    table = json.loads((ROOT / "reference" / "camssf" / "data" / "errors.json").read_text("utf-8"))
+    assert set(codes()) == set(leaves) == set(table["codes"])
+    for code, kind in leaves.items():
+        found = explain_code(code)
+        assert found.exit_status == kind.exit_status
+        assert found.means
+        assert found.causes
+        assert found.do
+        assert all((ROOT / "docs" / page).is_file() for page in found.see)
+        assert (ROOT / "docs" / "errors" / f"{code}.md").is_file()
+    said = {reason.name for code in codes() for reason in explain_code(code).reasons}
+    assert said == set(rules().reasons)
+
+
+def test_the_pages_are_the_table_s(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+                                   tmp_path: Path) -> None:  # fmt: skip
+    assert error_pages.main(["--check"]) == 0, "run python -m benchmarks.error_pages"
+    monkeypatch.setattr(error_pages, "FOLDER", tmp_path)
+    assert error_pages.main(["--check"]) == 1
+    assert "glare.md" in capsys.readouterr().out
+    (tmp_path / "old_code.md").write_text("x")
+    assert error_pages.main([]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == set(error_pages.pages())
+
+
+def test_explain_prints_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "Uneven-Light"]) == 0
+    said = capsys.readouterr().out
+    assert said == as_text(explain_code("uneven_light")) + "\n"
+    assert "exit status 5" in said
+    assert "1. Take a white frame" in said
+    assert "doubtful above" in said
+    assert main(["explain"]) == 0
+    assert capsys.readouterr().out.split() == list(codes())
+    assert main(["explain", "glair"]) == InvalidArgument.exit_status
+    assert "Did you mean glare?" in capsys.readouterr().err
+
+
+def test_calibrate_takes_a_nef_on_the_command_line(field: Path, tmp_path: Path) -> None:
+    for name in ("chart.nef", "white.nef"):
+        shutil.copy(field / name, tmp_path)
+    status = main(
+        ["calibrate", str(tmp_path / "chart.nef"), "--white", str(tmp_path / "white.nef"), "--lamp", "D55",
+         "--basis", "cameras", "-o", str(tmp_path / "out")]
+    )  # fmt: skip
+    assert status == 0
+    said = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
+    assert "raw_levels" in {each["code"] for each in said["assumptions"]}

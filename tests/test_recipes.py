@@ -1,0 +1,278 @@
+"""The recipes of docs/jvm.md and docs/android.md, word for word, from an empty folder to a first result.
+
+They need `mvn -f android-bindings verify`, Java, and Maven Central for the Kotlin compilers that are in no cache.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", ROOT / "android-bindings"))
+REPOSITORY = BINDINGS / "packaging" / "target" / "repository"
+ROBOLECTRIC = BINDINGS / "camera2" / "target"
+JVM_PAGE = (ROOT / "docs" / "jvm.md").read_text("utf-8")
+ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
+MINUTES = 5
+"""From the empty folder to the result, Maven's downloads left out: they are the network's."""
+
+pytestmark = pytest.mark.slow
+if shutil.which("mvn") is None or shutil.which("java") is None:
+    pytest.skip("there is no Java or no Maven: the recipes of the docs are not run", allow_module_level=True)
+if not (REPOSITORY / "org" / "camssf" / "camssf-bom").is_dir():
+    pytest.skip("no jar (mvn -f android-bindings verify): the recipes are not run", allow_module_level=True)
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Path:
+    """Maven's own cache, but for camssf: what another build installed there must not answer for these jars."""
+    # As Maven asks for it: other people's jars stay where they are, by links, and what is fetched is kept there.
+    common = Path(os.environ.get("MAVEN_CACHE", Path.home() / ".m2" / "repository"))
+    own = tmp_path / "cache"
+    (own / "org").mkdir(parents=True)
+    (common / "org").mkdir(parents=True, exist_ok=True)
+    for folder in (common, common / "org"):
+        for entry in folder.iterdir():
+            if entry.is_dir() and entry.name not in ("org", "camssf"):
+                (own / entry.relative_to(common)).symlink_to(entry)
+    return own
+
+
+def project(folder: Path, cache: Path, *settings: str) -> Path:
+    """An empty folder, in which Maven uses that cache and says what it does without colours."""
+    (folder / ".mvn").mkdir(parents=True)
+    words = [f"-Dmaven.repo.local={cache}", "--batch-mode", "--no-transfer-progress", *settings]
+    (folder / ".mvn" / "maven.config").write_text("\n".join(words) + "\n", encoding="utf-8")
+    return folder
+
+
+def run(command: str, folder: Path) -> str:
+    done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    return re.sub(r"\x1b\[[\d;]*m", "", done.stdout)
+
+
+def write(folder: Path, name: str, text: str) -> None:
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text.replace("/path/to/camssf/android-bindings", str(BINDINGS)), encoding="utf-8")
+
+
+def kotlin_versions() -> list[str]:
+    """Those that the page says it was tested with."""
+    (said,) = re.findall(r"((?:[\d.]+, )+[\d.]+ and [\d.]+) are tested by this page's recipe", JVM_PAGE)
+    return re.findall(r"\d+\.\d+\.\d+", said)
+
+
+def test_the_page_names_the_oldest_compilers_and_its_own() -> None:
+    (own,) = re.findall(r"<kotlin.version>([\d.]+)<", JVM_PAGE)
+    assert kotlin_versions() == ["2.1.0", "2.2.0", own]
+    assert f"<kotlin.version>{own}<" in (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
+
+
+@pytest.mark.requirement("R-RECIPE")
+@pytest.mark.parametrize("kotlin", kotlin_versions())
+def test_a_new_jvm_project_by_the_page_alone(kotlin: str, tmp_path: Path, cache: Path) -> None:
+    folder = project(tmp_path / "first", cache, f"-Dkotlin.version={kotlin}")
+    (pom,) = blocks(JVM_PAGE, "xml")
+    (source,) = blocks(JVM_PAGE, "kotlin")
+    (command,) = blocks(JVM_PAGE, "sh")
+    assert JVM_PAGE.index("`pom.xml`") < JVM_PAGE.index(pom) < JVM_PAGE.index("`src/main/kotlin/First.kt`")
+    begin = time.monotonic()
+    write(folder, "pom.xml", pom)
+    write(folder, "src/main/kotlin/First.kt", source)
+    said = run(command.replace("/path/to/camssf", str(ROOT)), folder)
+    assert time.monotonic() - begin < 60 * MINUTES
+    assert said.lower().startswith("accepted, red at 600 nm: 0."), said
+    result = json.loads((folder / "result.json").read_text("utf-8"))
+    assert result["verdict"]["status"] == "accepted"
+    assert "ssf" in result
+
+
+POM = """<project xmlns="http://maven.apache.org/POM/4.0.0">
+  <modelVersion>4.0.0</modelVersion>
+  <groupId>example</groupId>
+  <artifactId>screen</artifactId>
+  <version>1</version>
+  <properties><project.build.sourceEncoding>UTF-8</project.build.sourceEncoding></properties>
+  <repositories><repository><id>camssf</id><url>file://{repository}</url></repository></repositories>
+  <dependencies>
+    {dependencies}
+  </dependencies>
+  <build>
+    <sourceDirectory>src/main/kotlin</sourceDirectory>
+    <testSourceDirectory>src/test/kotlin</testSourceDirectory>
+    <plugins>
+      <plugin>
+        <groupId>org.jetbrains.kotlin</groupId>
+        <artifactId>kotlin-maven-plugin</artifactId>
+        <version>{kotlin}</version>
+        <executions>
+          <execution><id>compile</id><goals><goal>compile</goal></goals></execution>
+          <execution><id>test-compile</id><goals><goal>test-compile</goal></goals></execution>
+        </executions>
+        <configuration><jvmTarget>1.8</jvmTarget></configuration>
+      </plugin>
+      <plugin>
+        <artifactId>maven-surefire-plugin</artifactId>
+        <version>3.5.4</version>
+        <configuration>
+          <argLine>--add-opens=java.base/java.lang=ALL-UNNAMED --add-opens=java.base/java.io=ALL-UNNAMED</argLine>
+          <additionalClasspathElements>
+            <additionalClasspathElement>{robolectric}/monitor/classes.jar</additionalClasspathElement>
+          </additionalClasspathElements>
+          <systemPropertyVariables>
+            <robolectric.offline>true</robolectric.offline>
+            <robolectric.dependency.dir>{robolectric}/robolectric</robolectric.dependency.dir>
+            <robolectric.graphicsMode>LEGACY</robolectric.graphicsMode>
+            <robolectric.sqliteMode>LEGACY</robolectric.sqliteMode>
+          </systemPropertyVariables>
+        </configuration>
+      </plugin>
+    </plugins>
+  </build>
+</project>
+"""
+SCREEN = """package example
+
+import android.content.ContentResolver
+import android.hardware.camera2.CameraCaptureSession
+import android.hardware.camera2.CameraCharacteristics
+import android.hardware.camera2.CameraDevice
+import android.hardware.camera2.TotalCaptureResult
+import android.media.Image
+import android.media.ImageReader
+import android.net.Uri
+import android.os.Handler
+import java.io.File
+{imports}
+
+class Screen(private val contentResolver: ContentResolver, private val filesDir: File) {{
+    val shown = ArrayList<String>()
+
+    private fun show(vararg what: Any?) {{
+        shown += what.joinToString(" ")
+    }}
+
+    private fun log(words: String) = show(words)
+
+    fun chosen(
+        uri: Uri, x1: Double, y1: Double, x2: Double, y2: Double, x3: Double, y3: Double, x4: Double, y4: Double,
+    ) {{
+{first}
+    }}
+
+    fun photographed(
+        characteristics: CameraCharacteristics, device: CameraDevice, reader: ImageReader,
+        session: CameraCaptureSession, callback: CameraCaptureSession.CaptureCallback, handler: Handler,
+        image: Image, result: TotalCaptureResult,
+        corners: Corners,
+    ) {{
+{camera}
+    }}
+}}
+"""
+SCREEN_TEST = """package example
+
+import android.net.Uri
+import java.io.File
+import org.junit.Assert.assertEquals
+import org.junit.Assert.assertTrue
+import org.junit.Test
+import org.junit.runner.RunWith
+import org.robolectric.RobolectricTestRunner
+import org.robolectric.RuntimeEnvironment
+import org.robolectric.annotation.Config
+
+@RunWith(RobolectricTestRunner::class)
+@Config(sdk = [35])
+class ScreenTest {{
+    @Test
+    fun firstResult() {{
+        val app = RuntimeEnvironment.getApplication()
+        val photo = File(app.filesDir, "photo.dng")
+        File("{photo}").copyTo(photo)
+        val screen = Screen(app.contentResolver, app.filesDir)
+        screen.chosen(Uri.fromFile(photo), {corners})
+        assertEquals(emptyList<String>(), screen.shown)
+        val result = File(app.filesDir, "result.json").readText()
+        assertTrue(result, "\\"ssf\\":" in result)
+        File("result.json").writeText(result)
+    }}
+}}
+"""
+
+
+def dependency(coordinates: str, more: str = "") -> str:
+    group, name, version = coordinates.split(":")
+    return (
+        f"<dependency><groupId>{group}</groupId><artifactId>{name}</artifactId><version>{version}</version>"
+        f"{more}</dependency>"
+    )
+
+
+def versions_of_the_build(*names: str) -> dict[str, str]:
+    text = (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
+    return {name: re.findall(rf"<{name}\.version>([^<]+)<", text)[0] for name in names}
+
+
+@pytest.mark.requirement("R-RECIPE")
+def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
+    """The page's coordinates and code on the framework's classes; Gradle and a phone's runtime are not here."""
+    asked = dict(
+        reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
+        for found in re.findall(r'implementation\("([\w.:-]+)"\)', ANDROID_PAGE)
+    )
+    assert set(asked) == {"camssf-android", "onnxruntime-android"}
+    of = versions_of_the_build("robolectric", "android", "kotlin", "junit")
+    left_out = (
+        "<type>aar</type><exclusions><exclusion><groupId>com.microsoft.onnxruntime</groupId>"
+        "<artifactId>onnxruntime-android</artifactId></exclusion></exclusions>"
+    )
+    desktop = asked["onnxruntime-android"].replace("onnxruntime-android", "onnxruntime")
+    graphics = (
+        "<scope>test</scope><exclusions><exclusion><groupId>org.robolectric</groupId>"
+        "<artifactId>nativeruntime-dist-compat</artifactId></exclusion></exclusions>"
+    )
+    dependencies = [
+        dependency(asked["camssf-android"], left_out),
+        dependency(desktop, "<scope>test</scope>"),
+        dependency(f"org.junit.vintage:junit-vintage-engine:{of['junit']}", "<scope>test</scope>"),
+        dependency(f"org.robolectric:robolectric:{of['robolectric']}", graphics),
+        dependency(f"org.robolectric:android-all:{of['android']}", "<scope>provided</scope>"),
+    ]
+    first, camera = (
+        next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)
+        for begin in ("PhotoSource.dng", "CaptureRequirements.check")
+    )
+    lines = [line for block in (first, camera) for line in block.splitlines()]
+    imports = "\n".join(sorted({line for line in lines if line.startswith("import ")}))
+    first, camera = (re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for block in (first, camera))
+    folder = project(tmp_path / "screen", cache)
+    begin = time.monotonic()
+    pom = POM.format(
+        repository=REPOSITORY, robolectric=ROBOLECTRIC, kotlin=of["kotlin"], dependencies="\n    ".join(dependencies)
+    )
+    write(folder, "pom.xml", pom)
+    write(
+        folder,
+        "src/main/kotlin/example/Screen.kt",
+        SCREEN.format(imports=imports, first=first, camera=camera),
+    )
+    corners = "22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56"
+    photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"
+    write(folder, "src/test/kotlin/example/ScreenTest.kt", SCREEN_TEST.format(photo=photo, corners=corners))
+    run("mvn -q test", folder)
+    assert time.monotonic() - begin < 60 * MINUTES
+    assert "ssf" in json.loads((folder / "result.json").read_text("utf-8"))

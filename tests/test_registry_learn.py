@@ -1,0 +1,378 @@
+"""What is learned from results: the old basis taken out again, a population found, and what is not believed."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from registries import made
+from schemas import check_schema
+from test_report import document
+
+import camssf
+import camssf.tools.learn
+from camssf import cli
+from camssf.curves.basis import Basis, read_basis
+from camssf.curves.choice import recover
+from camssf.curves.engine import load_model
+from camssf.curves.evidence import Evidence
+from camssf.curves.sensing import sense
+from camssf.curves.ssf import answer
+from camssf.documents.choice import choice_of
+from camssf.documents.report import report
+from camssf.errors import InvalidArgument
+from camssf.fleet.rows import Origin, Row, row, widths_of
+from camssf.grid import Floats
+from camssf.spectra import read_chart, read_lamp
+from camssf.tools.learn import main as learn_tables
+from camssf.tools.results import Old, Said, Tables, log_predictive, old_basis, populate, said, weigh
+from camssf.tools.training import training_set_of
+
+pytest.importorskip("duckdb", reason="duckdb is not here")
+
+from camssf.fleet.learn import FOLDS, Asked, learn_basis
+from camssf.fleet.registry import Registry
+
+SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
+
+
+@cache
+def old() -> Old:
+    known = training_set_of("phones").known
+    assert known is not None
+    return old_basis(read_basis("phones"), known.names)
+
+
+def photo(code: Floats, rng: np.random.Generator) -> Evidence:
+    """Of a phone of this code (3, 24); the noise is large, so that the basis has much to say."""
+    basis = read_basis("phones")
+    curves = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
+    chart, light = read_chart("classic24").values, read_lamp("D55").values
+    y = (light * chart) @ curves / (light @ curves)
+    error = np.hypot(0.003 * y, 0.0006)
+    return Evidence(
+        y + error * rng.normal(size=y.shape), chart, light, standard_error=error, chart_tolerance=0.02,
+        lamp_tolerance=0.01,
+    )  # fmt: skip
+
+
+def result(number: int, code: Floats, rng: np.random.Generator, **more: Any) -> Row:
+    """As the registry has it."""
+    found = answer(photo(code, rng), "phones", engine="onnx")
+    assert found.code_covariance is not None
+    row_ = made(number, found.peak()[0][::10].T, **{"make": "Acme", "model": f"P{number % 4}", "serial": ""} | more)
+    return replace(
+        row_, basis="phones", onnx=load_model("phones").sha256, l2=found.l2, gamma=float(found.gamma[0]),
+        prior_scale=(1.0,), prior_share=(1.0,), code_covariance=tuple(found.code_covariance[np.tril_indices(72)]),
+    )  # fmt: skip
+
+
+@cache
+def fleet() -> tuple[tuple[Row, ...], Floats]:
+    """Twenty units of four models, and the models' codes (4, 3, 24), two standard deviations from the basis' mean."""
+    rng = np.random.default_rng(7)
+    centres = 0.7 * rng.normal(size=(4, 3, 24)) + np.where(np.arange(24) < 3, 2.0, 0.0)
+    rows = [result(i, centres[i % 4] + 0.2 * rng.normal(size=(3, 24)), rng) for i in range(20)]
+    return tuple(rows), centres
+
+
+@pytest.fixture
+def registry(tmp_path: Path) -> Registry:
+    one = Registry(tmp_path / "phones", new=True)
+    one.add(fleet()[0])
+    return one
+
+
+# What a photo says
+
+
+def test_the_old_prior_is_taken_out_again() -> None:
+    """J = Aᵀ Σ⁻¹ A of the rows themselves, and h = Aᵀ Σ⁻¹ b, to the first order in the code."""
+    rng = np.random.default_rng(1)
+    evidence, basis = photo(0.3 * rng.normal(size=(3, 24)), rng), read_basis("phones")
+    found = answer(evidence, basis, engine="reference", gamma=0.0)
+    assert found.code_covariance is not None
+    curves = found.peak()[0][::10].T
+    taken = said(("", "", ""), curves, found.code_covariance, old(), [(1.0, 1.0)], 0.0)
+    rows = sense(evidence, basis)
+    weighed = np.linalg.solve(rows.covariance[0], np.column_stack([rows.matrix[0], rows.target[0]]))
+    J, h = rows.matrix[0].T @ weighed[:, :-1], rows.matrix[0].T @ weighed[:, -1]
+    strongest = np.linalg.eigh(J)[1][:, -20:]  # what it says well; the very best is bounded, the faintest left out
+    mine = strongest.T @ taken.factor
+    said_ = (strongest.T @ J @ strongest).diagonal()
+    clear = (said_ > 0.2) & (said_ < 5e3)
+    assert clear.sum() >= 8
+    assert (mine @ mine.T).diagonal()[clear] == pytest.approx(
+        (strongest.T @ J @ strongest).diagonal()[clear], rel=0.02
+    )
+    exact, got = strongest.T @ h, strongest.T @ (taken.factor @ taken.value)
+    size = np.sqrt((strongest.T @ J @ strongest).diagonal())
+    assert (got / size)[clear] == pytest.approx((exact / size)[clear], abs=0.3)
+
+
+def test_what_was_found_under_two_widths_says_the_same_as_under_one() -> None:
+    rng = np.random.default_rng(2)
+    evidence = photo(1.5 * rng.normal(size=(3, 24)), rng)
+    one, wide = (answer(evidence, "phones", engine="reference", gamma=0.0, prior_scale=s) for s in (1.0, 2.0))
+    alone = said(("", "", ""), one.peak()[0][::10].T, one.code_covariance, old(), [(1.0, 1.0)], 0.0)  # type: ignore[arg-type]
+    other = said(("", "", ""), wide.peak()[0][::10].T, wide.code_covariance, old(), [(2.0, 1.0)], 0.0)  # type: ignore[arg-type]
+    mean, spread = np.zeros(72), np.eye(72)
+    J, K = (each.factor @ each.factor.T for each in (alone, other))
+    assert np.trace(spread @ J) == pytest.approx(np.trace(spread @ K), rel=0.1)
+    x, y = (
+        np.linalg.solve(each.factor @ each.factor.T + spread, each.factor @ each.value) for each in (alone, other)
+    )
+    assert np.sqrt(np.mean((x - y) ** 2)) < 0.05
+    assert np.sqrt(np.mean(x**2)) > 0.5
+    assert log_predictive(alone, mean, spread) < log_predictive(alone, x, 0.1 * spread)
+
+
+def test_photos_that_say_nothing_change_nothing() -> None:
+    """The trap: curves that lean on the old basis, taken for measured ones, would narrow it."""
+    nothing = [Said(("acme", f"m{i}", str(i)), np.zeros((72, 1)), np.zeros(1)) for i in range(50)]
+    found = populate(nothing, old())
+    assert found.mean == pytest.approx(np.zeros(72), abs=1e-12)
+    assert found.between == pytest.approx(np.eye(72), abs=1e-9)
+    assert np.sqrt(np.trace(found.within) / 72) == pytest.approx(0.3)
+
+
+@pytest.mark.requirement("R-LEARN")
+def test_a_population_is_found_again() -> None:
+    """Two-level, of photos that say half of it: mean, between and within, in simulated measurements of known size."""
+    rng = np.random.default_rng(3)
+    m = np.where(np.arange(72) % 24 < 4, 1.0, 0.0)
+    results = []
+    for model in range(60):
+        centre = m + 0.5 * rng.normal(size=72)
+        for unit in range(4):
+            x = centre + 0.4 * rng.normal(size=72)
+            A = np.linalg.qr(rng.normal(size=(72, 36)))[0] * 4.0
+            results.append(Said((f"maker {model}", f"m{model}", str(unit)), A, A.T @ x + rng.normal(size=36)))
+    found = populate(results, replace(old(), names=("Elder 1",)))  # one camera, so that it counts for little
+    share = found.weights[0]
+    assert share == pytest.approx(1 / 61)
+    assert found.mean == pytest.approx((1 - share) * m, abs=0.35)
+    assert np.trace(found.within) / 72 == pytest.approx(0.16, rel=0.15)
+    expected = share * (1 + np.mean(m**2)) + (1 - share) * 0.25
+    assert np.trace(found.between) / 72 == pytest.approx(expected, rel=0.15)
+    first = found.models["maker 0", "m0"]
+    assert np.trace(first[1]) / 72 < 0.2
+
+
+def test_several_photos_of_a_unit_count_as_one() -> None:
+    rng = np.random.default_rng(4)
+    A = np.linalg.qr(rng.normal(size=(72, 30)))[0] * 5.0
+    one = Said(("a", "m", "u"), A, A.T @ np.ones(72))
+    once, often = populate([one], old()), populate([one] * 7, old())
+    assert once.mean == pytest.approx(often.mean, abs=1e-9)
+    assert once.within == pytest.approx(often.within, abs=1e-9)
+    assert often.units == 1
+
+
+def test_weights_are_those_of_learn() -> None:
+    known = ("Apple 1", "Apple 2", "Apple 3", "Apple 4", "Nokia 1")
+    rest, beside, own = weigh(known, ("Apple 5", "Sony 1"), [("apple", "6"), ("sony", "2"), ("new", "1")])
+    assert rest + beside.sum() + own.sum() == pytest.approx(1.0)
+    total = 6**0.5 + 1 + 2**0.5 + 1
+    assert own == pytest.approx(np.array([6**-0.5, 2**-0.5, 1.0]) / total)
+    assert beside == pytest.approx(np.array([6**-0.5, 2**-0.5]) / total)
+
+
+# From a registry
+
+
+@pytest.mark.requirement("R-LEARN")
+def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> None:
+    """Those of a model that were not seen are nearer; and the judgement, which does not know the truth, says so."""
+    lesson = learn_basis(registry, Asked(model="P1"))
+    assert (len(lesson.keys), lesson.of, lesson.judgement.left_out) == (20, ("acme", "P1"), "unit")
+    assert lesson.judgement.helps is True
+    everybody = learn_basis(registry)
+    assert everybody.judgement.helps is True
+    assert (everybody.judgement.left_out, everybody.judgement.groups) == ("model", 4)
+    assert learn_basis(registry, Asked(leave="maker")).judgement.helps is None  # there is one maker alone
+    rng, (_, centres) = np.random.default_rng(8), fleet()
+    wrong: dict[str, list[float]] = {"old": [], "all": [], "own": []}
+    basis = read_basis("phones")
+    for _ in range(6):
+        code = centres[1] + 0.2 * rng.normal(size=(3, 24))
+        truth = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
+        evidence = photo(code, rng)
+        for name, used in (("old", basis), ("all", everybody.basis), ("own", lesson.basis)):
+            curves = answer(evidence, used, engine="reference").peak()[0]
+            wrong[name].append(float(np.sqrt(np.mean((curves - truth / truth.max(axis=0)) ** 2))))
+    old_, all_, own = (np.mean(each) for each in wrong.values())
+    assert own < 0.9 * old_
+    assert own < all_ < 1.02 * old_
+    lesson.save(tmp_path / "own.npz")
+    kept = read_basis(str(tmp_path / "own.npz"))
+    assert kept.mean[:, ::10] == pytest.approx(lesson.mean)
+    assert "20 results of 20 units of acme P1" in kept.source
+    with np.load(tmp_path / "own.npz") as content:
+        assert json.loads(str(content["registry"])) == lesson.document()
+        assert len(content["registry_results"]) == 20
+        assert content["curves"].shape == (0, 69, 3)
+    assert recover(evidence, basis=str(tmp_path / "own.npz")).values.shape == (681, 3)
+
+
+def test_a_basis_that_was_learned_can_be_extended(registry: Registry, tmp_path: Path) -> None:
+    """Its models count as cameras of their makers, beside the six that `phones` knows."""
+    learn_basis(registry).save(tmp_path / "ours.npz")
+    known = training_set_of(str(tmp_path / "ours.npz")).known
+    assert known is not None
+    assert set(known.names) == {*old().names, *(f"acme P{i}" for i in range(4))}
+    table(tmp_path / "mine.csv")
+    words = [str(tmp_path / "mine.csv"), "-o", str(tmp_path / "more.npz"), "--extend", str(tmp_path / "ours.npz")]
+    assert learn_tables(words) == 0
+
+
+def table(path: Path, names: tuple[str, ...] = ("Tester One", "Tester Two")) -> None:
+    """Measured cameras: the basis' mean, bent."""
+    mean, nm = read_basis("phones").mean[:, ::10], np.arange(380, 721, 5)
+    lines = ["camera,wavelength_nm,R,G,B"]
+    for number, name in enumerate(names):
+        bent = mean * np.exp(0.2 * (number + 1) * np.sin(nm / 40.0))
+        lines += [f"{name},{w},{r:.6f},{g:.6f},{b:.6f}" for w, r, g, b in zip(nm, *bent, strict=True)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_measured_tables_count_beside_results(registry: Registry, tmp_path: Path) -> None:
+    table(tmp_path / "mine.csv")
+    without, found = learn_basis(registry), learn_basis(registry, Asked(table=tmp_path / "mine.csv", licence="CC0"))
+    document_ = found.document()
+    assert [each["name"] for each in document_["tables"]] == ["Tester One", "Tester Two"]
+    shares = [document_["weight_of_basis"], *(each["weight"] for each in document_["tables"] + document_["models"])]
+    assert sum(shares) == pytest.approx(1.0)
+    nodes, _ = (camssf.tools.learn.read_curves(tmp_path / "mine.csv"), None)
+    target = nodes["Tester Two"].T / nodes["Tester Two"].sum(axis=0)[:, None]
+    near, far = (np.abs(each.mean / each.mean.sum(axis=1)[:, None] - target).sum() for each in (found, without))
+    assert near < far
+    assert "CC0" in found.source
+    table(tmp_path / "twice.csv", ("Samsung Galaxy S8", "Tester Two"))
+    with pytest.raises(InvalidArgument, match="in the basis already"):
+        learn_basis(registry, Asked(table=tmp_path / "twice.csv"))
+
+
+def test_tables_as_results_would_have_it() -> None:
+    """A table in the old basis' directions and a photo without error of the same camera teach the same."""
+    code = np.random.default_rng(6).normal(size=72) * np.where(np.arange(72) % 24 < 3, 1.0, 0.0)
+    curves = old().mean + np.einsum("cmr,cr->cm", old().dictionary, code.reshape(3, 24))
+    none = camssf.tools.training.Enlargement(0.0, 0.0, 0.0, 0.0, 1.0, 60.0, own_mean=True)
+    nothing = Said(("acme", "m", "1"), np.zeros((72, 1)), np.zeros(1))
+    tables = Tables(curves.T[None] / curves.max(axis=1), ("Acme t",), none)
+    by_table = populate([nothing], old(), tables)
+    exact = Said(("acme", "t", "1"), 1e3 * np.eye(72), 1e3 * code)
+    by_photo = populate([nothing, exact], old())
+    assert by_table.mean == pytest.approx(by_photo.mean, abs=0.02)
+    mean, dictionary = by_table.basis()
+    assert mean.max(axis=1) == pytest.approx(np.ones(3))
+    gram = np.einsum("cmr,cms->crs", dictionary, dictionary)
+    assert gram == pytest.approx(gram * np.eye(24), abs=1e-9)
+
+
+def test_what_does_not_count_is_said(tmp_path: Path) -> None:
+    one = Registry(tmp_path / "r", new=True)
+    (good, *_) = fleet()[0]
+    bad = [
+        replace(good, code_covariance=()), replace(good, prior_scale=(), prior_share=()), replace(good, l2=2.0),
+        replace(good, onnx="e" * 64), replace(good, onnx="", software="0.0.1"), replace(good, basis="cameras"),
+        replace(good, status="doubtful"),
+    ]  # fmt: skip
+    one.add([replace(each, key=f"{i:064d}") for i, each in enumerate(bad, 100)])
+    with pytest.raises(InvalidArgument, match=r"1 on another basis, .*1 without a covariance") as caught:
+        learn_basis(one)
+    assert "Add results" in caught.value.advice
+    one.add([good, replace(good, key="b" * 64, onnx="", software=camssf.__version__)])
+    found = learn_basis(one)
+    assert len(found.keys) == 2
+    assert sum(found.left_aside.values()) == 6
+    assert found.left_aside["another release's phones"] == 2
+    assert found.judgement.helps is None
+    assert len(learn_basis(one, Asked(statuses=("accepted", "doubtful"))).keys) == 3
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (Asked(basis="gaussian"), "cameras, phones"), (Asked(basis="cameras"), "on cameras"),
+        (Asked(leave="unit"), "none of"), (Asked(model="P9"), "No result of P9"),
+        (Asked(model="P1", make="Other"), "No result of P1"),
+        (Asked(table=Path("none.csv")), "cannot be read"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_learned(registry: Registry, asked: Asked, words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        learn_basis(registry, asked)
+
+
+def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
+    one = Registry(tmp_path / "r", new=True)
+    (good, *_) = fleet()[0]
+    one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(FOLDS + 3)])
+    assert learn_basis(one).judgement.groups == FOLDS + 3
+
+
+# The row
+
+
+def test_the_row_holds_what_learning_needs() -> None:
+    given = document("D55", "A")
+    found = row(report(given).result_json, given, Origin())
+    assert (found.l2, found.gamma) == (given["l2"], max(given["gamma"]))
+    assert list(found.code_covariance) == given["code_covariance"]
+    assert sum(found.prior_share) <= 1.0 + 1e-12
+    chosen = choice_of(given)
+    assert found.odds == (None if chosen is None else chosen.odds)
+    weighed = [
+        {"basis": basis, "prior_scale": 1.0, "log_evidence": 0.0, "probability": share}
+        for basis, share in ((given["basis"], 0.98), ("other", 0.02))
+    ]
+    assert row("b" * 64, {**given, "choice": weighed}, Origin()).odds == pytest.approx(49.0)
+    refused = row("a" * 64, {**given, "verdict": {"status": "refused", "reasons": []}}, Origin())
+    assert refused.status == "refused"
+
+
+def test_widths_of_what_answered_alone() -> None:
+    def weight(basis: str, scale: float, share: float, **more: Any) -> dict[str, Any]:
+        return {"basis": basis, "prior_scale": scale, "probability": share} | more
+
+    told = {"basis": "phones", "prior_scale": 1.0}
+    clear = [weight("phones", 1.0, 0.3), weight("phones", 2.0, 0.68), weight("cameras", 1.0, 0.02)]
+    mixed = [weight("phones", 1.0, 0.6), weight("cameras", 1.0, 0.4)]
+    unnamed = [weight("phones", 1.0, 1.0, kinds=["bulb"])]
+    assert widths_of({}) == ()
+    assert widths_of(told | {"choice": []}) == ((1.0, 1.0),)
+    assert widths_of(told | {"choice": clear}) == ((2.0, 0.68), (1.0, 0.3))
+    assert widths_of(told | {"choice": mixed}) == widths_of(told | {"choice": unnamed}) == ()
+
+
+# The command line
+
+
+def run(*words: object) -> int:
+    return cli.main(["registry", *map(str, words)])
+
+
+def test_the_command(registry: Registry, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8")))
+    assert run("learn", registry.folder, "-o", tmp_path / "ours.npz") == 0
+    out, err = capsys.readouterr()
+    schema.validate(json.loads(out))
+    assert "nats a photo" in err
+    assert run("learn", registry.folder, "-o", tmp_path / "own.npz", "--model", "P2") == 0
+    schema.validate(json.loads(capsys.readouterr().out))
+    assert run("learn", registry.folder, "-o", tmp_path / "own.txt") == InvalidArgument.exit_status
+    assert run("learn", registry.folder, "-o", tmp_path / "no.npz", "--basis", "cameras") == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ours.npz", "own.npz", "phones"]
+    basis: Basis = read_basis(str(tmp_path / "ours.npz"))
+    assert basis.prior
+
+
+def test_the_schema_is_sound() -> None:
+    check_schema(SCHEMA)
+    for each in json.loads(SCHEMA.read_text("utf-8"))["$defs"].values():
+        assert each["description"]

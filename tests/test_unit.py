@@ -1,0 +1,98 @@
+"""Photos of two physical cameras or lenses are refused, as far as their files say."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.documents.patches import patches_document, read_patches
+from camssf.errors import CalibrationError, UnitDiffers
+from camssf.options import Options
+from camssf.photo.capture import Capture, check_shots, measure
+from camssf.photo.mosaic import read_dng
+from camssf.photo.patches import measure_patches
+from camssf.photo.unit import Unit, check_unit
+from camssf.simulation.frames import Scene, simulate
+
+WIDE = Unit("Maker", "Phone", "0", "S1", "Phone wide 6.8 mm", 6.81, 1.85)
+AREA = (0, 0, 3000, 4000)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"camera_id": "2"}, "camera '2' against '0'"),
+        ({"serial": "S2"}, "another serial number"),
+        ({"lens": "Phone tele"}, "lens 'Phone tele' against 'Phone wide 6.8 mm'"),
+        ({"focal_length": 19.0}, "focal length 19 mm against 6.81 mm"),
+        ({"aperture": 2.8}, "aperture f/2.8 against f/1.85"),
+    ],
+)
+def test_what_differs_is_named(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(UnitDiffers, match=words) as refusal:
+        check_unit("a.dng", (WIDE, AREA), "b.dng", (replace(WIDE, **change), AREA))
+    assert (refusal.value.code, refusal.value.exit_status) == ("unit_differs", 5)
+    assert refusal.value.message.startswith("b.dng was taken by another camera or lens than a.dng: ")
+    assert "S2" not in refusal.value.message
+    assert "one physical camera" in refusal.value.advice
+    silent = dict.fromkeys(change, None if isinstance(next(iter(change.values())), float) else "")
+    check_unit("a.dng", (WIDE, AREA), "b.dng", (replace(WIDE, **silent), AREA))
+    check_unit("a.dng", (replace(WIDE, **silent), None), "b.dng", (replace(WIDE, **change), AREA))
+
+
+def test_the_active_area_and_what_files_round() -> None:
+    with pytest.raises(UnitDiffers, match="active area 8, 8, 3008, 4008 against 0, 0, 3000, 4000"):
+        check_unit("a.dng", (WIDE, AREA), "b.dng", (WIDE, (8, 8, 3008, 4008)))
+    check_unit("a.dng", (WIDE, AREA), "b.dng", (replace(WIDE, aperture=1.86, focal_length=6.8), AREA))
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, list[Path]]:
+    made = simulate(
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("unit"), scene=Scene(size=(600, 450))
+    )  # fmt: skip
+    options = Options(corners=[made.pose.corners, made.pose.corners])
+    photos = [shot.chart for shot in made.shots]
+    return measure(photos, ["D55", "A"], options=options), photos
+
+
+def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -> None:
+    found, photos = measured
+    one, two = found.shots
+    check_shots([one, two])
+    other = replace(two, photo=replace(two.photo, unit=replace(two.photo.unit, camera_id="3", focal_length=9.0)))
+    check_shots([one, other])  # the first says nothing of either
+    with pytest.raises(UnitDiffers, match=r"camera '3' against '1'"):
+        check_shots([replace(one, photo=replace(one.photo, unit=Unit(camera_id="1"))), other])
+    photo = read_dng(photos[0])
+    assert photo.active_area == (0, 0, *photo.samples.shape)
+    tele = replace(photo, path="w.dng", unit=Unit(lens="tele"))
+    with pytest.raises(
+        UnitDiffers, match=r"The white frame w\.dng was taken by another camera or lens than the chart"
+    ):
+        measure_patches(replace(photo, unit=Unit(lens="wide")), one.pose, white=tele)
+
+
+def test_the_patches_document_keeps_it_but_for_the_serial_number(measured: tuple[Capture, list[Path]]) -> None:
+    found, _ = measured
+    one, two = found.shots
+    shots = (replace(one, photo=replace(one.photo, unit=replace(WIDE, make="", model=""))), two)
+    document = json.loads(json.dumps(patches_document(replace(found, shots=shots))))
+    again = read_patches(document)
+    assert again.shots[0].photo.unit == Unit(camera_id="0", lens=WIDE.lens, focal_length=6.81, aperture=1.85)
+    assert again.shots[0].photo.active_area == one.photo.active_area
+    assert "S1" not in json.dumps(document)
+    document["shots"][1]["photo"]["unit"] = {"camera_id": "2"}
+    with pytest.raises(UnitDiffers):
+        read_patches(document)
+    for broken in ({"camera_id": 2}, {"focal_length": -1}, {"other": ""}, "unit"):
+        document["shots"][1]["photo"]["unit"] = broken
+        with pytest.raises(CalibrationError):
+            read_patches(document)
+    del document["shots"][1]["photo"]["unit"], document["shots"][1]["photo"]["active_area"]  # of an older release
+    assert np.array_equal(read_patches(document).shots[1].means.chart.mean, two.means.chart.mean)

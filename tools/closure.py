@@ -1,0 +1,102 @@
+"""What is installed with camssf: every run-time dependency, direct and brought along, from the installed metadata."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+EXTRAS = ("passport", "fleet")
+"""Extras that users install; `dev` and `export` are the project's own."""
+CLASSIFIERS = {
+    "Apache Software License": "Apache-2.0",
+    "BSD License": "BSD-3-Clause",
+    "MIT License": "MIT",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+    "Python Software Foundation License": "PSF-2.0",
+    "The Unlicense (Unlicense)": "Unlicense",
+}
+"""Last words of the classifiers `License :: OSI Approved :: ...`, as SPDX."""
+WORDS = {"3-Clause BSD License": "BSD-3-Clause", "ISC License": "ISC"}
+"""What stands in the field License instead of SPDX."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """One installed distribution.
+
+    Attributes:
+        name: as packaging normalises it.
+        version: the installed one.
+        licence: an SPDX expression where the metadata allow one, else their words.
+        needs: names of what it needs itself, in this environment.
+        direct: camssf asks for it itself: "always", or the extra that does; None where another brings it.
+    """
+
+    name: str
+    version: str
+    licence: str
+    needs: tuple[str, ...]
+    direct: str | None
+
+
+def licence(found: Distribution) -> str:
+    """License-Expression; else a classifier; else the first line of License."""
+    said = found.metadata.json  # a plain dictionary: asking the message for what it lacks is deprecated
+    if expression := said.get("license_expression"):
+        return str(expression)
+    classified = [
+        CLASSIFIERS[last]
+        for line in said.get("classifier", [])
+        if line.startswith("License :: ") and (last := line.rpartition(" :: ")[2]) in CLASSIFIERS
+    ]
+    if len(classified) == 1:
+        return classified[0]
+    words = str(said.get("license", "")).strip().partition("\n")[0]
+    return WORDS.get(words, words) or " OR ".join(classified) or "not stated"
+
+
+def needs(found: Distribution, extra: str = "") -> list[Requirement]:
+    """Requirements that hold in this environment, for one extra or none."""
+    asked = map(Requirement, found.requires or [])
+    return [each for each in asked if each.marker is None or each.marker.evaluate({"extra": extra})]
+
+
+def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Package]:
+    """All that an installation of `root` with these extras brings, by name.
+
+    Raises:
+        PackageNotFoundError: one of them is not installed here.
+    """
+    top = distribution(root)
+    direct: dict[str, str] = {}
+    for extra in ("", *extras):
+        for each in needs(top, extra):
+            direct.setdefault(canonicalize_name(each.name), extra or "always")
+    open_, found = list(direct), dict[str, Package]()
+    while open_:
+        name = open_.pop()
+        if name in found:
+            continue
+        own = distribution(name)
+        wanted = _wanted(own)
+        found[name] = Package(name, own.version, licence(own), tuple(sorted(wanted)), direct.get(name))
+        open_ += wanted
+    return [found[name] for name in sorted(found)]
+
+
+def _wanted(found: Distribution) -> set[str]:
+    """Names of the plain requirements; extras that a requirement asks for are looked up where it leads."""
+    names = set()
+    for each in needs(found):
+        names.add(canonicalize_name(each.name))
+        for extra in each.extras:
+            try:
+                names |= {canonicalize_name(more.name) for more in needs(distribution(each.name), extra)}
+            except PackageNotFoundError:
+                names.add(canonicalize_name(each.name))
+    return {name for name in names if re.fullmatch(r"[a-z0-9-]+", name)}

@@ -1,0 +1,112 @@
+"""docs/soup.md: every run-time dependency, licence, version, what is known of it. `python -m tools.soup [--check]`.
+
+Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` leaves;
+where there are none, Kotlin's rows stay as the page has them. What a dependency is for, what its wheel bundles, and
+its known anomalies stand in tools/soup.json: one that is not there, or is there and no dependency, ends with 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from camssf.files import write_file
+from tools.closure import closure
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "soup.md"
+KNOWN = Path(__file__).parent / "soup.json"
+MARKS = {
+    language: (f"<!-- python -m tools.soup: {language} -->", f"<!-- end of {language} -->")
+    for language in ("python", "kotlin")
+}
+HEAD = ["| what | version | licence | for | known of it |", "|---|---|---|---|---|"]
+Found: TypeAlias = Mapping[str, tuple[str, str]]
+"""Version and licence by name."""
+
+
+def python_found() -> Found:
+    """Of this environment."""
+    return {each.name: (each.version, each.licence) for each in closure()}
+
+
+def kotlin_found(folder: Path = ROOT / "android-bindings") -> Found:
+    """Of the SBOMs of what is shipped; nothing where none was made."""
+    found: dict[str, tuple[str, str]] = {}
+    for path in sorted((folder / "packaging" / "target" / "repository").glob("**/*-cyclonedx.json")):
+        for each in json.loads(path.read_text("utf-8"))["components"]:
+            if each.get("group") != "org.camssf" and each["name"] != "android-all":
+                found[f"{each['group']}:{each['name']}"] = (each["version"], _licence(each))
+    return dict(sorted(found.items()))
+
+
+def _licence(component: Mapping[str, Any]) -> str:
+    said = [
+        str(each.get("expression") or each["license"].get("id") or each["license"]["name"])
+        for each in component.get("licenses", [])
+    ]
+    return " OR ".join(said) or "not stated"
+
+
+def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """What tools/soup.json lacks, and what it has too much."""
+    lacking = [f"{name}: say in tools/soup.json what it is for and what is known of it." for name in found]
+    return [words for words, name in zip(lacking, found, strict=True) if name not in known] + [
+        f"{name} in tools/soup.json is no dependency." for name in known if name not in found
+    ]
+
+
+def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """The rows, what is bundled beside the licence."""
+    rows = []
+    for name, (version, licence) in found.items():
+        told = known.get(name, {})
+        whole = licence + (f"; bundles {told['bundles']}" if "bundles" in told else "")
+        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')} | {told.get('known', 'nothing')} |")
+    return [*HEAD, *rows]
+
+
+def stored(page: str, language: str) -> list[str]:
+    """The rows that a page has."""
+    begin, end = MARKS[language]
+    return page.partition(begin)[2].partition(end)[0].strip().splitlines()
+
+
+def written(page: str, language: str, rows: Sequence[str]) -> str:
+    """The page with one of its tables made anew."""
+    begin, end = MARKS[language]
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise ValueError(f"the page has no place for the table: {begin} and {end}")
+    middle = "\n".join([begin, *rows, end])
+    return re.sub(f"{re.escape(begin)}.*{re.escape(end)}", lambda _: middle, page, flags=re.DOTALL)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the page, or say whether it is what is installed."""
+    parser = argparse.ArgumentParser(prog="python -m tools.soup", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
+    options = parser.parse_args(argv)
+    known, page = json.loads(KNOWN.read_text("utf-8")), PAGE.read_text("utf-8")
+    made, wrong, counts = page, [], []
+    for language, found in (("python", python_found()), ("kotlin", kotlin_found())):
+        if found:
+            wrong += faults(found, known[language])
+            made = written(made, language, table(found, known[language]))
+        counts.append(f"{len(found)} of {language}" if found else f"{language} as the page has it (no build)")
+    if not options.check:
+        write_file(PAGE, made)
+    elif made != page:
+        wrong.append("docs/soup.md is not what is installed. Run python -m tools.soup, with constraints.txt.")
+    for each in wrong:
+        print(each, file=sys.stderr)
+    print(f"soup: {', '.join(counts)}, {len(wrong)} faults")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

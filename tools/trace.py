@@ -1,0 +1,300 @@
+"""docs/traceability.md: requirement, risk, tests, result of the last run. `python -m tools.trace [--check]`.
+
+Requirements stand in tools/requirements.json. A test names those that it shows: in Python by
+`@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
+Results are read from pytest's and Surefire's JUnit XML. The command ends with 1 where a requirement has no test, a
+marker names no requirement, a row of the README's table of claims is no requirement, or, with results, where a
+requirement's test failed or none ran.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+from camssf import __version__
+from camssf.files import write_file
+
+ROOT = Path(__file__).parents[1]
+REQUIREMENTS = Path(__file__).parent / "requirements.json"
+PAGE = ROOT / "docs" / "traceability.md"
+BEGIN, END = "<!-- python -m tools.trace -->", "<!-- end of the trace -->"
+CLAIMS = "## What is proven, and what is not"
+NOT_RUN = "not run"
+TAG = re.compile(r'@(?:[\w.]+\.)?Tag\("(R-[A-Z0-9-]+)"\)')
+DECLARED = re.compile(r"^\s*(?:(?:internal|public|private|open|abstract) )*(class|fun) (`[^`]+`|\w+)")
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What must hold.
+
+    Attributes:
+        name: R- and capital letters.
+        text: one sentence.
+        risk: what happens to whom if it does not hold.
+        claim: how a row of the README's table of claims begins, markup left out; None where none claims it.
+    """
+
+    name: str
+    text: str
+    risk: str
+    claim: str | None = None
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A test, or all tests of a file or class, that a marker names.
+
+    Attributes:
+        requirement: its name.
+        place: the file, from the repository's root.
+        group: as JUnit XML names it: Python's module, Kotlin's class.
+        test: the function; None for all.
+    """
+
+    requirement: str
+    place: str
+    group: str
+    test: str | None
+
+    def __str__(self) -> str:
+        """As the page shows it."""
+        name = Path(self.place).name
+        return f"`{name}`" if self.test is None else f"`{name}`: {self.test}"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How the cases of some tests ended."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        """Both."""
+        return Counts(self.passed + other.passed, self.failed + other.failed, self.skipped + other.skipped)
+
+    def __str__(self) -> str:
+        """Without what is zero."""
+        said = [(self.passed, "passed"), (self.failed, "**failed**"), (self.skipped, "skipped")]
+        return ", ".join(f"{count} {word}" for count, word in said if count) or NOT_RUN
+
+
+Results = Mapping[tuple[str, str], Counts]
+"""By group and test, parameters left out."""
+
+
+def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
+    """All of them, in the file's order."""
+    found = [Requirement(**each) for each in json.loads(path.read_text("utf-8"))]
+    names = [each.name for each in found]
+    if len(set(names)) < len(names):
+        raise ValueError(f"{path.name} names a requirement twice")
+    return found
+
+
+def _named(node: ast.expr) -> list[str]:
+    """The requirements in `pytest.mark.requirement(...)`, or in a list with such calls in it."""
+    if isinstance(node, ast.List | ast.Tuple):
+        return [name for each in node.elts for name in _named(each)]
+    if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "pytest.mark.requirement"):
+        return []
+    return [str(ast.literal_eval(argument)) for argument in node.args]
+
+
+def python_markers(text: str, place: str) -> Iterator[Marked]:
+    """Of one test file."""
+    group = Path(place).stem
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["pytestmark"]:
+            yield from (Marked(name, place, group, None) for name in _named(node.value))
+        if isinstance(node, ast.FunctionDef):
+            for decorator in node.decorator_list:
+                yield from (Marked(name, place, group, node.name) for name in _named(decorator))
+
+
+def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
+    """Of one test file: tags stand on the lines before the class or function that they belong to."""
+    (package,) = re.findall(r"^package (\S+)$", text, re.MULTILINE)
+    tags: list[str] = []
+    group = ""
+    for line in text.splitlines():
+        tags += TAG.findall(line)
+        if declared := DECLARED.match(TAG.sub("", line)):
+            kind, name = declared[1], declared[2].strip("`")
+            if kind == "class" and not line.startswith(" "):
+                group = f"{package}.{name}"
+            yield from (Marked(tag, place, group, None if kind == "class" else name) for tag in tags)
+            tags = []
+
+
+@cache
+def markers(root: Path = ROOT) -> tuple[Marked, ...]:
+    """Of all tests in both languages."""
+    python = sorted((root / "tests").glob("test_*.py"))
+    kotlin = sorted((root / "android-bindings").glob("*/src/test/kotlin/**/*.kt"))
+    found = [each for path in python for each in python_markers(path.read_text("utf-8"), _place(path, root))]
+    found += [each for path in kotlin for each in kotlin_markers(path.read_text("utf-8"), _place(path, root))]
+    return tuple(found)
+
+
+def _place(path: Path, root: Path) -> str:
+    return path.relative_to(root).as_posix()
+
+
+def _inside(folder: Path) -> list[Path]:
+    """Surefire's files anywhere below, and pytest's if it lies there, too."""
+    return sorted({*folder.glob("**/TEST-*.xml"), *folder.glob("pytest.xml")})
+
+
+def read_results(paths: Sequence[Path]) -> Results:
+    """Of JUnit XML files, and of all TEST-*.xml below folders, a pytest.xml in them too."""
+    files = [file for path in paths for file in (_inside(path) if path.is_dir() else [path])]
+    found: dict[tuple[str, str], Counts] = {}
+    for file in files:
+        for case in ElementTree.parse(file).iter("testcase"):
+            said = {child.tag for child in case}
+            one = Counts(
+                passed=not said & {"failure", "error", "skipped"},
+                failed=bool(said & {"failure", "error"}),
+                skipped="skipped" in said,
+            )
+            group = case.get("classname", "").removeprefix("tests.")
+            key = (group, _bare(case.get("name", "")))
+            found[key] = found.get(key, Counts()) + one
+    return found
+
+
+def _bare(name: str) -> str:
+    """Without parameters, and what runners put behind a name; a name of words with brackets is cut there, too."""
+    return re.split(r"[\[({]", name, maxsplit=1)[0]
+
+
+def counts(tests: Sequence[Marked], results: Results) -> Counts:
+    """Of the tests of one requirement; what two markers name counts once."""
+    keys = {
+        (group, test)
+        for group, test in results
+        if any(group == each.group and (each.test is None or _bare(each.test) == test) for each in tests)
+    }
+    return sum((results[key] for key in keys), Counts())
+
+
+def claims(readme: str) -> list[str]:
+    """The first cells of the README's table of claims, without markup."""
+    table = readme.partition(CLAIMS)[2].partition("\n## ")[0]
+    cells = [row.split(" | ")[0].removeprefix("| ") for row in table.splitlines() if row.startswith("| ")]
+    return [re.sub(r"\*\*|`", "", cell) for cell in cells if cell != "claim"]
+
+
+def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: Sequence[str]) -> list[str]:
+    """Why the trace is not whole, each with what to do."""
+    known, shown = {each.name for each in requirements}, {each.requirement for each in tests}
+    found = [
+        f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
+        for name in sorted(known - shown)
+    ]
+    found += [
+        f"{each.place} names {each.requirement}, which tools/requirements.json does not know."
+        for each in tests
+        if each.requirement not in known
+    ]
+    claimed = {each.name: each.claim for each in requirements if each.claim is not None}
+    for row in said:
+        owners = [name for name, claim in claimed.items() if row.startswith(claim)]
+        if len(owners) != 1:
+            who = " and ".join(owners) or "no requirement"
+            found.append(f"README's claim {row[:60]!r} is of {who}: one in tools/requirements.json must claim it.")
+    found += [
+        f"{name} claims {claim!r}, and no row of the README's table begins so."
+        for name, claim in claimed.items()
+        if not any(row.startswith(claim) for row in said)
+    ]
+    return found
+
+
+def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
+    """Name, text, risk and tests of each."""
+    table = []
+    for each in requirements:
+        own = list(dict.fromkeys(str(test) for test in tests if test.requirement == each.name))
+        text = each.text + ("" if each.claim is None else " (README)")
+        table.append((each.name, text, each.risk, "<br>".join(own)))
+    return table
+
+
+def stored(page: str) -> tuple[str, dict[str, str]]:
+    """The line about the last run, and its results by requirement, as a page tells them."""
+    inside = page.partition(BEGIN)[2].partition(END)[0]
+    run = next((line for line in inside.splitlines() if line.startswith("Last run:")), f"Last run: {NOT_RUN}.")
+    cells = [line.strip("|").split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
+    return run, {line[0].strip(): line[-1].strip() for line in cells}
+
+
+def written(page: str, table: Sequence[tuple[str, str, str, str]], run: str, ended: Mapping[str, str]) -> str:
+    """The page with its table made anew."""
+    head, begin, rest = page.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"the page has no place for the table: {BEGIN} and {END}")
+    lines = [run, "", "| requirement | what | if it did not hold | tests | last run |", "|---|---|---|---|---|"]
+    lines += [f"| {' | '.join(row)} | {ended.get(row[0], NOT_RUN)} |" for row in table]
+    return f"{head}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{tail}"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the page, or say whether the trace is whole."""
+    parser = argparse.ArgumentParser(prog="python -m tools.trace", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
+    parser.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
+    parser.add_argument("--page", type=Path, default=PAGE, help=argparse.SUPPRESS)
+    options = parser.parse_args(argv)
+    requirements, tests = read_requirements(), markers()
+    wrong = faults(requirements, tests, claims((ROOT / "README.md").read_text("utf-8")))
+    page = options.page.read_text("utf-8")
+    run, ended = stored(page)
+    total = Counts()
+    if options.results:
+        results = read_results(options.results)
+        found = {
+            each.name: counts([test for test in tests if test.requirement == each.name], results)
+            for each in requirements
+        }
+        wrong += [f"{name}: {each}." for name, each in found.items() if each.failed or not each.passed]
+        total = sum(found.values(), Counts())
+        run = f"Last run: {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, camssf {__version__}."
+        ended = {name: str(each) for name, each in found.items()}
+    table = rows(requirements, tests)
+    made = written(page, table, run, ended)
+    if not options.check:
+        write_file(options.page, made)
+    elif written(page, table, "", {}) != written(page, _told(page), "", {}):
+        wrong.append("docs/traceability.md is not what the markers say. Run python -m tools.trace.")
+    for each in wrong:
+        print(each, file=sys.stderr)
+    marked = len({(each.place, each.test) for each in tests})
+    cases = f", {total}" if options.results else ""
+    print(f"trace: {len(requirements)} requirements, {marked} markers{cases}, {len(wrong)} faults")
+    return 1 if wrong else 0
+
+
+def _told(page: str) -> list[tuple[str, str, str, str]]:
+    """The rows that a page has now."""
+    inside = page.partition(BEGIN)[2].partition(END)[0]
+    lines = [line[2:-2].split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
+    return [(line[0], line[1], line[2], line[3]) for line in lines]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
