@@ -284,7 +284,7 @@ def main(arguments: list[str] | None = None) -> int:
             out.print(
                 f"two over one: {', '.join(f'{r:.2f}' for r in ratios)}; by processor time {np.median(work):.2f}"
             )
-            bar("two workers over one, the best pair", max(ratios), TWO, least=True)
+            bar("two workers over one, median of pairs", float(np.median(ratios)), TWO, least=True)
             each = min(run.wall for run in runs["two"]) / told.captures
             out.print(f"{1 / each:.2f} captures/s with two: a million in {each * 1e6 / 86400:.1f} days")
         if told.only in (None, "dask"):
