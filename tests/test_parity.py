@@ -185,6 +185,14 @@ def test_a_result_on_a_told_basis(shots: Path, tmp_path: Path) -> None:
     assert (found.stage, found.words) == ("inputs", "width of the prior 2.0 there, 1.0 here")
 
 
+def test_light_that_differs_from_patch_to_patch_is_told_again(shots: Path, tmp_path: Path) -> None:
+    photo, document = str(shots / "chart.dng"), tmp_path / "result.json"
+    given = ["--lamp", "D55", "--basis", "phones", "--light-per-patch", "8%"]
+    assert cli.main(["calibrate", photo, *given, "-o", str(tmp_path)]) == 0
+    assert cli.main(["parity", str(document), photo, "--light-per-patch", "8%"]) == 0
+    assert cli.main(["parity", str(document), photo]) == cli.PARTED
+
+
 def test_a_result_in_a_light_that_nobody_named(shots: Path, tmp_path: Path) -> None:
     """Nobody named it here, either: the same hypotheses, by the same weights."""
     frames = [f"--{role}={shots / role}.dng" for role in ("white", "dark")]

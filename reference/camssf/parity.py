@@ -67,7 +67,7 @@ _CAUSES = {
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
-    "If the result was made with --fit, --signed or --white-reflectance, say so here too.",
+    "If the result was made with --fit, --signed, --light-per-patch or --white-reflectance, say so here too.",
     "band": "The curve agrees, its standard deviation, the codes' covariance, the evidence, the budget or how "
     "far the truth may lie from a prediction does not.",
     "gap": "One of the two has not converged, or its layers have not.",
@@ -110,14 +110,15 @@ def parity(
     """Compare a "camssf-result/1" document with what Python makes of the same photos.
 
     Pose, lamp, chart, tolerances, basis and penalties are those that the document states. What it does not state has
-    to be given again: files of lamps and charts, the white target, the patches to fit, signed coefficients.
+    to be given again: files of lamps and charts, the white target, the patches to fit, signed coefficients, light
+    that differs from patch to patch.
 
     Args:
         document: the result, checked against its schema.
         photos: DNG of each shot, in the shots' order.
         white, dark: the frames that the document says were used.
         lamps, chart: instead of the document's, where those are files that lie elsewhere here.
-        options: white_reflectance, fit and nonnegative; the others are as the document has them.
+        options: white_reflectance, fit, nonnegative and light_per_patch; the others are as the document has them.
         progress: called with a stage in words and the part done, 0 to 1.
         former: an option as an argument of its own, as in `calibrate`.
 
@@ -147,7 +148,7 @@ def parity(
     refused = document["verdict"]["status"] == "refused"
     if any(shot["pose"] is None or not shot["patches"] for shot in shots):
         tell("calibrating", 0.5)
-        alike = Options(white_reflectance=options.white_reflectance)
+        alike = Options(white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch)
         made = attempt(files, lights, white=whites, dark=darks, chart=table, options=alike).document()
         return (*found, *_verdicts(document, made))
     tell("looking at the pose", 0.3)
@@ -165,7 +166,7 @@ def parity(
     basis = AUTO if chosen else document["basis"]
     stated = replace(
         DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative, l2=document.get("l2"),
-        gamma=document.get("gamma"),
+        gamma=document.get("gamma"), light_per_patch=options.light_per_patch,
     )  # fmt: skip
     made = recorded(lambda record: solve(capture, options=stated, record=record)).document()
     found += _measured(document, made)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from camssf.cli.options import Darks, Fit, Out, Photos, Signed, Truth, WhiteReflectance, Whites
-from camssf.cli.reading import given_frames, given_paths, parse_patches, parse_share, read_result
+from camssf.cli.options import Darks, Fit, LightPerPatch, Out, Photos, Signed, Truth, WhiteReflectance, Whites
+from camssf.cli.reading import given_frames, given_paths, parse_patches, parse_percent, parse_share, read_result
 from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
 
@@ -93,6 +93,7 @@ def parity(
     white_reflectance: WhiteReflectance = None,
     fit: Fit = None,
     signed: Signed = False,
+    light_per_patch: LightPerPatch = None,
 ) -> None:
     """Compare a phone's result with this computer's.
 
@@ -114,6 +115,7 @@ def parity(
                 white_reflectance=parse_share(white_reflectance),
                 fit=parse_patches(fit),
                 nonnegative=False if signed else None,
+                light_per_patch=parse_percent("--light-per-patch", light_per_patch),
             ),
             progress=progress,
         )
