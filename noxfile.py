@@ -87,6 +87,22 @@ def docs(session: nox.Session) -> None:
     session.run("mkdocs", *(session.posargs or ["build", "--strict", "--site-dir", session.create_tmp()]), env=quiet)
 
 
+@nox.session
+def site(session: nox.Session) -> None:
+    """The documentation of a version beside those of the versions before: `nox -s site -- 1.2`.
+
+    A commit on the local branch gh-pages, where `latest` leads to it and `mike serve` shows all; nothing is pushed.
+    """
+    if len(session.posargs) != 1:
+        session.error("nox -s site -- X.Y, the version that this is the documentation of")
+    install(session, "mike", "mkdocs-material", "mkdocstrings[python]")
+    quiet = {"NO_MKDOCS_2_WARNING": "1"}
+    session.run(
+        "mike", "deploy", "--alias-type=redirect", "--update-aliases", session.posargs[0], "latest", env=quiet
+    )
+    session.run("mike", "set-default", "latest", env=quiet)
+
+
 @nox.session(venv_backend="none")
 def kotlin(session: nox.Session) -> None:
     """Everything in android-bindings; needs JDK 17 and Maven."""

@@ -2,8 +2,11 @@
 
 import ast
 import json
+import os
 import re
 import shlex
+import subprocess
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -292,6 +295,37 @@ def test_the_pages_need_no_other_server() -> None:
     for path in (ROOT / "docs" / "assets").rglob("*.css"):
         for place in re.findall(r"url\(([^)]+)\)", path.read_text("utf-8")):
             assert (path.parent / place).is_file(), place
+
+
+@pytest.mark.slow
+def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
+    """As the nox session `site` deploys, with the theme and settings of ours, on one page."""
+    pytest.importorskip("mike", reason="mike is not installed: no versions of the documentation")
+    programs = sysconfig.get_path("scripts")  # mike calls mkdocs by its name
+    quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PATH": os.pathsep.join((programs, os.environ["PATH"]))}
+    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
+    kept = {key: settings[key] for key in ("site_name", "theme", "extra", "strict")}
+    (tmp_path / "mkdocs.yml").write_text(yaml.safe_dump(kept), "utf-8")
+    (tmp_path / "docs").mkdir()
+
+    def told(*command: str) -> str:
+        done = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True, env=quiet)
+        return done.stdout
+
+    told("git", "init", "-q")
+    told("git", "config", "user.name", "nobody")
+    told("git", "config", "user.email", "nobody@example.org")
+    told("git", "commit", "-q", "--allow-empty", "-m", "the release")
+    for version in ("0.1", "0.2"):
+        (tmp_path / "docs" / "index.md").write_text(f"# Of {version}\n", "utf-8")
+        told(str(Path(programs) / "mike"), "deploy", "--alias-type=redirect", "--update-aliases", version, "latest")
+    listed = json.loads(told("git", "show", "gh-pages:versions.json"))
+    assert [(each["version"], each["aliases"]) for each in listed] == [("0.2", ["latest"]), ("0.1", [])]
+    for version in ("0.1", "0.2"):
+        page = told("git", "show", f"gh-pages:{version}/index.html")
+        assert f"Of {version}" in page
+        assert '"provider": "mike"' in page  # the page's head offers the others
+    assert "../0.2/" in told("git", "show", "gh-pages:latest/index.html")
 
 
 TORCH_ALONE = {"install", "-q", "torch", "onnxscript"}
