@@ -19,6 +19,7 @@ internal class Blobs {
     private val components = Components()
     private var bright = IntArray(0)
     private var corner = IntArray(0)
+    private var excess = IntArray(0)
     private var heads = IntArray(0)
     private val next = IntArray(MOST)
 
@@ -43,6 +44,7 @@ internal class Blobs {
     private fun prepare(codes: Codes) {
         val size = codes.width * codes.height
         if (bright.size < size) bright = IntArray(size)
+        if (excess.size < codes.width) excess = IntArray(codes.width)
         for (i in 0 until size) bright[i] = codes.values[i]
         for (c in 1 until codes.channels) for (i in 0 until size) bright[i] += codes.values[c * size + i]
         val stride = codes.width + 1
@@ -62,21 +64,12 @@ internal class Blobs {
 
     /** A row's runs of pixels that exceed so many sixteenths of their window's mean; the window ends with the picture. */
     private fun scan(row: Int, width: Int, height: Int, pass: IntArray) {
-        val reach = pass[0]
-        val sixteenths = pass[1]
-        val stride = width + 1
-        val above = max(row - reach, 0)
-        val below = min(row + reach + 1, height)
-        val top = above * stride
-        val bottom = below * stride
-        val lines = below - above
+        compare(row, width, height, pass)
+        val excess = excess
         var start = -1
         components.row(row)
         for (x in 0 until width) {
-            val left = if (x > reach) x - reach else 0
-            val right = if (x + reach + 1 < width) x + reach + 1 else width
-            val total = corner[bottom + right] - corner[bottom + left] - corner[top + right] + corner[top + left]
-            if (16 * bright[row * width + x] * (lines * (right - left)) > sixteenths * total) {
+            if (excess[x] > 0) {
                 if (start < 0) start = x
             } else if (start >= 0) {
                 components.run(start, x - 1)
@@ -84,6 +77,41 @@ internal class Blobs {
             }
         }
         if (start >= 0) components.run(start, width - 1)
+    }
+
+    /**
+     * By how much each pixel of a row exceeds so many sixteenths of its window's mean, times the window's area. Where the
+     * window is whole that is a loop without branches, which compilers do several pixels at a time.
+     */
+    private fun compare(row: Int, width: Int, height: Int, pass: IntArray) {
+        val reach = pass[0]
+        val sixteenths = pass[1]
+        val above = max(row - reach, 0)
+        val lines = min(row + reach + 1, height) - above
+        val top = above * (width + 1)
+        val bottom = top + lines * (width + 1)
+        val begin = row * width
+        val sums = corner
+        val light = bright
+        val found = excess
+
+        fun clipped(x: Int) {
+            val left = max(x - reach, 0)
+            val right = min(x + reach + 1, width)
+            val total = sums[bottom + right] - sums[bottom + left] - sums[top + right] + sums[top + left]
+            found[x] = 16 * lines * (right - left) * light[begin + x] - sixteenths * total
+        }
+        val whole = min(reach, width)
+        val end = max(width - reach, whole)
+        for (x in 0 until whole) clipped(x)
+        val area = 16 * lines * (2 * reach + 1)
+        for (x in whole until end) {
+            val left = x - reach
+            val right = x + reach + 1
+            val total = sums[bottom + right] - sums[bottom + left] - sums[top + right] + sums[top + left]
+            found[x] = area * light[begin + x] - sixteenths * total
+        }
+        for (x in end until width) clipped(x)
     }
 
     /** Adds component i if it looks like a patch and is new. */

@@ -84,25 +84,48 @@ internal class Codes {
                 plane.row(readers[i], if (chroma) y / 2 else y, count, rows[i])
             }
             val start = y / factor * this.width
-            var at = 0
-            for (x in 0 until this.width) {
-                repeat(factor) {
-                    if (source.yuv) {
-                        val luma = (rows[0][at].toInt() and 0xff) shl 16
-                        val cb = (rows[1][at shr 1].toInt() and 0xff) - 128
-                        val cr = (rows[2][at shr 1].toInt() and 0xff) - 128
-                        values[start + x] += byte(luma + 91881 * cr)
-                        values[start + x + size] += byte(luma - 22554 * cb - 46802 * cr)
-                        values[start + x + 2 * size] += byte(luma + 116130 * cb)
-                    } else {
-                        for (c in 0 until colours) values[start + x + c * size] += rows[c][at].toInt() and 0xff
-                    }
-                    at++
-                }
+            if (source.yuv) {
+                addColours(start, size, factor)
+            } else {
+                for (c in 0 until colours) add(rows[c], start + c * size, factor)
             }
         }
         val parts = factor * factor
-        for (i in 0 until size * colours) values[i] = (16 * values[i] + parts / 2) / parts
+        val all = values
+        if (parts == 1) {
+            for (i in 0 until size * colours) all[i] = 16 * all[i]
+        } else {
+            for (i in 0 until size * colours) all[i] = (16 * all[i] + parts / 2) / parts
+        }
+    }
+
+    /** Adds a line of one colour to the codes from `start` on. */
+    private fun add(line: ByteArray, start: Int, factor: Int) {
+        val all = values
+        if (factor == 1) {
+            for (x in 0 until width) all[start + x] += line[x].toInt() and 0xff
+            return
+        }
+        var at = 0
+        for (x in 0 until width) repeat(factor) { all[start + x] += line[at++].toInt() and 0xff }
+    }
+
+    /** Adds a line of luma, cb and cr (BT.601, full range) to the codes of red, green and blue, `size` apart. */
+    private fun addColours(start: Int, size: Int, factor: Int) {
+        val all = values
+        val (lumas, blues, reds) = rows
+        var at = 0
+        for (x in start until start + width) {
+            repeat(factor) {
+                val luma = (lumas[at].toInt() and 0xff) shl 16
+                val cb = (blues[at shr 1].toInt() and 0xff) - 128
+                val cr = (reds[at shr 1].toInt() and 0xff) - 128
+                all[x] += byte(luma + 91881 * cr)
+                all[x + size] += byte(luma - 22554 * cb - 46802 * cr)
+                all[x + 2 * size] += byte(luma + 116130 * cb)
+                at++
+            }
+        }
     }
 
     private fun read(source: Source.Light, width: Int, height: Int) {
