@@ -35,6 +35,7 @@ from camssf.documents.view import certificate, plots, story
 from camssf.documents.view import patches as patch_view
 from camssf.documents.view import photos as photo_view
 from camssf.documents.view.bands import possible
+from camssf.documents.view.curves import curves_of
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.evidence.checks import REFUSING
 from camssf.grid import WAVELENGTHS
@@ -1107,9 +1108,26 @@ def test_a_band_never_lies_below_zero_and_is_the_gaussian_far_above() -> None:
         assert np.isfinite(high).all()
     low, high = possible(np.array([3.0]), np.array([0.5]))
     np.testing.assert_allclose([low[0], high[0]], [3 - 0.98, 3 + 0.98], atol=1e-3)
+    # A curve's peak is 1 by its scale: only rounding is left of its standard deviation.
+    for std in (1e-7, 1e-16, 1e-300):
+        np.testing.assert_allclose(possible(np.ones(1), np.array([std])), 1.0, rtol=3e-7)
     deep = possible(np.array([-1e6]), np.array([1.0]))
     assert deep[0][0] == 0
     assert 0 <= deep[1][0] < 1e-3
+
+
+def test_a_line_is_drawn_within_its_band() -> None:
+    """A posterior's mean may lie below zero; without a band the curve is drawn as it is."""
+    made = document()
+    made["ssf"]["red"][:100] = [-0.01] * 100
+    made["ssf_std"]["red"] = [0.02] * 681
+    drawn = curves_of(made)
+    assert drawn.low is not None
+    assert drawn.high is not None
+    assert (drawn.low <= drawn.ssf).all()
+    assert (drawn.ssf <= drawn.high).all()
+    del made["ssf_std"]
+    assert curves_of(made).ssf.min() == -0.01
 
 
 def test_drawn_and_told_bands_are_those_that_can_be() -> None:

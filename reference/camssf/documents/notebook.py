@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.documents.view.curves import curves_of
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 
@@ -17,8 +18,6 @@ CHANNELS = ("red", "green", "blue")
 HUES = ("#c8352b", "#268a54", "#3a63d0")
 """Of red, green and blue: legible on white and on black."""
 STATUS = {"accepted": "#268a54", "doubtful": "#b07800", "refused": "#c8352b"}
-BAND = 1.96
-"""Half-width of a 95 % band in standard deviations."""
 STEP = 4
 """Every so many wavelengths are drawn: 2 nm."""
 LONGEST = 60
@@ -102,21 +101,13 @@ def numbers(document: Json) -> list[tuple[str, str]]:
     return found
 
 
-def bounds(curve: Floats, std: Floats) -> tuple[Floats, Floats]:
-    """The 95 % band as it can be drawn: no response is below zero, unless the curve itself is."""
-    return np.maximum(curve - BAND * std, np.minimum(curve, 0.0)), curve + BAND * std
-
-
 def _svg(document: Json) -> str:
     """The three curves and their bands, 480 by 220; text and lines take the page's own colour."""
     nm = WAVELENGTHS[::STEP]
-    curves = [np.array(document["ssf"][channel])[::STEP] for channel in CHANNELS]
-    known = document.get("ssf_std")
-    band = (
-        [bounds(c, np.array(known[channel])[::STEP]) for c, channel in zip(curves, CHANNELS, strict=True)]
-        if known
-        else []
-    )
+    drawn = curves_of(document)
+    curves = list(drawn.ssf[::STEP].T)
+    banded = drawn.low is not None and drawn.high is not None
+    band = list(zip(drawn.low[::STEP].T, drawn.high[::STEP].T, strict=True)) if banded else []
     low = min(0.0, *(float(curve.min()) for curve in curves))
     high = max(1.05, min(1.4, max((float(top.max()) for _, top in band), default=1.0)))
 

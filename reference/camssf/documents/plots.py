@@ -7,7 +7,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.documents.notebook import CHANNELS, HUES, bounds, camera_of, lamps_of, with_curves
+from camssf.documents.notebook import CHANNELS, HUES, camera_of, lamps_of, with_curves
+from camssf.documents.view.curves import curves_of
 from camssf.errors import InvalidArgument
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS
@@ -46,14 +47,13 @@ def _axes() -> Any:
 
 def _curves(document: Json, ax: Any, shot: int) -> None:
     """Curves with their 95 % bands; dashed the truth, where there is one."""
-    std, truth = document.get("ssf_std"), document.get("truth")
-    for channel, hue in zip(CHANNELS, HUES, strict=True):
-        curve = np.array(document["ssf"][channel])
-        if std:
-            ax.fill_between(WAVELENGTHS, *bounds(curve, np.array(std[channel])), color=hue, alpha=0.18, linewidth=0)
-        ax.plot(WAVELENGTHS, curve, color=hue, label=channel)
-        if truth:
-            ax.plot(WAVELENGTHS, truth["ssf"][channel], color=hue, linestyle="--", linewidth=1)
+    drawn = curves_of(document)
+    for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
+        if drawn.low is not None and drawn.high is not None:
+            ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.18, linewidth=0)
+        ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
+        if drawn.truth is not None:
+            ax.plot(WAVELENGTHS, drawn.truth[:, c], color=hue, linestyle="--", linewidth=1)
     ax.set_xlim(380, 720)
     ax.set_xlabel("wavelength, nm")
     ax.set_ylabel("relative response, peak = 1")

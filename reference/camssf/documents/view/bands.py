@@ -36,9 +36,11 @@ def possible(mean: Floats, std: Floats) -> tuple[Floats, Floats]:
     # -Φ⁻¹(0.05 Φ(t)) by its logarithm: far below zero Φ(t) itself is no number any more.
     upper = t - ndtri_exp(np.log1p(-SHARE) + log_ndtr(t))
     whole = half <= t
-    low, high = np.where(whole, t - half, 0.0), np.where(whole, t + half, np.maximum(upper, 0.0))
+    # About the mean itself: m/σ was clipped, and has lost it where σ is next to nothing, as at a curve's peak.
+    low = np.where(whole, np.maximum(mean - half * safe, 0.0), 0.0)
+    high = np.where(whole, mean + half * safe, np.maximum(upper, 0.0) * safe)
     sure = std > 0
     return (
-        np.asarray(np.where(sure, low * safe, np.maximum(mean, 0.0))),
-        np.asarray(np.where(sure, high * safe, np.maximum(mean, 0.0))),
+        np.asarray(np.where(sure, low, np.maximum(mean, 0.0))),
+        np.asarray(np.where(sure, high, np.maximum(mean, 0.0))),
     )

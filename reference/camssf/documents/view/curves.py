@@ -16,7 +16,7 @@ class Curves:
     """What is drawn; each (681, 3), columns red, green, blue.
 
     Attributes:
-        ssf: the curves, peak = 1.
+        ssf: the curves, peak = 1; those with a band are drawn from zero up, as their bands are.
         low, high: the 95 % band; None where the basis gives none.
         truth: measured curves, or None.
     """
@@ -60,6 +60,8 @@ def curves_of(document: Json) -> Curves:
     ssf = columns(document["ssf"])
     std, truth = document.get("ssf_std"), document.get("truth")
     low, high = possible(ssf, columns(std)) if std else (None, None)
+    if std:
+        ssf = np.maximum(ssf, 0.0)  # a posterior's mean may lie below, no response does
     return Curves(ssf, low, high, columns(truth["ssf"]) if truth else None)
 
 
