@@ -183,6 +183,10 @@ def test_a_report_beside_a_passport_and_another_result(
     signed = tmp_path / "camera.jws"
     said = ["--serial", "A1B2", "--lens", "main lens", "--captured", "2026-11-22T10:30:00+01:00"]
     assert cli.main(["passport", "sign", str(own), "--key", str(private), "-o", str(signed), *said]) == 0
+    secret = private.read_bytes()
+    for lost in (private, own):
+        assert cli.main(["passport", "sign", str(own), "--key", str(private), "-o", str(lost), *said]) == 2
+    assert private.read_bytes() == secret
     beside = [str(own), "-o", str(out), "--compare", str(own), "--passport", str(signed)]
     assert cli.main(["report", *beside]) == 0
     page = (out / "report.html").read_text("utf-8")
@@ -197,6 +201,7 @@ def test_a_report_beside_a_passport_and_another_result(
     revoked = tmp_path / "revoked.txt"
     revoked.write_text(key_name(read_public([public]).popitem()[1]) + "\n", "utf-8")
     assert cli.main(["report", *beside, "--key", str(public), "--revoked", str(revoked)]) == 10
+    assert cli.main(["report", *beside, "--revoked", str(revoked)]) == 2  # nobody's signature was verified
     changed = tmp_path / "changed.json"
     changed.write_bytes(own.read_bytes() + b" ")
     for key in ([], ["--key", str(public)]):

@@ -139,6 +139,9 @@ def test_the_command_line_writes_the_file(tmp_path: Path, capsys: pytest.Capture
     assert said.out == ""
     assert "plain CSV" in said.err
     assert out.read_bytes() == export(result(), "csv")
+    before = given.read_bytes()
+    assert cli.main(["export", str(given), "--to", "csv", "-o", str(given)]) == 2
+    assert given.read_bytes() == before
     assert cli.main(["export", str(given), "--to", "csv"]) == 2
     assert cli.main(["export", str(given), "--to", "nothing", "-o", str(out)]) == 2
     assert out.read_bytes() == export(result(), "csv")

@@ -248,6 +248,7 @@ def test_a_sidecar_says_levels_for_each_place_and_what_else_is_known(tmp_path: P
     [
         ("", "cannot be read"),
         ("[]", "no camssf-mosaic/1"),
+        (json.dumps(SOUND)[:-1] + ', "black": 3}', "a key stands twice"),
         (SOUND | {"format": "x"}, "no camssf-mosaic/1"),
         ({"format": "camssf-mosaic/1"}, "needs cfa, black and white"),
         (SOUND | {"gamma": 2.2}, "knows no other keys"),
@@ -289,8 +290,25 @@ def test_pictures_that_are_no_mosaic_are_refused(tmp_path: Path) -> None:
         read_raw(tmp_path / "huge.png")
     alone = picture(tmp_path, SOUND, "alone.png")
     (tmp_path / "alone.png.json").unlink()
-    with pytest.raises(UnreadableRaw, match="not a DNG"):
+    with pytest.raises(UnsupportedRaw, match=r"no alone\.png\.json beside it"):
         read_raw(alone)
+    alone = picture(tmp_path, SOUND, "alone.tif")
+    (tmp_path / "alone.tif.json").unlink()
+    with pytest.raises(UnreadableRaw, match="a TIFF picture, not a DNG"):
+        read_raw(alone)
+    for path in (tmp_path, "/", "."):
+        with pytest.raises(UnreadableRaw):
+            read_raw(path)
+
+
+def test_a_tiff_of_two_pages_and_a_negative_are_refused(tmp_path: Path) -> None:
+    path = picture(tmp_path, SOUND, "two.tif")
+    tifffile.imwrite(path, np.zeros((2, 40, 60), np.uint16), photometric="minisblack", metadata=None)
+    with pytest.raises(NotSensorRaw, match="2 pages"):
+        read_raw(path)
+    tifffile.imwrite(path, np.zeros((40, 60), np.uint16), photometric="miniswhite", metadata=None)
+    with pytest.raises(UnsupportedRaw, match="negative"):
+        read_raw(path)
 
 
 # -- error codes ----------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from camssf.cli.options import CameraId, Captured, Document, Lens
-from camssf.cli.reading import given_paths, parse_time, read_bytes
+from camssf.cli.reading import given_paths, parse_time, read_bytes, spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
 
@@ -96,7 +96,8 @@ def sign(
         begins=parse_time(begins),
     )
     found = draw_up(data, said, photos=given_paths("--photo", photo or []))
-    write_file(out, signed(found, read_private(key, _passphrase(passphrase))))
+    signature = signed(found, read_private(key, _passphrase(passphrase)))
+    write_file(spare(out, result, key, *(photo or ())), signature)
     _tell(found)
     say("", f"passport: {out}")
 

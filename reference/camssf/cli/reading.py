@@ -30,6 +30,22 @@ def given_paths(word: str, paths: list[str]) -> list[str]:
     return paths
 
 
+def spare(out: Path, *sources: str | Path) -> Path:
+    """The file to write, which is none of those that are read.
+
+    Raises:
+        InvalidArgument: it is one of them.
+    """
+    for source in sources:
+        try:
+            same = str(source) != "-" and out.samefile(source)
+        except OSError:  # one of the two is not there
+            same = False
+        if same:
+            raise InvalidArgument(f"{out} is read here, and would be lost.", "Give -o another name.")
+    return out
+
+
 def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
     """Paths, None for the word `none`."""
     return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
@@ -274,6 +290,10 @@ def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Pa
 
     data = read_bytes(source, LARGEST_PASSPORT)
     passport, key = read(data)
+    if not keys and revoked is not None:
+        raise InvalidArgument(
+            "Whether a passport was called back is asked of one whose signature is verified.", "Add --key PEM."
+        )
     if not keys:
         return belonging(Signature(passport, key, False), result)
     called_back = frozenset[str]() if revoked is None else read_revoked(revoked)

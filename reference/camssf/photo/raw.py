@@ -47,9 +47,14 @@ def read_raw(path: str | Path) -> Mosaic:
         InvalidArgument: a sidecar that is none.
     """
     file = Path(path)
-    sidecar = file.with_name(f"{file.name}.json")
+    sidecar = Path(f"{file}.json")
     if file.suffix.casefold() in _PICTURES and sidecar.is_file():
         return _picture(file, sidecar)
+    if file.suffix.casefold() == ".png" and file.is_file():
+        raise UnsupportedRaw(
+            f"{file} is a picture, and no {sidecar.name} beside it says what its samples are.",
+            "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
+        )
     try:
         return read_dng(file)
     except UnsupportedRaw as error:
@@ -209,6 +214,10 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as tiff:
             page: Any = tiff.pages.first
+            if len(tiff.pages) > 1:
+                raise NotSensorRaw(f"{file} has {len(tiff.pages)} pages: which is the mosaic?", "Write one page.")
+            if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+                raise UnsupportedRaw(f"{file} is a negative (MinIsWhite).", "Write it as MinIsBlack: 0 is no light.")
             _check_size(file, page.imagewidth, page.imagelength)
             if page.samplesperpixel != 1:
                 raise NotSensorRaw(
@@ -230,7 +239,8 @@ def _sidecar(path: Path) -> dict[str, Any]:
     try:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_SIDECAR + 1)
-        told = json.loads(data.decode("utf-8")) if len(data) <= LARGEST_SIDECAR else None
+        text = data.decode("utf-8") if len(data) <= LARGEST_SIDECAR else "null"
+        told = json.loads(text, object_pairs_hook=_once)
     except (OSError, ValueError, RecursionError) as error:
         raise InvalidArgument(f"{path} cannot be read ({error}).", "Write it as docs/raw.md shows.") from error
 
@@ -252,6 +262,14 @@ def _sidecar(path: Path) -> dict[str, Any]:
         need(isinstance(told.get(key, ""), str) and len(told.get(key, "")) <= 200, f"{key} must be a short text")
     need(told.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
     return told
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; of a key that stands twice nobody knows which is meant."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice")
+    return found
 
 
 def _number(value: Any) -> bool:
