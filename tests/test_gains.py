@@ -304,8 +304,8 @@ def test_a_white_patch_in_the_middle_has_no_level_of_its_own() -> None:
     assert smooth_modes(pose(), 8).shape == (5, 24)
 
 
-@pytest.mark.parametrize("size", [0.0, -0.1, 1.5])
-def test_light_that_cannot_be_is_refused(size: float) -> None:
+@pytest.mark.parametrize("size", [0.0, -0.1, 1.5, True, "8%", float("nan")])
+def test_light_that_cannot_be_is_refused(size: Any) -> None:
     with pytest.raises(InvalidArgument):
         solve(uneven(np.ones(24)), options=Options(light_per_patch=size))
 

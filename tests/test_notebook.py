@@ -6,6 +6,7 @@ import copy
 import pickle
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -188,6 +189,14 @@ def test_saved_and_loaded_it_is_the_same_result(result: Calibration, tmp_path: P
     assert again.scores["rmsre_percent"] == result.scores.rmsre_percent.tolist()
     assert repr(again).replace("SavedResult", "Calibration") == repr(result)
     assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_a_loaded_result_tells_what_was_checked_and_its_budget(result: Calibration, tmp_path: Path) -> None:
+    loaded = Calibration.load(result.save(tmp_path / "result.json"))
+    assert loaded.verdict.checks == result.verdict.checks != ()
+    assert loaded.uncertainty == result.uncertainty
+    assert result == result
+    assert result != replace(result)  # its document tells whether two are alike
 
 
 def test_a_loaded_result_serves_for_colour_and_exports(result: Calibration, tmp_path: Path) -> None:

@@ -106,8 +106,9 @@ def _svg(document: Json) -> str:
     nm = WAVELENGTHS[::STEP]
     drawn = curves_of(document)
     curves = list(drawn.ssf[::STEP].T)
-    banded = drawn.low is not None and drawn.high is not None
-    band = list(zip(drawn.low[::STEP].T, drawn.high[::STEP].T, strict=True)) if banded else []
+    band = []
+    if drawn.low is not None and drawn.high is not None:
+        band = list(zip(drawn.low[::STEP].T, drawn.high[::STEP].T, strict=True))
     low = min(0.0, *(float(curve.min()) for curve in curves))
     high = max(1.05, min(1.4, max((float(top.max()) for _, top in band), default=1.0)))
 

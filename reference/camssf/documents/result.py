@@ -26,7 +26,7 @@ __all__ = ["Calibration", "Json", "Refusal", "Result", "SavedResult", "compare"]
 Json: TypeAlias = dict[str, Any]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Calibration(Result):
     """Everything one calibration found.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from camssf.documents.notebook import as_html, as_line, stacked, with_curves
 from camssf.documents.report import check_document, document_bytes, read_document
+from camssf.evidence.checks import Check
 from camssf.evidence.reasons import Reason, Verdict
 from camssf.files import write_file
 from camssf.grid import Floats
@@ -161,7 +162,13 @@ class SavedResult(Result):
     def verdict(self) -> Verdict:
         """accepted, doubtful or refused, with the reasons."""
         said = self.content["verdict"]
-        return Verdict(said["status"], tuple(Reason(**reason) for reason in said["reasons"]))
+        reasons = tuple(Reason(**reason) for reason in said["reasons"])
+        return Verdict(said["status"], reasons, tuple(Check(**check) for check in said.get("checks", ())))
+
+    @property
+    def uncertainty(self) -> Json | None:
+        """The band's half-width and its budget, as `Calibration.uncertainty`."""
+        return self.content.get("uncertainty")
 
     @property
     def assumptions(self) -> tuple[Assumption, ...]:

@@ -198,8 +198,9 @@ def pose_problem(capture: Capture, options: Options) -> Problem:
         CalibrationError: what `normalise` refuses.
     """
     differs = options.light_per_patch
-    if differs is not None and not 0.0 < differs <= 1.0:
-        raise InvalidArgument(f"Light cannot differ by {differs:g} from patch to patch.", "Write 8 % as 0.08.")
+    number = isinstance(differs, int | float) and not isinstance(differs, bool)
+    if differs is not None and not (number and 0.0 < differs <= 1.0):
+        raise InvalidArgument(f"Light cannot differ by {differs} from patch to patch.", "Write 8 % as 0.08.")
     asked = _asked(options.fit, len(capture.chart.patches))
     signals = normalise([shot.means for shot in capture.shots], capture.chart)
     signals = replace(signals, used=signals.used & asked)
@@ -231,7 +232,10 @@ def _asked(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
         return np.ones(n, dtype=bool)
     numbers = listed("fit", fit)
     if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
-        raise InvalidArgument(f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.", "Write 7-18.")
+        raise InvalidArgument(
+            f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",
+            "Give their numbers, as range(7, 19) or [1, 4]; --fit 7-18 on the command line.",
+        )
     mask = np.zeros(n, dtype=bool)
     mask[np.array(numbers, dtype=int) - 1] = True
     return mask
