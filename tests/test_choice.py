@@ -451,6 +451,10 @@ def test_odds_in_words() -> None:
     ]  # fmt: skip
 
 
+def test_odds_below_the_clear_ones_do_not_read_as_clear() -> None:
+    assert [odds_in_words(odds) for odds in (19.97, 20.0, 19.4, 3.0)] == ["19.9 : 1", "20 : 1", "19 : 1", "3.0 : 1"]
+
+
 def test_the_choice_in_words() -> None:
     """Odds, what the maker had in them, and the wide prior: from the document alone."""
     p = 1.0 / (1.0 + 30.0)

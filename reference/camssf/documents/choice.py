@@ -66,6 +66,8 @@ def odds_in_words(odds: float) -> str:
     """Odds for people, as 240 : 1."""
     if odds > LARGEST:
         return "more than a million : 1"
+    if CLEAR - 0.5 <= odds < CLEAR * (1 - 1e-9):
+        return f"{math.floor(10 * odds) / 10:.1f} : 1"  # not rounded to what it is below
     return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
 
 
