@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,13 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
+from camssf.documents.fields import fields_apart
 from camssf.documents.report import check_document
 from camssf.documents.result import Json
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
+from camssf.parity import STAGES, first, parity
 from camssf.simulation.frames import Scene, SimulatedShot, simulate
 from camssf.spectra import CameraCurves
 from golden.reading import resolve
@@ -165,9 +167,10 @@ def worst(ours: Json, theirs: Json) -> dict[str, float]:
 
 EXACT = (
     "/shots/patches/chart", "/shots/patches/white", "/shots/patches/dark", "/shots/patches/clipped",
-    "/shots/patches/dead", "/shots/patches/used", "/shots/photo", "/shots/lamp/name", "/shots/lamp/tolerance", "/shots/lamp/source", "/hashes",
-    "/assumptions", "/verdict/status", "/verdict/reasons/code", "/verdict/reasons/threshold", "/verdict/checks/name",
-    "/verdict/checks/shot", "/verdict/checks/refuses", "/verdict/checks/beyond",
+    "/shots/patches/dead", "/shots/patches/used", "/shots/photo", "/shots/lamp/name", "/shots/lamp/tolerance",
+    "/shots/lamp/source", "/hashes", "/assumptions", "/verdict/status", "/verdict/reasons/code",
+    "/verdict/reasons/threshold", "/verdict/checks/name", "/verdict/checks/shot", "/verdict/checks/refuses",
+    "/verdict/checks/beyond",
 )  # fmt: skip
 BOUNDS = {
     "/shots/patches/signal": 1e-15,
@@ -238,11 +241,61 @@ def test_one_shot_is_equal_to_the_last_bit(
 def test_two_shots_of_which_one_is_a_formula(
     photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
 ) -> None:
+    """And `camssf parity` agrees in every field; without any one of them it does not."""
     shots, corners = photos
     case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert [len(ours["choice"]), len(theirs["choice"])] == [4, 4]
     check(ours, theirs)
+    chart, white, dark = ([getattr(shot, role) for shot in shots] for role in ("chart", "white", "dark"))
+    findings = parity(theirs, chart, white=white, dark=dark)
+    assert first(findings) is None, first(findings)
+    assert tuple(finding.stage for finding in findings) == STAGES
+    missing = 0
+    for holder, key in keys_of(theirs):
+        kept = holder.pop(key)
+        if key not in ("version", "generator", "engine"):  # by which parity knows whose result it is
+            assert fields_apart(theirs, ours), key
+            missing += 1
+        holder[key] = kept
+    assert missing > 100
+    del theirs["verdict"]["checks"][3]["limit"]
+    found = first(parity(theirs, chart, white=white, dark=dark))
+    assert found is not None
+    assert (found.stage, found.words.partition(")")[2]) == ("verdict", ".limit is missing there")
+
+
+def keys_of(value: Any) -> list[tuple[Json, str]]:
+    """Every key of a document with the object that holds it, of lists in their first entry; not its files' names."""
+    if isinstance(value, list):
+        return [found for each in value[:1] for found in keys_of(each)]
+    if not isinstance(value, dict):
+        return []
+    inner = [found for key in value if key != "inputs" for found in keys_of(value[key])]
+    return [(value, key) for key in value] + inner
+
+
+def test_parity_of_refusals(
+    photos: tuple[list[SimulatedShot], Floats],
+    phone: tuple[list[SimulatedShot], Floats],
+    tmp_path: Path,
+    kotlin: Kotlin,
+) -> None:
+    """A verdict's with its checks, and a stage's with its words, which name a file: in every field."""
+    shots, corners = photos
+    exchanged = replace(shots[0], white=shots[0].dark, dark=shots[0].white)
+    foreign = replace(shots[0], white=phone[0][0].white)
+    for shot, lamp, stages in ((shots[0], "auto", 7), (exchanged, "D55", 7), (foreign, "D55", 3)):
+        case = Case([shot], [corners], [lamp])
+        theirs = kotlin(case, tmp_path / "result.json")
+        assert theirs["verdict"]["status"] == "refused"
+        check(python(case), theirs)
+        findings = parity(theirs, shot.chart, white=[shot.white], dark=[shot.dark])
+        assert (first(findings), len(findings)) == (None, stages)
+        theirs["verdict"]["reasons"][0]["advice"] += " Or not."
+        found = first(parity(theirs, shot.chart, white=[shot.white], dark=[shot.dark]))
+        assert found is not None
+        assert found.words.startswith("verdict.reasons[1].advice")
 
 
 @pytest.mark.parametrize(
