@@ -1,9 +1,9 @@
 """A mutation run over data/rules.json and its two readers: `python -m benchmarks.mutate_rules [--kotlin]`
 
 Every number is changed (times 1.5, times 0.5 or plus and minus 1, and exchanged with its neighbour), every reason
-given another code and another sentence. Each mutant is loaded by the reader itself from a changed copy of the file,
-and the golden cases must notice: in this process for Python, in a JVM each for Kotlin's jar. Rival lamps, makers and
-advice are left out: no golden case can hold a photo for each of them, and advice differs between the faces.
+given another code, another sentence and another advice. Each mutant is loaded by the reader itself from a changed
+copy of the file, and the golden cases must notice: in this process for Python, in a JVM each for Kotlin's jar. Rival
+lamps and makers are left out: no golden case can hold a photo for each of them.
 Survivors that are not among `EQUIVALENT`, each with its reason, give exit status 1. Kotlin needs
 `mvn -f android-bindings -pl core,model,golden -am package`; without its jar it is skipped, and says so.
 """
@@ -76,6 +76,7 @@ def mutants(document: Json) -> Iterator[Mutant]:
         for key, changed_text in (
             ("code", "blurred" if entry["code"] != "blurred" else "glare"),
             ("message", entry["message"] + " Truly."),
+            ("advice", entry["advice"] + " Truly."),
         ):
             other_words = copy.deepcopy(document)
             other_words["reasons"][name][key] = changed_text

@@ -164,6 +164,9 @@ OUTPUTS: dict[str, set[str]] = {
         "z",
         "gains",
         "messages",
+        "advice",
+        "checks",
+        "checked",
     },
     "colour": {
         "xyz",

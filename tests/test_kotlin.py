@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,13 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
+from camssf.documents.fields import fields_apart
 from camssf.documents.report import check_document
 from camssf.documents.result import Json
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
+from camssf.parity import STAGES, first, parity
 from camssf.simulation.frames import Scene, SimulatedShot, simulate
 from camssf.spectra import CameraCurves
 from golden.reading import resolve
@@ -39,10 +41,6 @@ CORNERS = [[679.0, 580.0], [1288.0, 577.0], [1309.0, 972.0], [649.0, 968.0]]
 """Of that photo's chart, by hand."""
 OFF = np.array([[7.0, -6.0], [-7.0, 5.0], [4.0, 8.0], [-5.0, -7.0]])
 """How far off, px, a hand is here."""
-SAME = {"advice"}
-"""Advice names options, which Kotlin has no command line for; messages are the same to the letter."""
-ONLY_HERE = {"/verdict/checks", "/shots/lamp/power"}
-"""What only Python writes, for the report's certificate; docs/android.md says so."""
 
 
 def _jars() -> list[Path]:
@@ -113,7 +111,7 @@ def kotlin() -> Iterator[Kotlin]:
 
 
 def python(case: Case) -> Json:
-    """Python's, refused or not."""
+    """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
     said = {"corners": case.corners, **case.options}
     chart = said.pop("chart", "classic24")
     try:
@@ -126,18 +124,21 @@ def python(case: Case) -> Json:
             options=Options(**said),
         ).document()
     except CalibrationError as error:
-        return error.evidence or {}
+        document = error.evidence or {}
+    for reason in document["verdict"]["reasons"]:
+        for shot in case.shots:
+            for path in filter(None, (shot.chart, shot.white, shot.dark)):
+                reason["message"] = reason["message"].replace(str(path), path.name)
+    return document
 
 
 def differences(ours: Any, theirs: Any, path: str = "") -> Iterator[tuple[str, float]]:
     """Paths of what differs, and by how much, relative to the larger number of the list it stands in."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
         for key in ours.keys() | theirs.keys():
-            if key not in theirs and f"{path}/{key}" in ONLY_HERE:
-                continue
             if key not in ours or key not in theirs:
                 yield f"{path}/{key}", math.inf
-            elif not (key in SAME and "/reasons" in path):
+            else:
                 yield from differences(ours[key], theirs[key], f"{path}/{key}")
     elif isinstance(ours, list) and isinstance(theirs, list):
         if len(ours) != len(theirs):
@@ -166,14 +167,17 @@ def worst(ours: Json, theirs: Json) -> dict[str, float]:
 
 EXACT = (
     "/shots/patches/chart", "/shots/patches/white", "/shots/patches/dark", "/shots/patches/clipped",
-    "/shots/patches/dead", "/shots/patches/used", "/shots/photo", "/shots/lamp", "/hashes", "/assumptions",
-    "/verdict/status", "/verdict/reasons/code", "/verdict/reasons/threshold",
+    "/shots/patches/dead", "/shots/patches/used", "/shots/photo", "/shots/lamp/name", "/shots/lamp/tolerance",
+    "/shots/lamp/source", "/hashes", "/assumptions", "/verdict/status", "/verdict/reasons/code",
+    "/verdict/reasons/threshold", "/verdict/checks/name", "/verdict/checks/shot", "/verdict/checks/refuses",
+    "/verdict/checks/beyond",
 )  # fmt: skip
 BOUNDS = {
     "/shots/patches/signal": 1e-15,
     "/shots/patches/standard_error": 1e-15,
     "/shots/patches/gradient": 1e-12,
     "/shots/pose": 1e-8,
+    "/shots/lamp/power": 1e-14,
     "/ssf": 1e-12,
     "/ssf_std": 1e-12,
     "/channel_gain": 1e-15,
@@ -184,19 +188,20 @@ BOUNDS = {
 """By path, the longest that fits: relative to the largest number beside it."""
 BESIDE_ZERO = {"/gap": 1e-9, "/layers_gap": 1e-9}
 """Gaps of a proof, which are rounding where it is sound: how far apart they may be, of the objective or the gap."""
+CHECKED = ("/verdict/checks/value", "/verdict/checks/limit")
 MODELS = (
     "/ssf", "/ssf_std", "/code_covariance", "/gap", "/layers_gap", "/finish_steps", "/evidence", "/channel_gain",
 )  # fmt: skip
 """The model's own outputs."""
 
 
-def check(ours: Json, theirs: Json, *, bits: bool = False, verdict: bool = True) -> None:
-    """All differences within their bounds; `bits`: the model's own outputs to the last one.
-
-    `verdict`: the reasons are the verdict's, whose messages both take from rules.json; else a stage's own words.
-    """
+def check(ours: Json, theirs: Json, *, bits: bool = False) -> None:
+    """All differences within their bounds, no field missing; `bits`: the model's own outputs to the last one."""
     for path, off in worst(ours, theirs).items():
-        if path == "/verdict/reasons/message" and not verdict:
+        if path in CHECKED:  # a gain or a logarithm may be next to nothing
+            pairs = zip(ours["verdict"]["checks"], theirs["verdict"]["checks"], strict=True)
+            key = path.rpartition("/")[2]
+            assert all(abs(a[key] - b[key]) <= 1e-8 * max(1.0, abs(a[key])) for a, b in pairs), (path, off)
             continue
         assert not path.startswith(EXACT), (path, off)
         if path in BESIDE_ZERO:
@@ -236,11 +241,61 @@ def test_one_shot_is_equal_to_the_last_bit(
 def test_two_shots_of_which_one_is_a_formula(
     photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
 ) -> None:
+    """And `camssf parity` agrees in every field; without any one of them it does not."""
     shots, corners = photos
     case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert [len(ours["choice"]), len(theirs["choice"])] == [4, 4]
     check(ours, theirs)
+    chart, white, dark = ([getattr(shot, role) for shot in shots] for role in ("chart", "white", "dark"))
+    findings = parity(theirs, chart, white=white, dark=dark)
+    assert first(findings) is None, first(findings)
+    assert tuple(finding.stage for finding in findings) == STAGES
+    missing = 0
+    for holder, key in keys_of(theirs):
+        kept = holder.pop(key)
+        if key not in ("version", "generator", "engine"):  # by which parity knows whose result it is
+            assert fields_apart(theirs, ours), key
+            missing += 1
+        holder[key] = kept
+    assert missing > 100
+    del theirs["verdict"]["checks"][3]["limit"]
+    found = first(parity(theirs, chart, white=white, dark=dark))
+    assert found is not None
+    assert (found.stage, found.words.partition(")")[2]) == ("verdict", ".limit is missing there")
+
+
+def keys_of(value: Any) -> list[tuple[Json, str]]:
+    """Every key of a document with the object that holds it, of lists in their first entry; not its files' names."""
+    if isinstance(value, list):
+        return [found for each in value[:1] for found in keys_of(each)]
+    if not isinstance(value, dict):
+        return []
+    inner = [found for key in value if key != "inputs" for found in keys_of(value[key])]
+    return [(value, key) for key in value] + inner
+
+
+def test_parity_of_refusals(
+    photos: tuple[list[SimulatedShot], Floats],
+    phone: tuple[list[SimulatedShot], Floats],
+    tmp_path: Path,
+    kotlin: Kotlin,
+) -> None:
+    """A verdict's with its checks, and a stage's with its words, which name a file: in every field."""
+    shots, corners = photos
+    exchanged = replace(shots[0], white=shots[0].dark, dark=shots[0].white)
+    foreign = replace(shots[0], white=phone[0][0].white)
+    for shot, lamp, stages in ((shots[0], "auto", 7), (exchanged, "D55", 7), (foreign, "D55", 3)):
+        case = Case([shot], [corners], [lamp])
+        theirs = kotlin(case, tmp_path / "result.json")
+        assert theirs["verdict"]["status"] == "refused"
+        check(python(case), theirs)
+        findings = parity(theirs, shot.chart, white=[shot.white], dark=[shot.dark])
+        assert (first(findings), len(findings)) == (None, stages)
+        theirs["verdict"]["reasons"][0]["advice"] += " Or not."
+        found = first(parity(theirs, shot.chart, white=[shot.white], dark=[shot.dark]))
+        assert found is not None
+        assert found.words.startswith("verdict.reasons[1].advice")
 
 
 @pytest.mark.parametrize(
@@ -315,7 +370,8 @@ def test_a_refusal_keeps_the_same_evidence(
     case = Case(shots[:1], [(corners - corners.mean(axis=0)) / 5 + 150], ["D55"], white=False, dark=False)
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert ours["verdict"]["status"] == "refused"
-    check(ours, theirs, verdict=False)
+    assert "checks" not in theirs["verdict"]
+    check(ours, theirs)
 
 
 def test_a_refused_verdict_is_the_same(tmp_path: Path, kotlin: Kotlin) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,12 @@ import numpy as np
 import pytest
 
 from camssf import cli
+from camssf.documents.fields import APART, MEASURED, STAGE_OF, fields_apart, stage_of
+from camssf.documents.result import compare
 from camssf.errors import InvalidArgument
 from camssf.parity import CURVES, MEANS, POSE, STAGES, cause, first, parity
 from camssf.photo.mosaic import read_dng
+from camssf.spectra import read_camera, read_light
 
 Json = dict[str, Any]
 SIZE = "900x675"
@@ -126,6 +130,16 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
     ("verdict", "glare", lambda d: d["verdict"]["reasons"].append(REASON)),
     ("verdict", "refused", lambda d: d["verdict"].update(status="refused")),
     ("verdict", "assumptions", lambda d: d["assumptions"].pop()),
+    ("verdict", "verdict.checks[3] (hopeless).value", lambda d: d["verdict"]["checks"][2].update(value=1.0)),
+    ("verdict", "verdict.checks is missing there", lambda d: d["verdict"].pop("checks")),
+    ("verdict", "verdict.checks: ", lambda d: d["verdict"]["checks"].pop()),
+    ("inputs", "shots[1].lamp.power is missing", lambda d: shot(d)["lamp"].pop("power")),
+    ("inputs", "shots[1].lamp.power: ", lambda d: scale(shot(d)["lamp"]["power"], 7, 1e-6)),
+    ("inputs", "chart.source", lambda d: d["chart"].update(source="me")),
+    ("inputs", "SHA-256 of shot 1, white", lambda d: d["hashes"]["inputs"].pop("shot 1, white: white.dng")),
+    ("photo", "camera", lambda d: shot(d)["photo"].update(camera="another")),
+    ("pose", "score", lambda d: shot(d)["pose"].update(score=0.5)),
+    ("scores", "scores.unseen", lambda d: d["scores"].update(unseen="none")),
 ]
 
 
@@ -144,6 +158,60 @@ def test_the_first_difference_is_named(
     assert len(cause(found)) > 20
 
 
+def paths(value: Any, path: str = "") -> Iterator[tuple[str, Json, str]]:
+    """Every key of a document: its path, the object that holds it, and its name."""
+    if isinstance(value, dict):
+        for key in list(value):
+            yield f"{path}/{key}", value, key
+            yield from paths(value[key], f"{path}/{key}")
+    elif isinstance(value, list):
+        for each in value[:1]:
+            yield from paths(each, path)
+
+
+def test_no_field_may_be_missing(result: Json) -> None:
+    """Each key in turn, on either side; of a file's and a kind's name the value is looked at, not the key."""
+    by_value = ("/hashes/inputs/", "/shots/light/kinds/")
+    keys = [path for path, _, _ in paths(result) if not path.startswith(by_value)]
+    assert len(keys) > 100
+    for at, path in enumerate(keys):
+        if path in ("/generator", "/generator/version", "/engine"):  # the schema asks for them
+            continue
+        document = copy.deepcopy(result)
+        _, holder, key = [each for each in paths(document) if not each[0].startswith(by_value)][at]
+        del holder[key]
+        for one, other in ((document, result), (result, document)):
+            found = [field for field in fields_apart(one, other) if field.words.endswith(("there", "here"))]
+            assert [(field.stage, field.apart) for field in found] == [(stage_of(path), np.inf)], path
+
+
+def test_every_field_is_compared(result: Json) -> None:
+    """Each value in turn: it differs, or has a measure of its own, or is one of the few that cannot be equal."""
+    known = (*MEASURED, *APART)
+    for path, holder, key in paths(copy.deepcopy(result)):
+        if isinstance(holder[key], dict | list) and holder[key] and not isinstance(holder[key], str):
+            continue
+        document = copy.deepcopy(result)
+        _, own, _ = next(each for each in paths(document) if each[0] == path)
+        own[key] = "another" if not isinstance(own[key], bool) else not own[key]
+        covered = any(f"{path}/".startswith(f"{each}/") for each in known)
+        assert bool(fields_apart(document, result)) != covered or path == "/generator/version", path
+    table = json.loads((files("camssf") / "data" / "result.schema.json").read_text("utf-8"))
+    assert {f"/{key}" for key in table["properties"]} <= set(STAGE_OF)
+    assert {f"/shots/patches/{key}" for key in patch(result, 1)} - {"/shots/patches/name"} <= {*MEASURED}
+
+
+def test_a_truth_travels(result: Json, shots: Path) -> None:
+    """What a result was compared with is no input of it, but the comparison is held to the truth that it states."""
+    document = copy.deepcopy(result)
+    compare(document, read_camera(str(shots / "truth.csv")))
+    assert first(compared(document, shots)) is None
+    scale(document["scores"]["rmse"], 1, 1e-3)
+    found = first(compared(document, shots))
+    assert found is not None
+    assert (found.stage, found.words.partition(":")[0]) == ("scores", "scores.rmse")
+
+
 def test_bounds_are_those_of_last_bits(result: Json, shots: Path) -> None:
     document = copy.deepcopy(result)
     scale(patch(document, 7)["chart"], 1, MEANS / 10)
@@ -151,17 +219,23 @@ def test_bounds_are_those_of_last_bits(result: Json, shots: Path) -> None:
     assert first(compared(document, shots)) is None
 
 
+def older(result: Json) -> Json:
+    """Of another release, which may lack what this one writes."""
+    return copy.deepcopy(result) | {"generator": {"name": "camssf", "version": "0.0.9"}}
+
+
 def test_a_result_of_before_the_proof(result: Json, shots: Path) -> None:
     """Without the covariance, the evidence and the layers' proof: what there is agrees."""
-    document = copy.deepcopy(result)
+    document = older(result)
     for key in ("code_covariance", "evidence", "layers_gap", "finish_steps"):
         del document[key]
     assert first(compared(document, shots)) is None
 
 
 def test_a_result_of_before_the_budget(result: Json, shots: Path) -> None:
-    """A phone's of an older release: no shares, no predicted_std, no unseen_std."""
-    document = copy.deepcopy(result)
+    """A phone's of an older release: no shares, no predicted_std, no unseen_std, no checks."""
+    document = older(result)
+    del document["verdict"]["checks"]
     document["uncertainty"]["budget"] = []
     for number in range(1, 25):
         for key in ("predicted_std", "unseen_std"):
@@ -177,6 +251,7 @@ def test_a_result_on_a_told_basis(shots: Path, tmp_path: Path) -> None:
     document: Json = json.loads((tmp_path / "result.json").read_text("utf-8"))
     assert (document["basis"], document["prior_scale"], document["choice"]) == ("phones", 1.0, [])
     assert first(compared(document, shots)) is None
+    document = older(document)
     for key in ("prior_scale", "choice"):
         del document[key]
     assert first(compared(document, shots)) is None
@@ -221,9 +296,16 @@ def test_a_result_in_a_light_that_nobody_named(shots: Path, tmp_path: Path) -> N
     assert found.words == "lights of the shots [] there, [1] here"
 
 
-def test_another_lamp_there_is_another_curve(result: Json, shots: Path) -> None:
-    """Named D55, solved with D65: only the curve can tell."""
+def test_another_lamp_there_is_another_power(result: Json, shots: Path) -> None:
+    """Named D55, solved with D65; where the result does not hold the power, only the curve can tell."""
     found = first(compared(result, shots, lamps=["D65"]))
+    assert found is not None
+    assert (found.stage, found.words.partition(":")[0]) == ("inputs", "shots[1].lamp.source")
+    document = older(result)
+    lamp = shot(document)["lamp"]
+    del lamp["power"]
+    lamp["source"] = read_light("D65").source
+    found = first(compared(document, shots, lamps=["D65"]))
     assert found is not None
     assert found.stage == "curve"
 

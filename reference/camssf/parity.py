@@ -19,24 +19,28 @@ from camssf.calibration import attempt, recorded, solve
 from camssf.curves.choice import AUTO
 from camssf.documents.apart import (
     choice_apart,
+    curve_of,
     curves_apart,
     list_apart,
+    patch_apart,
     patches_apart,
+    stacked,
     triple_apart,
     uncertainty_apart,
     walked,
 )
 from camssf.documents.choice import hypotheses_in_words
+from camssf.documents.fields import WORDS, Field, fields_apart
 from camssf.documents.light import lights_apart
+from camssf.documents.result import compare
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options, with_former
 from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.pose import Pose, find_chart
 from camssf.photo.raw import read_raw
-from camssf.spectra import ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
+from camssf.spectra import CameraCurves, ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
 
@@ -46,6 +50,8 @@ STAGES = (
 """In the order in which a difference spreads."""
 POSE = 0.02
 """Of the patch pitch: refining a refined pose once more moves it by less."""
+AGREEMENT = 0.01
+"""Of a pose's score, which moves with the refinement."""
 MEANS = 1e-12
 """Of the white level, and of the largest signal: the rule is whole sums, only last bits may differ."""
 CURVES = 1e-9
@@ -54,6 +60,8 @@ GAP = 1e-9
 """Largest duality gap of either answer."""
 SOLVED = ("basis", "width of the prior", "bases weighed", "model")
 """Inputs that a result has only where it was solved."""
+FIELDS, VALUES = 1e-9, 1e-8
+"""Of a field that has no measure of its own, of the largest number beside it, at least of 1; and of the verdict's."""
 COLOURS = 1e-6
 """Of a display colour, which says what reflectances were taken."""
 
@@ -107,7 +115,9 @@ def parity(
     progress: Progress | None = None,
     **former: Any,
 ) -> tuple[Finding, ...]:
-    """Compare a "camssf-result/1" document with what Python makes of the same photos.
+    """Compare a "camssf-result/1" document with what Python makes of the same photos, every field of it.
+
+    A field that one side lacks is a difference, unless another release of camssf wrote the result.
 
     Pose, lamp, chart, tolerances, basis and penalties are those that the document states. What it does not state has
     to be given again: files of lamps and charts, the white target, the patches to fit, signed coefficients, light
@@ -150,7 +160,10 @@ def parity(
         tell("calibrating", 0.5)
         alike = Options(white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch)
         made = attempt(files, lights, white=whites, dark=darks, chart=table, options=alike).document()
-        return (*found, *_verdicts(document, made))
+        _rename(made, document, (files, whites, darks))
+        sought = any(reason["code"] == "chart_not_found" for reason in document["verdict"]["reasons"])
+        but = ("/shots", *_files_skipped(specs, chart), *(WORDS if sought else ()))
+        return _joined([*found, *_verdicts(document, made)], fields_apart(document, made, skip=but))
     tell("looking at the pose", 0.3)
     found += _poses(shots, frames[0], table)
     tell("measuring", 0.5)
@@ -169,11 +182,41 @@ def parity(
         gamma=document.get("gamma"), light_per_patch=options.light_per_patch,
     )  # fmt: skip
     made = recorded(lambda record: solve(capture, options=stated, record=record)).document()
+    truth = curve_of(document.get("truth", {}), "ssf")
+    if truth is not None and "ssf" in made:
+        compare(made, CameraCurves(document["truth"]["name"], truth, "the result"))
     found += _measured(document, made)
     found += _inputs(document, made, specs, chart or document["chart"]["name"])
     if not refused and made["verdict"]["status"] != "refused":
         found += _answers(document, made)
-    return (*found, *_verdicts(document, made))
+    fields = fields_apart(document, made, skip=_files_skipped(specs, chart))
+    return _joined([*found, *_verdicts(document, made)], fields)
+
+
+def _files_skipped(specs: Sequence[str], chart: str | None) -> tuple[str, ...]:
+    """What a file of a lamp or chart that lies elsewhere here is called; its bytes are compared."""
+    of_lamps = ("/shots/lamp/source",) if any(Path(spec).is_file() for spec in specs) else ()
+    return of_lamps + (("/chart/name", "/chart/source") if chart and Path(chart).is_file() else ())
+
+
+def _joined(found: Sequence[Finding], fields: Sequence[Field]) -> tuple[Finding, ...]:
+    """The findings, each with the fields of its stage that it did not look at itself."""
+    by_stage = {finding.stage: finding for finding in found}
+    for field in fields:
+        known, bound = by_stage.get(field.stage), VALUES if field.stage == "verdict" else FIELDS
+        if field.apart > bound and (known is None or known.agrees):
+            by_stage[field.stage] = Finding(field.stage, False, field.apart, bound, field.words)
+    return tuple(by_stage[stage] for stage in STAGES if stage in by_stage)
+
+
+def _rename(made: Json, document: Json, files: Sequence[Sequence[PathLike | None]]) -> None:
+    """Call the files in what a stage said as the other side does, who may have them elsewhere."""
+    for reason in made["verdict"]["reasons"]:
+        for role, paths in zip(("photo", "white", "dark"), files, strict=True):
+            for shot, path in zip(document["shots"], paths, strict=False):
+                if path is not None:
+                    name = shot[role]["name"] if shot[role] else Path(path).name
+                    reason["message"] = reason["message"].replace(str(path), name)
 
 
 def first(findings: Sequence[Finding]) -> Finding | None:
@@ -198,7 +241,7 @@ def _frames(
     if len(frames) != len(shots):
         raise InvalidArgument(f"{len(frames)} {role} frames for {len(shots)} shots.", "Give one a photo, or none.")
     for number, (shot, frame) in enumerate(zip(shots, frames, strict=True), 1):
-        if (shot[role] is None) != (frame is None):
+        if shot["patches"] and (shot[role] is None) != (frame is None):  # else nobody got so far as to say
             named = f"used the {role} frame {shot[role]['name']}" if shot[role] else f"used no {role} frame"
             raise InvalidArgument(f"Shot {number} of the result {named}.", f"Give just that by --{role}.")
     return frames
@@ -225,7 +268,7 @@ def _files(
     other = []
     for number, (shot, *paths) in enumerate(zip(shots, files, whites, darks, strict=True), 1):
         for role, path in zip(("photo", "white", "dark"), paths, strict=True):
-            if path is None:
+            if path is None or shot[role] is None:
                 continue
             try:
                 with Path(path).open("rb") as stream:
@@ -245,9 +288,10 @@ def _photos(document: Json, photos: Sequence[Mosaic | None]) -> Iterator[Finding
     other = []
     for number, (shot, photo) in enumerate(zip(document["shots"], photos, strict=True), 1):
         assert photo is not None
-        ours: Json = vars(photo_of(photo)) | {"saturation": photo.white}
+        camera = " ".join(filter(None, (photo.make, photo.model)))
+        ours: Json = vars(photo_of(photo)) | {"saturation": photo.white, "camera": camera}
         theirs: Json = shot["photo"] | {"saturation": shot["saturation"]}
-        for key in ("width", "height", "orientation", "exposure", "iso", "gain_map", "saturation"):
+        for key in ("width", "height", "orientation", "exposure", "iso", "gain_map", "saturation", "camera"):
             if ours[key] != theirs[key]:
                 other.append(f"shot {number}: {key} {theirs[key]} there, {ours[key]} here")
     words = "; ".join(other) or "size, orientation, exposure, ISO, white level"
@@ -272,6 +316,10 @@ def _poses(shots: Sequence[Json], photos: Sequence[Mosaic | None], table: ChartT
             return
         middle = pose.patches.mean(axis=1)
         pitch = float(np.linalg.norm(middle[1] - middle[0]))
+        if abs(pose.score - stated["score"]) > AGREEMENT:
+            words = f"shot {number}: score {stated['score']:.3f} there, {pose.score:.3f} here"
+            yield Finding("pose", False, abs(pose.score - stated["score"]), AGREEMENT, words)
+            return
         apart = np.linalg.norm(quads - pose.patches, axis=2)
         moved = max(float(apart.max()), float(np.abs(pose.corners - np.array(stated["corners"])).max())) / pitch
         if moved >= worst:
@@ -304,23 +352,6 @@ def _measure(
     return Capture(tuple(measured), table, white_reflectance)
 
 
-def _patches(document: Json, key: str) -> Floats:
-    """(k, n, 3) of all patches."""
-    return np.array([[patch[key] for patch in shot["patches"]] for shot in document["shots"]], float)
-
-
-def _worst(document: Json, key: str, made: Json, scale: Any) -> tuple[float, str]:
-    """Largest difference of a patch number in units of `scale`, and where in words."""
-    theirs, ours = _patches(document, key), _patches(made, key)
-    if theirs.shape != ours.shape:
-        return np.inf, f"{key}: {theirs.shape[1]} patches there, {ours.shape[1]} here"
-    apart = np.abs(theirs - ours) / scale
-    j, i, c = np.unravel_index(int(apart.argmax()), apart.shape)
-    name = document["shots"][j]["patches"][i]["name"]
-    where = f"{key}, shot {j + 1}, patch {i + 1} ({name}), {('red', 'green', 'blue')[c]}"
-    return float(apart.max()), f"{where}: {theirs[j, i, c]:.9g} there, {ours[j, i, c]:.9g} here"
-
-
 def _compare(stage: str, bound: float, parts: Sequence[tuple[float, str]]) -> Finding:
     measured, words = max(parts, key=lambda part: part[0])
     if measured == 0.0:
@@ -332,10 +363,9 @@ def _measured(document: Json, made: Json) -> Iterator[Finding]:
     """Patch statistics and signals."""
     white = max(shot["saturation"] for shot in made["shots"])
     scales = {"chart": white, "white": white, "dark": white, "clipped": 1.0, "dead": 1.0, "gradient": 1.0}
-    yield _compare("patch means", MEANS, [_worst(document, key, made, by) for key, by in scales.items()])
-    parts = [
-        _worst(document, key, made, np.abs(_patches(made, key)).max() or 1.0) for key in ("signal", "standard_error")
-    ]
+    yield _compare("patch means", MEANS, [patch_apart(document, key, made, by) for key, by in scales.items()])
+    largest = {key: np.abs(stacked(made, key)).max() or 1.0 for key in ("signal", "standard_error")}
+    parts = [patch_apart(document, key, made, by) for key, by in largest.items()]
     yield _compare("signals", MEANS, parts)
 
 
@@ -356,15 +386,20 @@ def _inputs(document: Json, made: Json, specs: Sequence[str], chart: str) -> Ite
     for role, spec in (("chart table", chart), *((f"shot {j}, lamp", lamp) for j, lamp in enumerate(specs, 1))):
         known = {sha256 for key, sha256 in stated.items() if key.startswith(f"{role}:")}
         path = next((Path(name) for name in (spec, spec.partition(":")[2]) if name and Path(name).is_file()), None)
-        if known and path is not None and hashlib.sha256(path.read_bytes()).hexdigest() not in known:
+        if path is not None and hashlib.sha256(path.read_bytes()).hexdigest() not in known:
             other.append(f"{role}: {path.name} is another file")
+    roles = {key.partition(": ")[0]: sha256 for key, sha256 in stated.items()}
+    for key, sha256 in made["hashes"]["inputs"].items():
+        role = key.partition(": ")[0]
+        if roles.get(role) != sha256:
+            other.append(f"SHA-256 of {role}: {roles.get(role)} there, {sha256} here")
     used = [
         f"shot {j + 1}, patch {i + 1} ({theirs['name']}) {'used' if theirs['used'] else 'not used'} there"
         for j, (shot, mine) in enumerate(zip(document["shots"], made["shots"], strict=True))
         for i, (theirs, ours) in enumerate(zip(shot["patches"], mine["patches"], strict=True))
         if theirs["used"] != ours["used"]
     ]
-    colours, where = _worst(document, "reflectance_srgb", made, 1.0)
+    colours, where = patch_apart(document, "reflectance_srgb", made, 1.0)
     if colours > COLOURS:
         other.append(f"reflectances: {where}")
     words = "; ".join(other + used[:3]) or "table, lamps, basis, model, patches used"
@@ -377,7 +412,7 @@ def _answers(document: Json, made: Json) -> Iterator[Finding]:
     parts = [
         curves_apart(document, made, "ssf"),
         triple_apart(document, made, "channel_gain"),
-        _worst(document, "predicted", made, 1.0),
+        patch_apart(document, "predicted", made, 1.0),
     ]
     yield _compare("curve", CURVES, parts)
     spread = [

@@ -35,6 +35,8 @@ class Number:
         what, why: what it measures, and why it stands where it stands.
         makes: "doubtful" or "refused" for a bound of the verdict, else None.
         beyond: "above" or "below", the side on which it does so, else None.
+        refuses: of one that makes doubtful, the name of the bound on the same quantity that refuses; None where there
+            is none.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Number:
     why: str
     makes: str | None = None
     beyond: str | None = None
+    refuses: str | None = None
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,8 @@ def parse(text: str) -> Rules:
     for group, entries in document["numbers"].items():
         _need(isinstance(entries, dict), f"numbers, {group} is no object")
         numbers |= {f"{group}.{word}": _number(f"{group}.{word}", entry) for word, entry in entries.items()}
+    for number in numbers.values():
+        _check_graver(number, numbers)
     rivals = document["rivals"]
     _need(_texts(rivals) and len(set(rivals)) == len(rivals), "rivals is no list of different names")
     for basis, names in document["makers"].items():
@@ -165,7 +170,7 @@ def fill(template: str, values: Mapping[str, str | float]) -> str:
 
 
 def _number(name: str, entry: Any) -> Number:
-    _keys(name, entry, {"value", "unit", "what", "why"}, frozenset({"makes", "beyond"}))
+    _keys(name, entry, {"value", "unit", "what", "why"}, frozenset({"makes", "beyond", "refuses"}))
     value = entry["value"]
     sound = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value) and value > 0
     _need(sound, f"{name} is {value!r} instead of a positive number")
@@ -173,12 +178,22 @@ def _number(name: str, entry: Any) -> Number:
     _need(entry.get("makes") in (None, "doubtful", "refused"), f"{name} makes {entry.get('makes')!r}")
     _need(entry.get("beyond") in (None, "above", "below"), f"{name} decides {entry.get('beyond')!r}")
     _need(("makes" in entry) == ("beyond" in entry), f"{name} has one of makes and beyond")
-    return Number(name, value, entry["unit"], entry["what"], entry["why"], entry.get("makes"), entry.get("beyond"))
+    decides = (entry.get(key) for key in ("makes", "beyond", "refuses"))
+    return Number(name, value, entry["unit"], entry["what"], entry["why"], *decides)
+
+
+def _check_graver(number: Number, numbers: Mapping[str, Number]) -> None:
+    """What a doubtful bound names as the one that refuses must be a bound in the same unit, on the same side."""
+    if number.refuses is None:
+        return
+    graver = numbers.get(f"{number.name.partition('.')[0]}.{number.refuses}")
+    said = (number.makes, graver and graver.makes, graver and graver.unit, graver and graver.beyond)
+    _need(said == ("doubtful", "refused", number.unit, number.beyond), f"{number.name} refuses by {number.refuses!r}")
 
 
 def _wording(name: str, entry: Any, numbers: Mapping[str, Number]) -> Wording:
-    _keys(name, entry, {"code", "limits", "message", "advice"}, frozenset({"advice_in_apps"}))
-    words = [entry[key] for key in ("code", "message", "advice", "advice_in_apps") if key in entry]
+    _keys(name, entry, {"code", "limits", "message", "advice"})
+    words = [entry[key] for key in ("code", "message", "advice")]
     _need(_texts(words), f"{name} has an empty text")
     _need(entry["code"] in _codes(), f"{name} has the code {entry['code']!r}, which the vocabulary lacks")
     for template in words:

@@ -25,14 +25,15 @@ def choice_apart(document: Json, made: Json) -> Iterator[tuple[float, str]]:
             yield abs(theirs[key] - ours[key]) / size, f"{place}: {theirs[key]:.9g} there, {ours[key]:.9g} here"
 
 
-def _curve(document: Json, key: str) -> Floats | None:
+def curve_of(document: Json, key: str) -> Floats | None:
+    """(681, 3) of a document's curves; None where it has none."""
     found = document.get(key)
     return None if found is None else np.stack([found[colour] for colour in ("red", "green", "blue")], axis=1)
 
 
 def curves_apart(document: Json, made: Json, key: str) -> tuple[float, str]:
     """Largest difference of curves, of the peak."""
-    theirs, ours = _curve(document, key), _curve(made, key)
+    theirs, ours = curve_of(document, key), curve_of(made, key)
     if theirs is None or ours is None:
         return (0.0, "no band on either side") if theirs is ours else (np.inf, f"{key} is missing on one side")
     apart = np.abs(theirs - ours)
@@ -64,6 +65,23 @@ def list_apart(document: Json, made: Json, key: str, scale: float | None) -> tup
     i = int(apart.argmax())
     place = f"{key}[{i}]" if apart.size > 1 else key
     return float(apart[i]), f"{place}: {theirs[i]:.9g} there, {ours[i]:.9g} here"
+
+
+def stacked(document: Json, key: str) -> Floats:
+    """(k, n, 3) of all patches."""
+    return np.array([[patch[key] for patch in shot["patches"]] for shot in document["shots"]], float)
+
+
+def patch_apart(document: Json, key: str, made: Json, scale: Any) -> tuple[float, str]:
+    """Largest difference of a patch number in units of `scale`, and where in words."""
+    theirs, ours = stacked(document, key), stacked(made, key)
+    if theirs.shape != ours.shape:
+        return np.inf, f"{key}: {theirs.shape[1]} patches there, {ours.shape[1]} here"
+    apart = np.abs(theirs - ours) / scale
+    j, i, c = np.unravel_index(int(apart.argmax()), apart.shape)
+    name = document["shots"][j]["patches"][i]["name"]
+    where = f"{key}, shot {j + 1}, patch {i + 1} ({name}), {('red', 'green', 'blue')[c]}"
+    return float(apart.max()), f"{where}: {theirs[j, i, c]:.9g} there, {ours[j, i, c]:.9g} here"
 
 
 def patches_apart(document: Json, made: Json, key: str) -> tuple[float, str]:

@@ -8,9 +8,6 @@ from dataclasses import dataclass, field
 
 from camssf.rules import rules
 
-REFUSING = {"strange": "alien", "rival": "condemned", "veil": "fog", "unnamed": "unnameable"}
-"""The limit that refuses, by the one of the same number that makes doubtful."""
-
 
 @dataclass(frozen=True)
 class Check:
@@ -55,8 +52,8 @@ class Checks:
         at = None if shot is None else shot + 1
         own = rule.value if limit is None else limit
         refuses = own if rule.makes == "refused" else None
-        if name in REFUSING:
-            refuses = numbers[f"verdict.{REFUSING[name]}"].value
+        if rule.refuses is not None:
+            refuses = numbers[f"verdict.{rule.refuses}"].value
         self._seen[name, at] = Check(name, at, float(value), own, refuses, rule.beyond or "above")
 
     def __iter__(self) -> Iterator[Check]:

@@ -345,7 +345,7 @@ def check_shots(shots: Sequence[Shot]) -> None:
     if len(bodies) > 1:
         raise FramesDiffer(
             f"The photos come from different cameras: {', '.join(sorted(' '.join(b) for b in bodies))}.",
-            "Calibrate one camera at a time; `camssf batch` takes many.",
+            "Calibrate one camera at a time.",
         )
     first = shots[0].photo
     for shot in shots[1:]:

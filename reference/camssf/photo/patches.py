@@ -209,7 +209,7 @@ def _select(
     if not all(isfinite(v) for v in moved.flat) or np.any(moved < 0) or np.any(moved > limit):
         raise ChartNotFound(
             f"Patch {patch} leaves the photo.",
-            "Take the photo with the whole chart in view, or correct --corners.",
+            "Take the photo with the whole chart in view, or correct the corners.",
         )
     corners = np.floor(moved + 0.5).astype(np.int64)
     low, high = (corners.min(axis=0) + 15) // 16, corners.max(axis=0) // 16

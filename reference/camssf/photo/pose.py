@@ -237,7 +237,7 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     if best.score < ACCEPT_BY_HAND:
         raise ChartNotFound(
             f"{mosaic.path}: the colours inside the corners given by hand do not agree with the chart.",
-            "Give the outer corners of the block of patches, one after the other, and check --chart.",
+            "Give the outer corners of the block of patches, one after the other, and check the chart's name.",
             value=best.score,
             threshold=ACCEPT_BY_HAND,
         )

@@ -25,6 +25,16 @@ internal fun fixed(value: Double, digits: Int): String {
     return if (1.0.withSign(value) < 0) "-$size" else size
 }
 
+/** A number with so many digits behind the point and an exponent, as Python's `:.1e`: 1.2e-05. */
+internal fun scientific(value: Double, digits: Int): String {
+    if (!value.isFinite() || value == 0.0) return fixed(value, digits) + if (value == 0.0) "e+00" else ""
+    val found = BigDecimal(abs(value)).round(MathContext(digits + 1, RoundingMode.HALF_EVEN))
+    val exponent = found.precision() - found.scale() - 1
+    val size = found.movePointLeft(exponent).setScale(digits).toPlainString()
+    val power = "${if (exponent < 0) "-" else "+"}${abs(exponent).toString().padStart(2, '0')}"
+    return "${if (value < 0) "-" else ""}${size}e$power"
+}
+
 /** A number with up to six digits and no exponent: 0.5, 16383, 2856. */
 internal fun short(value: Double): String = when {
     value.isNaN() || value.isInfinite() -> value.toString()

@@ -17,6 +17,7 @@ import org.camssf.model.Models
  */
 internal class Rules private constructor(
     private val numbers: Map<String, String>,
+    private val bounds: Map<String, Bound>,
     val rivals: List<String>,
     val makers: Map<String, List<String>>,
     private val reasons: Map<String, Wording>,
@@ -32,8 +33,20 @@ internal class Rules private constructor(
     fun whole(name: String): Int =
         numbers.getValue(name).toIntOrNull() ?: throw damaged("$name is ${numbers[name]}, which is no whole number")
 
+    /** How a bound of the verdict decides, by group and word; null for a number that is none. */
+    fun bound(name: String): Bound? = bounds[name]
+
     /** What the reason of that name says. */
     fun wording(name: String): Wording = reasons.getValue(name)
+
+    /**
+     * How a bound of the verdict decides.
+     *
+     * @property refused a verdict beyond it is refused, else doubtful.
+     * @property beyond "above" or "below", the side on which it breaks.
+     * @property graver of one that makes doubtful, name of the bound on the same quantity that refuses, or null.
+     */
+    class Bound(val refused: Boolean, val beyond: String, val graver: String?)
 
     /**
      * What a reason of the verdict says.
@@ -91,20 +104,26 @@ internal class Rules private constructor(
             val format = text("format", file.getValue("format"))
             if (format != FORMAT) throw damaged("it calls itself $format instead of $FORMAT")
             val numbers = HashMap<String, String>()
+            val bounds = HashMap<String, Bound>()
             for ((group, entries) in record("numbers", file.getValue("numbers"))) {
                 for ((word, entry) in record(group, entries)) {
                     val name = "$group.$word"
-                    val known = record(name, entry, ENTRY, setOf("makes", "beyond"))
+                    val known = record(name, entry, ENTRY, setOf("makes", "beyond", "refuses"))
                     numbers[name] = number(name, known.getValue("value"))
+                    bound(name, known)?.let { bounds[name] = it }
                 }
             }
+            for ((name, bound) in bounds) {
+                val graver = "${name.substringBefore('.')}.${bound.graver ?: continue}"
+                if (bound.refused || bounds[graver]?.refused != true) throw damaged("$name refuses by $graver")
+            }
             val reasons = record("reasons", file.getValue("reasons")).mapValues { (name, entry) ->
-                wording(name, record(name, entry, WORDS, setOf("advice_in_apps")), numbers)
+                wording(name, record(name, entry, WORDS), numbers)
             }
             val makers = record("makers", file.getValue("makers")).mapValues { (basis, names) ->
                 different("makers, $basis", names)
             }
-            return Rules(numbers, different("rivals", file.getValue("rivals")), makers, reasons)
+            return Rules(numbers, bounds, different("rivals", file.getValue("rivals")), makers, reasons)
         }
 
         /** A template with its placeholders filled in: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
@@ -123,13 +142,24 @@ internal class Rules private constructor(
             val unknown = limits.filter { "verdict.$it" !in numbers }
             if (unknown.isNotEmpty()) throw damaged("$name has the limits $unknown, which no number is")
             val message = text("message of $name", entry.getValue("message"))
-            val advice = text("advice of $name", entry["advice_in_apps"] ?: entry.getValue("advice"))
+            val advice = text("advice of $name", entry.getValue("advice"))
             for (template in listOf(message, advice)) {
                 if (PLACEHOLDER.replace(template, "").any { it in "{}" }) {
                     throw damaged("$name has a wrong placeholder in '$template'")
                 }
             }
             return Wording(text("code of $name", entry.getValue("code")), limits, message, advice)
+        }
+
+        private fun bound(name: String, entry: JsonObject): Bound? {
+            val (makes, beyond, refuses) = listOf("makes", "beyond", "refuses").map { key ->
+                entry[key]?.let { text("$key of $name", it) }
+            }
+            if (makes == null && beyond == null && refuses == null) return null
+            if (makes !in setOf("doubtful", "refused") || beyond == null || beyond !in setOf("above", "below")) {
+                throw damaged("$name makes $makes $beyond")
+            }
+            return Bound(makes == "refused", beyond, refuses)
         }
 
         private fun number(name: String, value: JsonElement): String {

@@ -25,4 +25,14 @@ class NumbersTest {
         assertEquals("nan", fixed(Double.NaN, 1))
         assertEquals("-inf", fixed(Double.NEGATIVE_INFINITY, 1))
     }
+
+    @Test
+    fun `an exponent`() {
+        assertEquals("1.3e-05", scientific(1.25e-5, 1)) // a little more than it is written
+        assertEquals("1.2e+00", scientific(1.25, 1))
+        assertEquals("1.0e-04", scientific(9.96e-5, 1))
+        assertEquals("-1.00e+123", scientific(-1e123, 2))
+        assertEquals("0.0e+00", scientific(0.0, 1))
+        assertEquals("nan", scientific(Double.NaN, 1))
+    }
 }

@@ -49,14 +49,19 @@ class RulesTest {
     }
 
     @Test
-    fun `where an app has no command line its advice names no option`() {
-        val all = listOf(
-            "patch", "unexplained", "contradiction", "strange", "pose", "tint", "rival", "unusual", "veil",
-        )
-        for (name in all) {
-            val words = mapOf("rival" to "A")
-            assertTrue("--" !in Rules.shipped.wording(name).advice(words), name)
-        }
+    fun `advice names no option of a command line`() {
+        val reasons = Regex("\"advice\": \"([^\"]*)\"").findAll(text).map { it.groupValues[1] }.toList()
+        assertTrue(reasons.size > 20 && reasons.none { "--" in it })
+    }
+
+    @Test
+    fun `a bound knows on which side it breaks, and which one refuses`() {
+        val veil = Rules.shipped.bound("verdict.veil")!!
+        assertEquals(listOf(false, "above", "fog"), listOf(veil.refused, veil.beyond, veil.graver))
+        val hopeless = Rules.shipped.bound("verdict.hopeless")!!
+        assertEquals(listOf(true, "above", null), listOf(hopeless.refused, hopeless.beyond, hopeless.graver))
+        assertEquals("below", Rules.shipped.bound("verdict.smooth")!!.beyond)
+        assertEquals(null, Rules.shipped.bound("verdict.share"))
     }
 
     @Test
@@ -75,6 +80,9 @@ class RulesTest {
         assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
         assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
         assertTrue("limits" in refused(text.replaceFirst("[\"suspect\", \"hopeless\"]", "[\"suspects\"]")))
+        assertTrue("verdict.mist" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"mist\"")))
+        assertTrue("verdict.rough" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"rough\"")))
+        assertTrue("verdict.veil" in refused(text.replaceFirst("\"beyond\": \"above\", \"refuses\": \"fog\", ", "")))
         assertTrue("rivals" in refused(text.replace(Regex("\"rivals\": \\[[^]]*]"), "\"rivals\": []")))
         assertTrue("rivals" in refused(text.replace("\"2300K\", ", "\"2300K\", \"2300K\", ")))
         assertTrue("makers, phones" in refused(text.replace("\"google\", ", "\"google\", \"google\", ")))

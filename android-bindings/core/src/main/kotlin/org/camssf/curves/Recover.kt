@@ -5,6 +5,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.NotConverged
 import org.camssf.Rules
+import org.camssf.scientific
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
@@ -225,7 +226,7 @@ internal object Recover {
         if (gap.all { it <= LARGEST_GAP }) return
         val worst = gap.max()
         throw NotConverged(
-            "the solver's own proof failed: relative duality gap $worst.",
+            "The solver's own proof failed: relative duality gap ${scientific(worst, 1)}.",
             "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
             worst.takeIf { it.isFinite() },
             LARGEST_GAP,
@@ -238,7 +239,7 @@ internal object Recover {
             val peak = (0 until Grid.SIZE).maxOf { ssf[3 * it + c] }
             if (!peak.isFinite() || peak <= 0) {
                 throw NotConverged(
-                    "a recovered curve has no response to white: the penalty gamma left nothing of it, or the " +
+                    "A recovered curve has no response to white: the penalty gamma left nothing of it, or the " +
                         "signals of a channel are empty.",
                     "Take a smaller gamma, and check that the photo is exposed in all three channels.",
                 )
@@ -261,7 +262,7 @@ internal object Recover {
             val power = lamp.values.copyOfRange(j * Grid.SIZE, (j + 1) * Grid.SIZE)
             if (power.any { it < 0 } || power.max() <= 0) {
                 throw LampUnfit(
-                    "the lamp has negative power, or none at all, between 380 and 720 nm.",
+                    "The lamp has negative power, or none at all, between 380 and 720 nm.",
                     "Give the spectrum of the light that fell on the chart, in nm and relative power.",
                 )
             }

@@ -11,6 +11,7 @@ import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
 import org.camssf.curves.FoundLight
 import org.camssf.curves.Weight
+import org.camssf.evidence.Check
 import org.camssf.evidence.Colour
 import org.camssf.evidence.Reason
 import org.camssf.evidence.Verdict
@@ -153,6 +154,7 @@ internal object ResultJson {
             buildJsonObject {
                 text("status", verdict.outcome.word)
                 put("reasons", JsonArray(verdict.reasons.map { reason(it) }))
+                if (verdict.checks.isNotEmpty()) put("checks", JsonArray(verdict.checks.map { check(it) }))
             },
         )
         put(
@@ -181,6 +183,15 @@ internal object ResultJson {
         text("advice", reason.advice)
         put("value", JsonPrimitive(reason.value))
         put("threshold", JsonPrimitive(reason.threshold))
+    }
+
+    private fun check(check: Check): JsonObject = buildJsonObject {
+        text("name", check.name)
+        put("shot", JsonPrimitive(check.shot))
+        put("value", JsonPrimitive(check.value))
+        put("limit", JsonPrimitive(check.limit))
+        put("refuses", JsonPrimitive(check.refuses))
+        text("beyond", check.beyond)
     }
 
     private fun hashes(begun: Begun, photos: List<Photo>): JsonObject = buildJsonObject {

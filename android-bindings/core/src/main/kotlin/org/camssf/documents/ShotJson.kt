@@ -8,6 +8,7 @@ import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
 import org.camssf.curves.FoundLight
+import org.camssf.mean
 import org.camssf.photo.ChartPose
 import org.camssf.photo.InWork
 import org.camssf.photo.MeasuredShot
@@ -132,6 +133,13 @@ internal object ShotJson {
         text("name", lamp.name)
         put("tolerance", JsonPrimitive(lamp.tolerance.takeUnless { lamp.unnamed }))
         text("source", lamp.source)
+        if (!lamp.unnamed) put("power", array(power(lamp)))
+    }
+
+    /** (681) of mean 1. */
+    private fun power(lamp: Lamp): DoubleArray {
+        val mean = mean(lamp.sharedValues)
+        return DoubleArray(Grid.SIZE) { lamp.sharedValues[it] / mean }
     }
 
     private fun found(light: FoundLight): JsonObject = buildJsonObject {

@@ -63,34 +63,45 @@ internal object Judge {
         val told = case.told
         val found = told.surprise()
         val each = case.each()
+        val checks = Checks()
         val reasons = ArrayList<Reason>()
-        reasons += surprised(found, each, told.table)
-        reasons += strange(told.ssf)
+        reasons += surprised(found, each, told.table, checks)
+        reasons += strange(told.ssf, checks)
         case.shots.forEachIndexed { j, shot ->
             val name = "shot ${j + 1}"
-            reasons += Samples(name, told.signals, j, shot.means, told.table).reasons()
+            reasons += Samples(told.signals, j, shot.means, told.table, checks).reasons()
+            checks.note("poor_pose", shot.pose.score, j)
             if (shot.pose.score < POOR_POSE) {
                 reasons += Reasons.because("pose", shot.pose.score, mapOf("shot" to name, "score" to shot.pose.score))
             }
         }
         val whites = case.shots.indices.map { j ->
-            Light.tinted("shot ${j + 1}", told.lamps[j].name, case.foretold[j], case.single[j])
+            Light.tinted(j, told.lamps[j].name, case.foretold[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
-        reasons += vague(told.ssf)
-        reasons += unusual(told.ssf, case.family)
-        if (case.unnamed) reasons += Light.unnamed(told.ssf.choice, case.family)
+        reasons += vague(told.ssf, checks)
+        reasons += unusual(told.ssf, case.family, checks)
+        if (case.unnamed) reasons += Light.unnamed(told.ssf.choice, case.family, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.accused() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
-            reasons += Light.rivalled(case.rivals(), told.lamps.map { it.name }, doubted)
+            reasons += Light.rivalled(case.rivals(), told.lamps.map { it.name }, doubted, checks)
         }
-        return Verdict(Status.of(reasons), reasons)
+        return Verdict(Status.of(reasons), reasons, checks.all)
     }
 
     /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
-    private fun surprised(found: Surprise, each: List<Surprise>, table: ChartTable): List<Reason> {
+    private fun surprised(
+        found: Surprise,
+        each: List<Surprise>,
+        table: ChartTable,
+        checks: Checks,
+    ): List<Reason> {
         val excess = found.total / found.count
         val hopeless = found.total > HOPELESS * found.count
+        each.forEachIndexed { j, one ->
+            one.accusable()?.let { (strongest, enough) -> checks.note("suspect", strongest.gain, j, enough) }
+            one.black?.let { checks.note("black", it.gain, j) }
+        }
         val reasons = each.mapIndexedNotNull { j, one ->
             val suspect = one.accused() ?: return@mapIndexedNotNull null
             val value = if (hopeless) excess else suspect.gain
@@ -99,6 +110,8 @@ internal object Judge {
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)
+        checks.note("surprise", largest)
+        checks.note("hopeless", excess)
         if (reasons.isNotEmpty() || !(hopeless || largest > Surprise.SURPRISE)) return reasons
         val name = if (each.size > 1 && worst <= Surprise.SURPRISE) "contradiction" else "unexplained"
         val value = if (hopeless) excess else largest
@@ -137,24 +150,28 @@ internal object Judge {
     }
 
     /** Curves unlike a camera's. */
-    private fun strange(ssf: Ssf): List<Reason> {
-        val size = strangeness(ssf)?.takeIf { it > STRANGE } ?: return emptyList()
+    private fun strange(ssf: Ssf, checks: Checks): List<Reason> {
+        val size = strangeness(ssf) ?: return emptyList()
+        checks.note("strange", size)
+        if (size <= STRANGE) return emptyList()
         return listOf(Reasons.because("strange", size, mapOf("size" to size), size > ALIEN))
     }
 
     /** A camera that its basis does not know: wider than it, or of the other family than its maker. */
-    private fun unusual(ssf: Ssf, family: String?): List<Reason> {
+    private fun unusual(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
         val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
         val other = ssf.choice.sumOf { if (family != null && it.basis != family) it.probability else 0.0 }
         val most = max(wide, other)
+        if (ssf.choice.isNotEmpty()) checks.note("unusual", most)
         if (most <= UNUSUAL) return emptyList()
         return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
     }
 
     /** A band too wide to tell cameras apart. */
-    private fun vague(ssf: Ssf): List<Reason> {
+    private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
         if (ssf.sharedStd == null) return emptyList()
         val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
+        checks.note("vague", width)
         return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
     }
 }

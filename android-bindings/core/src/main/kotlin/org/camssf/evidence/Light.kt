@@ -46,9 +46,16 @@ internal object Light {
      * Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong.
      *
      * @param tintedShots those whose raw white contradicts the lamp, too: with two witnesses it is refused.
+     * @param checks told of the best.
      */
-    fun rivalled(rivals: List<Rival>, lamps: List<String>, tintedShots: List<Int> = emptyList()): List<Reason> {
+    fun rivalled(
+        rivals: List<Rival>,
+        lamps: List<String>,
+        tintedShots: List<Int> = emptyList(),
+        checks: Checks = Checks(),
+    ): List<Reason> {
         val best = rivals.maxByOrNull { it.gain } ?: return emptyList()
+        checks.note("rival", best.gain, best.shot)
         if (best.gain <= RIVAL) return emptyList()
         val own = rivals.filter { it.shot == best.shot }
         // e^gain overflows beyond 709: the mean as a multiple of the best one's.
@@ -70,21 +77,22 @@ internal object Light {
      * Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
      * speak as clearly for a phone as a basis that answers alone.
      */
-    fun unnamed(choice: List<Weight>, family: String?): List<Reason> {
+    fun unnamed(choice: List<Weight>, family: String?, checks: Checks = Checks()): List<Reason> {
         var phone = choice.sumOf { if (it.basis == PHONES) it.probability else 0.0 }
         val rest = choice.sumOf { if (it.basis != PHONES) it.probability else 0.0 }
         // Else the odds hold the maker's word, or there was no choice.
         if (family == null && rest > 0) phone /= phone + Choice.CLEAR * rest
         val number = Rules.shipped::number
         val bound = if (family == PHONES) number("verdict.unnamed") else Choice.CLEAR / (1.0 + Choice.CLEAR)
+        checks.note("unnamed", phone, limit = bound)
         if (phone >= bound) return emptyList()
         val fatal = phone < number("verdict.unnameable")
         val words = mapOf("probability" to phone)
         return listOf(Reasons.because("unnamed", phone, words, fatal, if (fatal) null else bound))
     }
 
-    /** Rule 5, by the answer to that shot alone. */
-    fun tinted(name: String, lamp: String, foretold: List<Foretold>, told: Told): List<Reason> {
+    /** Rule 5 of shot j, 0-based, by the answer to that shot alone. */
+    fun tinted(j: Int, lamp: String, foretold: List<Foretold>, told: Told, checks: Checks): List<Reason> {
         val signals = told.signals
         val patches = used(signals, 0)
         val curves = told.ssf
@@ -103,7 +111,9 @@ internal object Light {
             val ratio = DoubleArray(3) { ln(raw[it] / expected[it]) }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
         }.minOrNull()
+        if (off != null) checks.note("tinted", off, j)
         if (off == null || off <= TINTED) return emptyList()
-        return listOf(Reasons.because("tint", off, mapOf("shot" to name, "share" to expm1(off), "lamp" to lamp)))
+        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to lamp)
+        return listOf(Reasons.because("tint", off, words))
     }
 }

@@ -12,12 +12,13 @@ import kotlin.math.sqrt
 
 /** Exposure, patches left, noise, greens and dirt of one shot: rule 6 of docs/verdict.md, and the rest. */
 internal class Samples(
-    private val name: String,
     private val signals: Signals,
     private val shot: Int,
     private val means: PatchMeans,
     private val table: ChartTable,
+    private val checks: Checks,
 ) {
+    private val name = "shot ${shot + 1}"
     private val chart = means.chart
     private val used = used(signals, shot)
 
@@ -37,6 +38,7 @@ internal class Samples(
                 (signals.sharedWhite[i] - signals.sharedDark[i]) / (means.saturation - signals.sharedDark[i])
             } / patches
         }
+        checks.note("dark_white", level, shot)
         return if (level < bound("dark_white")) because("dark_white", level, false, "level" to level) else null
     }
 
@@ -46,11 +48,13 @@ internal class Samples(
         val veil = (0..2).maxOf { channel ->
             (0 until patches).minOf { signals.sharedValues[3 * (shot * patches + it) + channel] }
         }
+        checks.note("veil", veil, shot)
         if (!(veil > bound("veil"))) return null
         return because("darkest_patch", veil, veil > bound("fog"), "share" to veil)
     }
 
     private fun few(): Reason? {
+        checks.note("few_patches", used.size.toDouble(), shot)
         if (used.size >= Rules.shipped.whole("verdict.few_patches")) return null
         val unused = (0 until signals.patches).filter { it !in used }
         val clipped = unused.any { i -> (0..2).any { chart.sharedClipped[3 * i + it] > 0 } }
@@ -61,6 +65,7 @@ internal class Samples(
     private fun dirt(): Reason? {
         val shares = List(signals.patches) { i -> (0..2).maxOf { chart.dead[3 * i + it] } }
         val share = shares.max()
+        checks.note("dirty", share, shot)
         if (!(share > bound("dirty"))) return null
         return because("dirt", share, false, "share" to share, "patch" to table.patches[shares.indexOf(share)])
     }
@@ -71,12 +76,15 @@ internal class Samples(
             abs(first - second) / max((first + second) / 2 - means.sharedBlack[1], 1.0)
         }
         val share = median(differences.toDoubleArray())
+        checks.note("greens", share, shot)
         return if (share > bound("greens")) because("greens", share, false, "share" to share) else null
     }
 
     private fun noise(): List<Reason> {
         if (means.white == null || means.dark == null) return emptyList()
         val (grain, texture) = noise(means.white, means.dark)
+        checks.note("smooth", grain, shot)
+        checks.note("rough", texture, shot)
         return listOfNotNull(
             if (grain < bound("smooth")) because("smooth", grain, false, "grain" to grain) else null,
             if (texture > bound("rough")) because("rough", texture, false, "texture" to texture) else null,

@@ -34,8 +34,13 @@ public enum class Status(public val word: String) {
  * What the evidence says. Safe to pass between threads.
  *
  * @property outcome accepted, doubtful or refused.
+ * @property checks every number that was looked at, whether it held or not; empty where a stage refused before.
  */
-public class Verdict internal constructor(public val outcome: Status, reasons: List<Reason>) {
+public class Verdict internal constructor(
+    public val outcome: Status,
+    reasons: List<Reason>,
+    internal val checks: List<Check> = emptyList(),
+) {
     internal constructor(word: String, reasons: List<Reason>) : this(Status.of(word), reasons)
 
     /** Empty only when accepted. */

@@ -52,17 +52,24 @@ internal class Surprise(val residual: Double, val prior: Double, val count: Int,
             return ((total / count).pow(1.0 / 3.0) - (1.0 - spread)) / sqrt(spread)
         }
 
+    /** The black level, where it is a suspect. */
+    val black: Suspect? get() = suspects.singleOrNull { it.cause == Cause.BLACK }
+
+    /** The strongest suspect but the black level, a veil's favoured, and the gain beyond which it is named. */
+    fun accusable(): Pair<Suspect, Double>? {
+        val favour = Rules.shipped.number("verdict.veil_favour")
+        val others = suspects.filter { it.cause != Cause.BLACK }
+        val strongest = others.maxByOrNull { it.gain * if (it.cause == Cause.VEIL) favour else 1.0 } ?: return null
+        val share = Rules.shipped.number("verdict.share")
+        return strongest to if (z > SURPRISE) share * (total - count) else Rules.shipped.number("verdict.suspect")
+    }
+
     /**
      * The strongest suspect, a veil's favoured, if it explains enough: a share of a surprise, or the bound. Else the black
      * level. Light over the chart only adds, so a veil that takes away is the black level, where that may be it.
      */
     fun accused(): Suspect? {
-        val favour = Rules.shipped.number("verdict.veil_favour")
-        val (levels, others) = suspects.partition { it.cause == Cause.BLACK }
-        val black = levels.singleOrNull()
-        val strongest = others.maxByOrNull { it.gain * if (it.cause == Cause.VEIL) favour else 1.0 } ?: return null
-        val share = Rules.shipped.number("verdict.share")
-        val enough = if (z > SURPRISE) share * (total - count) else Rules.shipped.number("verdict.suspect")
+        val (strongest, enough) = accusable() ?: return null
         val darker = strongest.cause == Cause.VEIL && strongest.amount < 0
         if (strongest.gain > enough) return black.takeIf { darker } ?: strongest
         return black?.takeIf { it.gain > Rules.shipped.number("verdict.black") }

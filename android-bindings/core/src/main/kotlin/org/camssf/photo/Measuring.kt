@@ -122,7 +122,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
             val bodies = shots.map { "${it.photo.make} ${it.photo.model}" }.toSortedSet()
             if (bodies.size > 1) {
                 throw FramesDiffer(
-                    "the photos come from different cameras: ${bodies.joinToString()}.",
+                    "The photos come from different cameras: ${bodies.joinToString()}.",
                     "Calibrate one camera at a time.",
                 )
             }

@@ -58,7 +58,7 @@ internal class PoseSearch(
             throw ChartNotFound(
                 "${photo.facts.name}: the chart is mirrored (its colours agree as seen in a mirror, " +
                     "${fixed(found.score, 2)}).",
-                "Photograph the chart itself, not its mirror image.",
+                "Photograph the chart itself, not its mirror image, and export the RAW without flipping it.",
             )
         }
         return finished(view.toMosaic(found.corners), lattice.side, found.score, notes)

@@ -210,6 +210,9 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "status", "codes", "fatal", "values", "thresholds", "named", "residual", "prior", "count", "z",
                 "gains",
                 "messages",
+                "advice",
+                "checks",
+                "checked",
             ),
             "colour" to setOf(
                 "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights", "kinds",

@@ -134,6 +134,15 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             "status" to verdict.outcome.word,
             "codes" to JsonArray(verdict.reasons.map { JsonPrimitive(it.code) }),
             "messages" to JsonArray(verdict.reasons.map { JsonPrimitive(it.message) }),
+            "advice" to JsonArray(verdict.reasons.map { JsonPrimitive(it.advice) }),
+            "checks" to JsonArray(
+                verdict.checks.map { JsonPrimitive("${it.name} ${it.beyond} ${it.shot ?: "whole"}") },
+            ),
+            "checked" to Tensor(
+                verdict.checks.flatMap { listOf(it.value, it.limit, it.refuses ?: 0.0) }.toDoubleArray(),
+                verdict.checks.size,
+                3,
+            ),
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
             "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),
             "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
