@@ -297,7 +297,7 @@ def test_three_lights_without_a_name_are_too_many() -> None:
 @pytest.mark.parametrize("make", ["NIKON CORPORATION", ""])
 def test_a_camera_must_name_its_lamp(make: str) -> None:
     """The evidence of a camera cannot carry it: the refusal says which words would help."""
-    with pytest.raises(LampUnfit, match=r"nobody named the light.*Name the lamp by --lamp.*daylight, bulb"):
+    with pytest.raises(LampUnfit, match=r"nobody named the light.*Name the lamp:.*daylight, bulb"):
         solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make)))
 
 

@@ -37,7 +37,6 @@ from camssf.documents.view import photos as photo_view
 from camssf.documents.view.bands import possible
 from camssf.documents.view.curves import curves_of
 from camssf.errors import InvalidArgument, PassportInvalid
-from camssf.evidence.checks import REFUSING
 from camssf.grid import WAVELENGTHS
 from camssf.photo.unit import Unit, read_unit
 from camssf.rules import rules
@@ -262,7 +261,7 @@ def checks(shots: int) -> list[Document]:
                     "shot": shot,
                     "value": bound.value * 1.2 if (name, shot) == ("dirty", 1) else inside,
                     "limit": bound.value,
-                    "refuses": rules().number(f"verdict.{REFUSING[name]}") if name in REFUSING else None,
+                    "refuses": rules().number(f"verdict.{bound.refuses}") if bound.refuses else None,
                     "beyond": bound.beyond,
                 }
             )

@@ -30,7 +30,7 @@ public class MeasuredShot internal constructor(
     /**
      * The shot as text ("camssf-shot/1"; 13 kB, under a lamp known by kind up to 93), for a file or an activity's saved
      * state: an app may measure right after the photo and solve when it is started again. It holds the photo's name, and
-     * the camera's serial number where the file tells it.
+     * the camera's serial number and the time where the file tells them.
      */
     public fun toText(): String = SavedShot.write(this)
 

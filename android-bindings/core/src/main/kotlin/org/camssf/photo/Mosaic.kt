@@ -42,6 +42,7 @@ public class Mosaic(
      * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
      * @property sha256 of the file, lower-case hex; "" where there was no file.
      * @property camera the physical camera and its lens.
+     * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown.
      */
     public class Origin @JvmOverloads constructor(
         public val name: String,
@@ -52,6 +53,7 @@ public class Mosaic(
         public val orientation: Int = 1,
         public val sha256: String = "",
         public val camera: PhysicalCamera = PhysicalCamera(),
+        public val captured: String = "",
     )
 
     /**

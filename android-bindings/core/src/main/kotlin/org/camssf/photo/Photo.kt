@@ -1,5 +1,8 @@
 package org.camssf.photo
 
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
+
 /**
  * What a frame's file says, without its samples.
  *
@@ -13,6 +16,9 @@ package org.camssf.photo
  * @property make of the camera.
  * @property model of the camera.
  * @property sha256 of the file, lower-case hex.
+ * @property camera the physical camera and its lens; no result holds them.
+ * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown. No
+ *   result holds it.
  */
 public class Photo internal constructor(
     public val name: String,
@@ -26,20 +32,35 @@ public class Photo internal constructor(
     public val model: String,
     public val sha256: String,
     internal val neutrals: List<NamedNeutral> = emptyList(),
-    internal val camera: PhysicalCamera = PhysicalCamera(),
+    public val camera: PhysicalCamera = PhysicalCamera(),
+    public val captured: String = "",
 ) {
-    internal companion object {
+    public companion object {
+        /**
+         * What a DNG says; its samples are not read.
+         *
+         * @param source stays open; read by one thread.
+         * @throws org.camssf.UnreadableRaw truncated, damaged, or not a raw file at all.
+         * @throws org.camssf.UnsupportedRaw a form of raw file that camssf does not read.
+         * @throws org.camssf.NotSensorRaw already demosaiced.
+         * @throws InterruptedException the thread is interrupted; the flag is cleared.
+         */
+        @JvmStatic
+        @Throws(InterruptedException::class)
+        public fun read(source: DngSource): Photo = DngReader.facts(source, null).let { of(it, it.origin.sha256) }
+
         /** CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them. */
-        val LIGHT_SOURCES =
+        internal val LIGHT_SOURCES =
             mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
 
-        fun of(reading: Reading): Photo = of(reading.facts, reading.sha256)
+        internal fun of(reading: Reading): Photo = of(reading.facts, reading.sha256)
 
         private fun of(facts: Facts, sha256: String): Photo = Photo(
             facts.name, facts.width, facts.height, facts.origin.orientation, facts.origin.exposure, facts.origin.iso,
             facts.corrections.gainMaps.isNotEmpty(), facts.origin.make, facts.origin.model, sha256,
             facts.colours.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
             facts.origin.camera,
+            facts.origin.captured,
         )
     }
 }

@@ -138,6 +138,7 @@ internal object SavedShot {
                 },
             ),
             "camera" to camera(photo.camera),
+            "captured" to JsonPrimitive(photo.captured),
         ),
     )
 
@@ -158,6 +159,7 @@ internal object SavedShot {
             NamedNeutral(light, each.jsonObject.numbers("white", 3))
         },
         cameraOf(entry.part("camera")),
+        if ("captured" in entry) entry.text("captured") else "", // a shot that was saved before it was told
     )
 
     private fun camera(camera: PhysicalCamera) = JsonObject(

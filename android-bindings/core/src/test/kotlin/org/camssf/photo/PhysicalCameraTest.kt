@@ -56,6 +56,31 @@ class PhysicalCameraTest {
         assertEquals(PhysicalCamera("", "S2", "", null, null, Region(0, 0, 20, 16)), other)
     }
 
+    /** The cases of Python's tests/test_passport.py, and a day that a year lacks. */
+    @Test
+    fun `a DNG says when it was taken`() {
+        fun said(time: String, offset: String? = null): String {
+            val exif = listOfNotNull(36867 to Value.text(time), offset?.let { 36881 to Value.text(it) }).toMap()
+            val bytes = DngWriter(20, 16, IntArray(320), exif = exif).encode()
+            val photo = Photo.read(DngSource.of(bytes, "a.dng"))
+            assertEquals(DngReader.read(DngSource.of(bytes, "a.dng")).origin.captured, photo.captured)
+            return photo.captured
+        }
+        assertEquals("2026-11-20T09:15:00+01:00", said("2026:11:20 09:15:00", "+01:00"))
+        assertEquals("2026-11-20T09:15:00", said("2026:11:20 09:15:00"))
+        assertEquals("2026-11-20T09:15:00", said("2026:11:20 09:15:00", "   :  "))
+        assertEquals("2024-02-29T23:59:59-11:30", said("2024:02:29 23:59:59", "-11:30"))
+        val none = listOf(
+            "0000:00:00 00:00:00", "    :  :     :  :  ", "2026:13:45 99:99:99", "2026:02:29 09:15:00", "2026:11:20",
+        )
+        for (time in none) assertEquals("", said(time), time)
+        assertEquals("", said("2026:11:20 09:15:00", "+25:00"))
+        val silent = DngSource.of(File(System.getProperty("camssf.root"), "golden/dng/metadata.dng")).use {
+            Photo.read(it)
+        }
+        assertEquals(listOf("Acme", "Phone 7", ""), listOf(silent.make, silent.model, silent.captured))
+    }
+
     @Test
     fun `shots and frames are held to it, and no result names a serial number`() {
         val file = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")

@@ -2,6 +2,8 @@ package org.camssf.photo
 
 import org.camssf.InvalidArgument
 import org.camssf.SsfCalibrator
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
@@ -52,6 +54,26 @@ class SavedShotTest {
                 assertTrue(text.length < 200_000, "${text.length}")
             }
         }
+    }
+
+    @Test
+    fun `unit and time come back, and a shot of before the time was told is read`() {
+        val file = File(root, "golden/dng/chart-turned-0.dng")
+        val whole = DngSource.of(file).use { DngReader.read(it) }
+        val camera = PhysicalCamera("0", "S1", "wide", 6.81, 1.85)
+        val time = "2026-11-20T09:15:00+01:00"
+        val origin = Mosaic.Origin("a", whole.make, whole.model, camera = camera, captured = time)
+        val mosaic = Mosaic(origin, whole.width, whole.height, whole.region, whole.samples, whole.sensor)
+        val measured = SsfCalibrator.open("phones").use {
+            it.measure(Shot(PhotoSource.of(mosaic), Lamp.read("D55"), shots[0].outline), chart)
+        }
+        val text = measured.toText()
+        val again = MeasuredShot.fromText(text).photo
+        assertEquals(listOf(camera, time), listOf(again.camera, again.captured))
+        val content = text.substringAfter('\n').trimEnd()
+        val former = content.replace(",\"captured\":\"$time\"", "")
+        assertTrue(former != content)
+        assertEquals("", MeasuredShot.fromText(signed(former)).photo.captured)
     }
 
     @Test

@@ -1,6 +1,7 @@
 package org.camssf.passport
 
 import org.camssf.InvalidArgument
+import org.camssf.photo.Photo
 
 /**
  * One physical camera; "" and null where nothing is known.
@@ -22,31 +23,51 @@ public data class CameraUnit @JvmOverloads constructor(
     public val focalLength: Double? = null,
     public val aperture: Double? = null,
 ) {
-    /** With make and model of the result where this one is silent; where both speak, they must agree. */
-    internal fun filled(make: String, model: String): CameraUnit {
-        for ((name, mine, other) in listOf(Triple("make", this.make, make), Triple("model", this.model, model))) {
-            if (mine.isNotEmpty() && other.isNotEmpty() && mine != other) {
+    /** With what the other knows where this one is silent; where both speak, they must agree. */
+    internal fun agreed(other: CameraUnit, source: String): CameraUnit {
+        for ((mine, theirs) in told().zip(other.told())) {
+            val (name, own) = mine
+            val there = theirs.second
+            if (own != null && there != null && own != there) {
                 throw InvalidArgument(
-                    "Another camera by what the result says: $name is '$other' there, not '$mine'.",
+                    "Another camera by what $source says: $name is ${spoken(there)} there, not ${spoken(own)}.",
                     "Name the unit that the photo was taken with.",
                 )
             }
         }
-        return copy(make = this.make.ifEmpty { make }, model = this.model.ifEmpty { model })
+        return CameraUnit(
+            make.ifEmpty { other.make }, model.ifEmpty { other.model }, cameraId.ifEmpty { other.cameraId },
+            serial.ifEmpty { other.serial }, lens.ifEmpty { other.lens }, focalLength ?: other.focalLength,
+            aperture ?: other.aperture,
+        )
     }
 
+    /** By their names, null where nothing is known. */
+    private fun told(): List<Pair<String, Any?>> = words().map { (name, word) -> name to word.ifEmpty { null } } +
+        sizes()
+
+    private fun words() =
+        listOf("make" to make, "model" to model, "camera_id" to cameraId, "serial" to serial, "lens" to lens)
+
+    private fun sizes() = listOf("focal_length" to focalLength, "aperture" to aperture)
+
+    private fun spoken(value: Any): String = if (value is String) "'$value'" else "$value"
+
     internal fun toJson(): String {
-        val words = listOf(
-            "make" to make, "model" to model, "camera_id" to cameraId, "serial" to serial,
-            "lens" to lens,
-        )
-        val sizes = listOf("focal_length" to focalLength, "aperture" to aperture)
-        for ((name, size) in sizes) {
+        for ((name, size) in sizes()) {
             if (size != null && !(size > 0 && size.isFinite())) {
                 throw InvalidArgument("The unit's $name is $size.", "Give a number above 0, or null.")
             }
         }
-        return (words.map { (name, value) -> name to Sound.quote(value) } + sizes)
+        return (words().map { (name, value) -> name to Sound.quote(value) } + sizes())
             .joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }
+    }
+
+    internal companion object {
+        /** By what camera a photo was taken, as far as its file says. */
+        fun of(photo: Photo): CameraUnit = CameraUnit(
+            photo.make, photo.model, photo.camera.id, photo.camera.serial, photo.camera.lens,
+            photo.camera.focalLength, photo.camera.aperture,
+        )
     }
 }

@@ -2,6 +2,7 @@ package org.camssf.passport
 
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
+import org.camssf.photo.Photo
 import java.security.GeneralSecurityException
 import java.security.KeyPair
 import java.security.ProviderException
@@ -131,13 +132,21 @@ public class Passport internal constructor(
          * A passport of a result, not yet signed.
          *
          * @param result the bytes of the file that `Calibrated.toJson` became.
-         * @param said what the result does not hold.
+         * @param said what the result does not hold; it must not contradict the photos.
          * @param now the time of issue.
-         * @throws InvalidArgument the result is none, was refused, or what is said cannot be.
+         * @param photos that the result was made from, for what they say of the unit and of the time: of
+         *   `Calibrated.capture.shots`, or of `Photo.read`.
+         * @throws InvalidArgument the result is none, was refused, or what is said cannot be; or a photo is not the
+         *   result's, or was taken by another unit.
          */
         @JvmStatic
         @JvmOverloads
-        public fun drawUp(result: ByteArray, said: Said = Said(), now: Instant = Clock.System.now()): Passport {
+        public fun drawUp(
+            result: ByteArray,
+            said: Said = Said(),
+            now: Instant = Clock.System.now(),
+            photos: List<Photo> = emptyList(),
+        ): Passport {
             val (text, document) = document(result)
             val camera = (document["camera"] as? Members)?.values ?: throw noResult("has no camera")
             val shots = document["shots"] as? List<*> ?: throw noResult("has no shots")
@@ -145,6 +154,18 @@ public class Passport internal constructor(
             if ("ssf" !in document) {
                 throw InvalidArgument("The result was refused: it has no curves to sign.", "Calibrate again.")
             }
+            var unit = said.unit
+            for (photo in photos) {
+                if (shots.none { photo.sha256.isNotEmpty() && sha256(it) == photo.sha256 }) {
+                    throw InvalidArgument(
+                        "The result was not made from ${photo.name}.",
+                        "Give the very file, or leave it out.",
+                    )
+                }
+                unit = unit.agreed(CameraUnit.of(photo), photo.name)
+            }
+            val told = CameraUnit(camera["make"] as? String ?: "", camera["model"] as? String ?: "")
+            val times = listOf(said.captured) + photos.map { it.captured }
             val lamps = said.lampSerials.ifEmpty { List(shots.size) { "" } }
             if (lamps.size != shots.size) {
                 throw InvalidArgument(
@@ -167,14 +188,20 @@ public class Passport internal constructor(
                 issued = second(now.epochSeconds),
                 begins = second(begins),
                 ends = second(ends),
-                unit = said.unit.filled(camera["make"] as? String ?: "", camera["model"] as? String ?: ""),
-                captured = captured(said.captured),
+                unit = unit.agreed(told, "the result"),
+                captured = captured(times.firstOrNull { it.isNotEmpty() }.orEmpty()),
                 chartSerial = said.chartSerial,
                 lampSerials = lamps,
                 software = VERSION,
                 resultSha256 = hex(PassportKeys.sha256(result)),
                 result = Sound.compact(text),
             ).also { it.unit.toJson() }
+        }
+
+        /** Of a shot's photo. */
+        private fun sha256(shot: Any?): Any? {
+            val photo = (shot as? Members)?.values?.get("photo") as? Members
+            return photo?.values?.get("sha256")
         }
 
         private fun document(result: ByteArray): Pair<String, Map<String, Any?>> {

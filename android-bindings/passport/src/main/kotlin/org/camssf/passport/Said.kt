@@ -6,8 +6,8 @@ import kotlin.time.Instant
 /**
  * What the one who signs says beside the result.
  *
- * @property unit whose curves these are; make and model may be left to the result.
- * @property captured when the photo was taken, ISO 8601; "" where nobody said.
+ * @property unit whose curves these are; what the photos and the result say may be left to them.
+ * @property captured when the photo was taken, ISO 8601; "" leaves it to the photos.
  * @property chartSerial of the chart; "" where nobody said.
  * @property days how long it is valid.
  * @property begins from when on; now if null.

@@ -117,6 +117,7 @@ public object DngReader {
                     aperture = positive(tiff, listOf(exif, first), Tag.F_NUMBER),
                     activeArea = area,
                 ),
+                captured = captured(tiff, exif),
             )
             val colours = Mosaic.Colours(
                 colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),

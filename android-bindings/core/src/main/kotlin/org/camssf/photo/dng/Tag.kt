@@ -29,6 +29,8 @@ internal object Tag {
     const val F_NUMBER = 33437
     const val EXIF = 34665
     const val ISO = 34855
+    const val TIME = 36867
+    const val TIME_OFFSET = 36881
     const val FOCAL_LENGTH = 37386
     const val BODY_SERIAL = 42033
     const val LENS_MODEL = 42036
@@ -68,5 +70,6 @@ internal object Tag {
         COLOR_MATRIX_2, CALIBRATION_1, CALIBRATION_2, ANALOG_BALANCE, ILLUMINANT_1, ILLUMINANT_2,
         NEUTRAL, WHITE_XY, ACTIVE_AREA, MASKED_AREAS, OPCODES_1, OPCODES_2, OPCODES_3, NOISE_PROFILE,
         F_NUMBER, FOCAL_LENGTH, BODY_SERIAL, LENS_MODEL, CAMERA_SERIAL,
+        TIME, TIME_OFFSET,
     )
 }

@@ -1,0 +1,128 @@
+package org.camssf.passport
+
+import org.camssf.InvalidArgument
+import org.camssf.photo.Photo
+import org.camssf.photo.dng.DngSource
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Tag
+import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.assertThrows
+import java.io.ByteArrayOutputStream
+import java.io.File
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import kotlin.time.Instant
+
+/** What the photos say of unit and time goes into the passport, as Python's `draw_up` takes it of their files. */
+@Tag("R-PASSPORT")
+class PhotosTest {
+    private val now = Instant.parse("2026-11-22T03:00:00Z")
+    private val photo = photo("a.dng", "2026:11:20 09:15:00")
+    private val result = result(photo)
+    private val whole = CameraUnit("Maker", "Model 1", "", "body 9", "Wide 24 mm", 24.7, 1.8)
+
+    private fun result(vararg of: Photo): ByteArray {
+        val shots = of.joinToString(",") { """{"photo":{"sha256":"${it.sha256}"}}""" }
+        val camera = """{"make":"Maker","model":"Model 1"}"""
+        return """{"format":"camssf-result/1","camera":$camera,"shots":[$shots],"ssf":{}}""".toByteArray()
+    }
+
+    @Test
+    fun `unit and time are the photo's`() {
+        val found = Passport.drawUp(result, Said(CameraUnit(cameraId = "2")), now, listOf(photo))
+        assertEquals(whole.copy(cameraId = "2"), found.unit)
+        assertEquals("2026-11-20T09:15:00+01:00", found.captured)
+        val said = Said(captured = "2026-11-21T00:00")
+        assertEquals("2026-11-21T00:00:00", Passport.drawUp(result, said, now, listOf(photo)).captured)
+        val alone = Passport.drawUp(result, now = now)
+        assertEquals(CameraUnit("Maker", "Model 1") to "", alone.unit to alone.captured)
+        val claims = found.claims().toMap()
+        assertEquals(
+            """{"make":"Maker","model":"Model 1","camera_id":"2","serial":"body 9","lens":"Wide 24 mm",""" +
+                """"focal_length":24.7,"aperture":1.8}""",
+            claims.getValue("unit"),
+        )
+        assertEquals("\"2026-11-20T09:15:00+01:00\"", claims.getValue("captured"))
+    }
+
+    @Test
+    fun `of several shots the first that knows the time tells it`() {
+        val silent = photo("silent.dng", "0000:00:00 00:00:00")
+        val later = photo("later.dng", "2026:11:20 09:20:00")
+        val found = Passport.drawUp(result(silent, later, photo), now = now, photos = listOf(silent, later, photo))
+        assertEquals("2026-11-20T09:20:00+01:00" to whole, found.captured to found.unit)
+    }
+
+    @Test
+    fun `what does not agree is refused, in Python's words`() {
+        fun refused(said: Said, photos: List<Photo>): String =
+            assertThrows<InvalidArgument> { Passport.drawUp(result, said, now, photos) }.message
+        val words = refused(Said(CameraUnit(serial = "x")), listOf(photo))
+        assertEquals("Another camera by what a.dng says: serial is 'body 9' there, not 'x'.", words)
+        val sizes = refused(Said(CameraUnit(focalLength = 50.0)), listOf(photo))
+        assertEquals("Another camera by what a.dng says: focal_length is 24.7 there, not 50.0.", sizes)
+        val other = photo("other.dng", "2026:11:20 09:16:00")
+        assertEquals("The result was not made from other.dng.", refused(Said(), listOf(other)))
+        assertTrue("what the result says: model is 'Model 1'" in refused(Said(CameraUnit(model = "2")), emptyList()))
+    }
+
+    private companion object {
+        private const val ASCII = 2
+        private const val RATIONAL = 5
+        private const val EXIF = 34665
+
+        private fun tag(entry: ByteArray): Int =
+            ByteBuffer.wrap(entry).order(ByteOrder.LITTLE_ENDIAN).short.toInt() and 0xffff
+
+        /** A photo of the golden vectors, and what an Exif directory says of it. */
+        fun photo(name: String, time: String): Photo {
+            val bytes = File(System.getProperty("camssf.root"), "golden/dng/chart-small.dng").readBytes()
+            val exif = listOf(
+                33437 to ratio(18, 10), 36867 to text(time), 36881 to text("+01:00"), 37386 to ratio(247, 10),
+                42033 to text("body 9"), 42036 to text("Wide 24 mm"),
+            )
+            return Photo.read(DngSource.of(with(bytes, exif), name))
+        }
+
+        private fun text(of: String) = Triple(ASCII, of.length + 1, of.toByteArray() + 0)
+
+        private fun ratio(above: Int, below: Int) = Triple(RATIONAL, 1, little(8) { putInt(above).putInt(below) })
+
+        private fun little(size: Int, write: ByteBuffer.() -> Unit): ByteArray =
+            ByteBuffer.allocate(size).order(ByteOrder.LITTLE_ENDIAN).apply(write).array()
+
+        /** A little-endian TIFF with that Exif directory: its first directory anew at the end, and what it names. */
+        private fun with(file: ByteArray, exif: List<Pair<Int, Triple<Int, Int, ByteArray>>>): ByteArray {
+            val old = ByteBuffer.wrap(file).order(ByteOrder.LITTLE_ENDIAN)
+            val first = old.getInt(4)
+            val count = old.getShort(first).toInt()
+            val out = ByteArrayOutputStream().apply { write(file) }
+            val places = exif.map { (_, value) -> place(out, value.third) }
+            val directory = little(6 + 12 * exif.size) {
+                putShort(exif.size.toShort())
+                exif.forEachIndexed { i, (tag, value) ->
+                    putShort(tag.toShort()).putShort(value.first.toShort()).putInt(value.second).putInt(places[i])
+                }
+                putInt(0)
+            }
+            val place = place(out, directory)
+            val pointer = little(12) { putShort(EXIF.toShort()).putShort(4).putInt(1).putInt(place) }
+            val own = List(count) { file.copyOfRange(first + 2 + 12 * it, first + 14 + 12 * it) }
+            val entries = (own.filter { tag(it) != EXIF } + pointer).sortedBy { tag(it) }
+            val anew = little(6 + 12 * entries.size) {
+                putShort(entries.size.toShort())
+                entries.forEach { put(it) }
+                putInt(0)
+            }
+            val at = place(out, anew)
+            return out.toByteArray().also { ByteBuffer.wrap(it).order(ByteOrder.LITTLE_ENDIAN).putInt(4, at) }
+        }
+
+        /** Appends at an even place, which it gives; what is four bytes or less would stand in its entry. */
+        private fun place(out: ByteArrayOutputStream, data: ByteArray): Int {
+            if (out.size() % 2 == 1) out.write(0)
+            return out.size().also { out.write(data) }
+        }
+    }
+}
