@@ -47,8 +47,8 @@ def read_raw(path: str | Path) -> Mosaic:
         InvalidArgument: a sidecar that is none.
     """
     file = Path(path)
-    sidecar = file.with_name(f"{file.name}.json")
-    if file.suffix.casefold() in _PICTURES and sidecar.is_file():
+    sidecar = sidecar_of(file)
+    if sidecar is not None:
         return _picture(file, sidecar)
     try:
         return read_dng(file)
@@ -56,6 +56,24 @@ def read_raw(path: str | Path) -> Mosaic:
         if not error.message.endswith(NO_DNG):
             raise
         return _by_libraw(file, error)
+
+
+def sidecar_of(path: Path) -> Path | None:
+    """The file that says pattern and levels of a picture; None where there is none, or it is no picture."""
+    if path.suffix.casefold() not in _PICTURES:
+        return None
+    sidecar = path.with_name(f"{path.name}.json")
+    return sidecar if sidecar.is_file() else None
+
+
+def photo_hash(path: Path | str) -> str:
+    """SHA-256 of a photo: of its file, or of a picture with its sidecar's bytes behind it (`cat photo.png*`)."""
+    found, sidecar = hashlib.sha256(), sidecar_of(Path(path))
+    for each in (Path(path), *(() if sidecar is None else (sidecar,))):
+        with each.open("rb") as stream:
+            while piece := stream.read(HEAD):
+                found.update(piece)
+    return found.hexdigest()
 
 
 def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
@@ -154,7 +172,7 @@ def _maker(head: bytes) -> tuple[str, str]:
 
 def _picture(file: Path, sidecar: Path) -> Mosaic:
     """A linear picture of the mosaic, and what its sidecar says of it."""
-    told = _sidecar(sidecar)
+    told, words = _sidecar(sidecar)
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -184,7 +202,7 @@ def _picture(file: Path, sidecar: Path) -> Mosaic:
         color_matrix1=None,
         color_matrix2=None,
         as_shot_neutral=None,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=hashlib.sha256(data + words).hexdigest(),  # as `photo_hash`
         levels=f"the sidecar {sidecar.name}",
     )
 
@@ -225,8 +243,8 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
         ) from error
 
 
-def _sidecar(path: Path) -> dict[str, Any]:
-    """What a sidecar says, every word of it checked."""
+def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
+    """What a sidecar says, every word of it checked; and its bytes."""
     try:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_SIDECAR + 1)
@@ -251,7 +269,7 @@ def _sidecar(path: Path) -> dict[str, Any]:
     for key in ("make", "model"):
         need(isinstance(told.get(key, ""), str) and len(told.get(key, "")) <= 200, f"{key} must be a short text")
     need(told.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
-    return told
+    return told, data
 
 
 def _number(value: Any) -> bool:

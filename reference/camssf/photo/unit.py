@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from dataclasses import dataclass, fields
@@ -61,7 +60,7 @@ class Taken:
     Attributes:
         unit: by what camera.
         time: ISO 8601, with the offset from UTC where the file has one; "" where it is silent.
-        sha256: of the file.
+        sha256: of the file, with its sidecar's where it is a picture that has one.
     """
 
     unit: Unit
@@ -75,11 +74,12 @@ def read_unit(path: Path | str) -> Taken:
     Raises:
         UnreadableRaw: it cannot be read, or is damaged.
     """
+    from camssf.photo.raw import photo_hash  # which imports this
+
     path = Path(path)
     try:
+        sha256 = photo_hash(path)
         with path.open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-            stream.seek(0)
             tiff = Tiff(path, stream)
             exif = tiff.exif()
             return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
