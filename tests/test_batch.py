@@ -108,6 +108,22 @@ def test_it_resumes(tmp_path: Path) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
+def test_another_basis_in_the_same_file_and_another_sidecar_are_noticed(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a.png,D55,,,"], {"a.png": "1", "a.png.json": "black 1", "mine.npz": "basis 1"})
+    basis = str(tmp_path / "mine.npz")
+
+    def again() -> bool:
+        (found,) = run_batch(manifest, tmp_path / "out", jobs=1, work=stub, basis=basis)
+        return found.resumed
+
+    assert [again(), again()] == [False, True]
+    (tmp_path / "mine.npz").write_text("basis 2")
+    assert not again()
+    (tmp_path / "a.png.json").write_text("black 2")
+    assert not again()
+    assert again()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
 def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:

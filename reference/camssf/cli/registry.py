@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -93,11 +92,9 @@ def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revok
 
 
 def _place(folder: Path, path: str) -> str:
-    """Where the result lies, from the registry."""
-    try:
-        return "" if path == "-" else Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # on another drive
-        return Path(path).absolute().as_posix()
+    from camssf.fleet.rows import place_of
+
+    return "" if path == "-" else place_of(path, folder)
 
 
 @registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')

@@ -15,7 +15,8 @@ from typing import Any
 
 from camssf import __version__
 from camssf.errors import InvalidArgument
-from camssf.fleet.run import COLUMNS, Job, is_file, job_of
+from camssf.fleet.inputs import Stamp, basis_path, is_file, stamp, stamps
+from camssf.fleet.run import COLUMNS, Job, job_of
 
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
 """Further columns that the registry has itself; all others are kept as `extra`."""
@@ -32,8 +33,8 @@ class Item:
         job: what to do; its folder is not used here.
         extra: columns that camssf does not know, of the first row of the name.
         unit: serial, camera_id, lens, captured: the manifest's, "" where it is silent.
-        task: SHA-256 of name, rows, options and version, and of its files' sizes and times: known without reading
-            them.
+        task: SHA-256 of name, rows, options and version, and of its files' sizes and times, those of sidecars and of
+            the basis' file among them: known without reading them.
     """
 
     job: Job
@@ -57,10 +58,13 @@ class Manifest:
         self.path, self.options = Path(path), dict(options)
         self.done = 0.0
         """The part of it that was read, 0 to 1."""
+        self._basis: Stamp | None = None
 
     def __iter__(self) -> Iterator[Item]:
         met: set[int] = set()
         empty = True
+        basis = basis_path(self.options["basis"])
+        self._basis = None if basis is None else stamp(basis)  # once, not once a row
         for name, group in groupby(self._rows(), key=lambda row: row["name"]):
             empty = False
             item = self._item(name, list(group))
@@ -87,7 +91,7 @@ class Manifest:
             job = replace(job, fault=job.fault or f"{unit[3]!r} is no time in ISO 8601.")
         known = {*COLUMNS, *UNIT_COLUMNS, "fault"}
         extra = tuple((column, text) for column, text in first.items() if column not in known and text)
-        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit))
+        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit, self._basis))
 
     def _rows(self) -> Iterator[dict[str, str]]:
         """Rows as text, their columns in small letters."""
@@ -193,14 +197,12 @@ def file_in(words: str | None) -> tuple[str, Path | None]:
     return (layout, Path(tail)) if tail and is_file(Path(tail)) else ("", None)
 
 
-def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str]) -> str:
-    stats: list[tuple[int, int] | None] = []
+def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str], basis: Stamp | None) -> str:
+    found: list[Stamp | None] = []
     for words in words_of(job):
         _, path = file_in(words)
-        try:
-            found = None if path is None else path.stat()
-        except OSError:
-            found = None
-        stats.append(None if found is None else (found.st_size, found.st_mtime_ns))
-    told = json.dumps([list(vars(job).values()), list(extra), list(unit), stats, __version__])
+        found += [None] if path is None else stamps(path)
+    if basis is not None:
+        found.append(basis)
+    told = json.dumps([list(vars(job).values()), list(extra), list(unit), found, __version__])
     return hashlib.sha256(told.encode()).hexdigest()

@@ -24,6 +24,8 @@ from camssf import __version__
 from camssf.documents.report import NAMES
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
+from camssf.fleet.inputs import basis_hash, file_hash, is_file
+from camssf.photo.raw import photo_hash
 
 if TYPE_CHECKING:
     from camssf.documents.result import Calibration, Refusal
@@ -257,14 +259,6 @@ def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
     return []
 
 
-def is_file(path: Path) -> bool:
-    """A name that no file can have is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
 def _folders(names: Sequence[str]) -> dict[str, str]:
     """One safe path component a name: readable, and different for different names on any file system."""
     folded = [name.casefold() for name in names]
@@ -354,14 +348,10 @@ def _fingerprint(job: Job) -> str:
     """SHA-256 of the rows, the options, the version and the contents of every file they name."""
     chart = job.chart.partition(":")[2] if not is_file(Path(job.chart)) else job.chart
     paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
-    hashes = [file_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
+    hashes = [photo_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
+    if basis := basis_hash(job.basis):
+        hashes.append(basis)
     return hashlib.sha256(json.dumps([asdict(job), hashes, __version__]).encode()).hexdigest()
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _earlier(folder: Path, made_from: str) -> Outcome | None:
