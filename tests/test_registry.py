@@ -406,6 +406,37 @@ def test_what_a_drift_needs(one: Registry) -> None:
     assert len(compare.drift(one, "A1", model="Other")) == 6
 
 
+def test_a_unit_is_one_however_much_its_rows_say(one: Registry) -> None:
+    """`registry learn` counts it once, too. What is silent where several are named is of nobody."""
+    one.add([made(1, bells(), lens="50mm"), made(2, bells()), made(3, bells(1.0), serial="B2"),
+             made(4, bells(1.0), serial="B2", camera_id="2", lens="50mm")])  # fmt: skip
+    found = compare.spread(one, "Model")
+    assert (found.units, found.results, found.without_serial) == (2, 4, 0)
+    one.add([made(5, bells(), lens="24mm"), made(6, bells(), camera_id="1", lens="24mm")])
+    found = compare.spread(one, "Model")
+    assert (found.units, found.results, found.without_serial) == (3, 5, 1)
+    assert compare.spread(one, "Model", lens="50mm").results == 3
+    units = compare.units_of([["m", "p", c, "s", lens] for c, lens in (("1", "a"), ("2", ""), ("2", "b"), ("", "a"))])
+    assert units == [("m", "p", "1", "s", "a"), ("m", "p", "2", "s", "b"), ("m", "p", "2", "s", "b"), None]
+
+
+def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None:
+    rows = history(4, 0)
+    both = [replace(each, key=f"{i:064d}", lens="24mm") for i, each in enumerate(rows, 10)]
+    one.add([replace(each, lens="50mm") for each in rows] + both)
+    with pytest.raises(InvalidArgument, match="lens '24mm', '50mm'") as caught:
+        compare.drift(one, "A1", model="Model", make="Maker")
+    assert caught.value.advice == "Name one by --lens."
+    assert compare.drift(one, "A1", lens="24mm")[0].results == 4
+    one.add([replace(each, key=f"{i:064d}", make="Other", lens="24mm") for i, each in enumerate(rows, 20)])
+    with pytest.raises(InvalidArgument, match=r"make 'Maker', 'Other'; lens") as caught:
+        compare.drift(one, "A1")
+    assert caught.value.advice == "Name one by --make or --lens."
+    assert run("compare", one.folder, "--serial", "A1", "--make", "Other") == 0
+    assert run("compare", one.folder, "--serial", "A1", "--lens", "24mm") == InvalidArgument.exit_status
+    assert run("compare", one.folder, "--serial", "A1", "--lens", "50mm", "--camera-id", "7") == 0
+
+
 def test_features_are_centres_and_widths() -> None:
     found = compare.features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
     assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
@@ -519,7 +550,7 @@ def test_a_drift_on_the_command_line_ends_with_1(
         ["list", "missing"], ["compare", "phones"], ["compare", "phones", "--model", "x", "--result", "y"],
         ["export", "phones", "-o", "all.xlsx"], ["add", "phones", "no.json"], ["add", "phones", "empty.json"],
         ["add", "phones", "result.json", "--captured", "soon"], ["compare", "phones", "--result", "refused.json"],
-        ["export", "phones", "-o", "no/where.csv"],
+        ["export", "phones", "-o", "no/where.csv"], ["compare", "phones", "--result", "result.json", "--make", "foo"],
     ],
 )  # fmt: skip
 def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

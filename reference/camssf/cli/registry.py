@@ -131,6 +131,8 @@ def compare(
     make: Make = "",
     model: Model = "",
     serial: Serial = "",
+    camera_id: CameraId = "",
+    lens: Lens = "",
     result: Annotated[
         str | None, typer.Option(metavar="JSON", show_default=False, help="A result: which models are nearest?")
     ] = None,
@@ -145,7 +147,11 @@ def compare(
 
     found = Registry(folder)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
-    if (result is not None) + bool(serial) + bool(model and not serial) != 1:
+    which = {"--make": make, "--model": model, "--serial": serial, "--camera-id": camera_id, "--lens": lens}
+    if result is not None and any(which.values()):
+        unused = ", ".join(option for option, word in which.items() if word)
+        raise InvalidArgument("A --result is compared with all models.", f"Leave {unused} out.")
+    if result is None and not (serial or model):
         raise InvalidArgument("What shall be compared?", "Name a --model, a unit by --serial, or a --result.")
     if result is not None:
         document = read_result(result)
@@ -156,7 +162,9 @@ def compare(
         for one in near:
             say("", f"{one.distance:.4f}  {one.make} {one.model} ({one.results})")
     elif serial:
-        drifts = comparing.drift(found, serial, model=model, statuses=statuses)
+        drifts = comparing.drift(
+            found, serial, make=make, model=model, camera_id=camera_id, lens=lens, statuses=statuses
+        )
         alarms = [each for each in drifts if each.alarm]
         emit(
             _document("drift")
@@ -170,7 +178,7 @@ def compare(
             raise typer.Exit(PARTED)
         say("", f"no drift in {drifts[0].results} results over {drifts[0].days:.0f} days")
     else:
-        spread = comparing.spread(found, model, make=make, statuses=statuses)
+        spread = comparing.spread(found, model, make=make, camera_id=camera_id, lens=lens, statuses=statuses)
         emit(
             _document("spread")
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}
