@@ -156,12 +156,77 @@ def test_a_damaged_file_is_named(one: Registry, damage: Any) -> None:
     assert sorted((one.folder / "results").iterdir()) == before
 
 
+def flipped(data: bytes, start: int, count: int = 400) -> bytes:
+    return data[:start] + bytes(byte ^ 0x5A for byte in data[start : start + count]) + data[start + count :]
+
+
+@pytest.mark.parametrize("back", range(500, 3500, 500))
+def test_a_file_with_other_bytes_in_it_is_named(one: Registry, back: int) -> None:
+    """Whatever DuckDB says of them: near the file's end stands what it reads first."""
+    one.add([made(n, bells()) for n in range(50)])
+    one.add([made(n, bells()) for n in range(100, 150)])
+    file = sorted((one.folder / "results").glob("*.parquet"))[1]
+    whole = file.read_bytes()
+    file.write_bytes(flipped(whole, len(whole) - back))
+    for attempt in (one.listing, one.gather, lambda: one.export(one.folder.parent / "all.parquet")):
+        with pytest.raises(InvalidArgument, match=file.name) as caught:
+            attempt()
+        assert "Move it away" in caught.value.advice
+    assert file.exists()
+
+
+def test_a_file_of_another_kind_is_named(one: Registry) -> None:
+    one.add([made(1)])
+    one.note([Task("t", "", START, "name", "failed", "", "", "")])
+    for folder, table in (("results", Row), ("tasks", Task)):
+        file = one.folder / folder / "foreign.parquet"
+        with registry.connection() as con:
+            con.execute(f"COPY (SELECT 1 AS n, 'x' AS status) TO '{file}' (FORMAT parquet)")
+        with pytest.raises(InvalidArgument, match=r"foreign.parquet is no file of a registry: it lacks (key|task)"):
+            one.query("SELECT * FROM rows", table=table)
+        file.unlink()
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
+def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
+    curves = bells()
+    curves[1, 30] = wrong
+    one.add(history(5, 0))
+    one.add([made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
+    with registry.connection() as con:
+        told = "SELECT filename FROM read_parquet(?, filename = true) WHERE key = ?"
+        (place,) = con.execute(told, [f"{one.folder}/results/*.parquet", f"{77:064x}"]).fetchone()
+    for attempt in (
+        lambda: compare.spread(one, "Model"), lambda: compare.drift(one, "A1"), lambda: compare.nearest(one, bells())
+    ):  # fmt: skip
+        with pytest.raises(InvalidArgument, match=f"{Path(place).name} is damaged: of the result 00000000000"):
+            attempt()
+
+
+def test_curves_of_another_length_are_named(one: Registry) -> None:
+    one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
+    for attempt in (lambda: compare.spread(one, "Model"), lambda: compare.nearest(one, bells())):
+        with pytest.raises(InvalidArgument, match="the curves cannot be right"):
+            attempt()
+
+
+def test_an_export_s_place_is_to_blame_for_itself(one: Registry, tmp_path: Path) -> None:
+    one.add([made(1)])
+    (tmp_path / "folder.csv").mkdir()
+    for name in ("nodir/x.parquet", "folder.csv"):
+        with pytest.raises(InvalidArgument, match=f"{name} cannot be written") as caught:
+            one.export(tmp_path / name)
+        assert str(one.folder) not in caught.value.message
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.csv", "phones"]
+
+
 def test_a_file_of_an_older_release_lacks_a_column(one: Registry) -> None:
     one.add([made(1)])
     with registry.connection() as con:
         file = one.folder / "results" / "old.parquet"
         con.execute(
-            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, 7 AS gone) TO '{file}' (FORMAT parquet)"
+            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, TIMESTAMP '2026-01-01' AS added, 7 AS gone) "
+            f"TO '{file}' (FORMAT parquet)"
         )
     assert len(keys(one)) == 2
     found = {each["key"]: each for each in one.listing()}

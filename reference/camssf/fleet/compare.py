@@ -5,7 +5,7 @@ Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 40
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,8 @@ SMALLEST_DRIFT = 1.0
 FEWEST = 4
 """Results of a unit that a drift can be told from."""
 FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
+LARGEST = 2.0
+"""Of a curve whose peak is 1, bands and noise allowed for: what is beyond was never a result's."""
 UNIT = ("make", "model", "camera_id", "serial", "lens")
 CAMERA, SERIAL, LENS = (UNIT.index(name) for name in ("camera_id", "serial", "lens"))
 
@@ -321,11 +323,16 @@ def nearest(
         most: how many.
     """
     means = ", ".join(f"avg({colour}[i]) AS {colour}" for colour in CHANNELS)
+    largest = ", ".join(f"abs({colour}[i])" for colour in CHANNELS)
+    whole = " AND ".join(f"len({colour}) = {len(NM)}" for colour in CHANNELS)
     found = registry.arrays(
-        f"SELECT make, model, i, count(*) AS n, {means} FROM rows, range(1, {len(NM) + 1}) t(i) "
+        f"SELECT make, model, i, count(*) AS n, {means}, bool_and({whole}) AS whole, max(greatest({largest})) AS most"
+        f" FROM rows, range(1, {len(NM) + 1}) t(i) "
         "WHERE list_contains(?, status) AND len(red) > 0 GROUP BY make, model, i ORDER BY make, model, i",
         [list(statuses)],
     )
+    if not (np.all(found["whole"]) and np.all(np.asarray(found["most"]) <= LARGEST)):
+        _name_odd(registry, "list_contains(?, status)", [list(statuses)])
     if not len(found["i"]):
         return ()
     models = np.stack([np.asarray(found[c]).reshape(-1, len(NM)) for c in CHANNELS], axis=1)
@@ -348,8 +355,35 @@ def _curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str
     """Columns of the results with curves, and `curves` (n, 3, wavelengths inside)."""
     where, values = wanted.where()
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
-    found = registry.arrays(
-        f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key", values
-    )
+    asked = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
+    found = _sound(registry, lambda: registry.arrays(asked, values), where, values)
     columns = [np.array(list(found.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
-    return found | {"curves": np.stack(columns, axis=1)[..., INSIDE]}
+    curves = np.stack(columns, axis=1)
+    if not (np.abs(curves) <= LARGEST).all():
+        _name_odd(registry, where, values)
+    return found | {"curves": curves[..., INSIDE]}
+
+
+def _sound(registry: Registry, ask: Callable[[], dict[str, Any]], where: str, values: list[Any]) -> dict[str, Any]:
+    """The answer; where curves of another length made it fail, the row is named."""
+    import duckdb
+
+    try:
+        return ask()
+    except duckdb.Error:
+        _name_odd(registry, where, values)
+        raise
+
+
+def _name_odd(registry: Registry, where: str, values: list[Any]) -> None:
+    """The first row whose curves cannot be right; NaN is above all in DuckDB."""
+    right = " AND ".join(
+        f"len({colour}) = {len(NM)} AND list_max({colour}) <= {LARGEST} AND list_min({colour}) >= -{LARGEST}"
+        for colour in CHANNELS
+    )
+    odd = registry.query(
+        f"SELECT key FROM rows WHERE {where} AND len(red) > 0 AND NOT coalesce({right}, false) ORDER BY key LIMIT 1",
+        values,
+    )
+    if odd:
+        raise registry.damaged(str(odd[0]["key"]), "the curves cannot be right")
