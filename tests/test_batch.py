@@ -211,6 +211,29 @@ def test_no_name_escapes(tmp_path: Path, name: str) -> None:
     assert job.folder.split(".")[0].casefold() not in ("con", "lpt1")
 
 
+def test_a_camera_named_as_the_summary_leaves_room_for_it(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["summary.csv,a,D55,,,", "SUMMARY.CSV,a,A,,,", "summary,a,A,,,"], {"a": "1"})
+    folders = [job.folder for job in read_manifest(manifest)]
+    assert "summary.csv" not in {folder.casefold() for folder in folders}
+    assert folders[2] == "summary"
+    assert all(outcome.ok for outcome in run_batch(manifest, tmp_path / "out", jobs=1, work=stub))
+    assert (tmp_path / "out" / "summary.csv").is_file()
+
+
+def test_a_lamp_that_is_left_out_is_nobody_s(tmp_path: Path) -> None:
+    (job,) = read_manifest(write(tmp_path, ["one,a,,,,", "one,b,auto,,,", "one,c,D55,,,"], {}))
+    assert job.lamps == ("auto", "auto", "D55")
+    assert not job.fault
+
+
+@pytest.mark.parametrize("name", ["m.parquet", "M.PARQUET"])
+def test_parquet_is_told_that_it_needs_a_registry(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"PAR1")
+    with pytest.raises(InvalidArgument, match="is Parquet") as caught:
+        read_manifest(tmp_path / name)
+    assert "--registry" in caught.value.advice
+
+
 def test_names_stay_readable_and_apart(tmp_path: Path) -> None:
     names = ["Nikon 5100 (NPL)", "Kamera für Späße", "a/b", "a_b", "a?b", "canon", "Canon"]
     manifest = write(tmp_path, [f"{name},a,D55,,," for name in names], {"a": "1"})

@@ -555,6 +555,10 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (found,) = csv.DictReader(out.splitlines())
     assert (found["serial"], found["captured"], found["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
     assert "1 doubtful" in err
+    assert run("list", folder, "--model", "another") == 0
+    assert "no results" in capsys.readouterr().err
+    assert run("list", folder, "--status", "acepted") == InvalidArgument.exit_status
+    assert "accepted, doubtful, refused" in capsys.readouterr().err
     assert run("compare", folder, "--result", result, "--doubtful") == 0
     told = json.loads(capsys.readouterr().out)
     validated(told, "camssf-registry-nearest/1")
@@ -571,6 +575,27 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert cells["serial"] == "'=A1"
     assert "red" not in cells
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (b"II*\0" + bytes(99), "DNG"),
+        (b"\x89PNG\r\n", "PNG"),
+        (b"name,photo\nx,y\n", "text"),
+        (bytes(9) + b"..", "binary"),
+    ],
+)
+def test_what_is_added_is_called_what_it_is(
+    data: bytes, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "chart.dng").write_bytes(data)
+    for more in ((), ("--serial", "x")):
+        assert run("add", tmp_path / "phones", tmp_path / "chart.dng", *more) == InvalidArgument.exit_status
+        told = capsys.readouterr().err
+        assert word in told
+        assert "no passport" in " ".join(told.split())
+    assert not (tmp_path / "phones").exists()
 
 
 def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -116,6 +116,10 @@ def test_it_reads_what_the_other_reads(tmp_path: Path) -> None:
         "\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n".encode(),
         b'name,photo,lamp\n"a, ""b""\nc",p,D55\n',
         b"name,photo,lamp\nlong,a,D55,x\nno photo,,D55\n,a,D55\n",
+        b"name,photo,lamp\rcam,a.dng,D55\rother,b.dng,\r",
+        b"name,photo,lamp\rlong,a,D55,x\r\nb,c,A\n",
+        b'"name\n",photo,lamp\ncam,a.dng,D55\nlong,a,D55,x\n',
+        "name,photo,lamp\nk\u00e4mera,\u00fc.dng,\n".encode(),
     ):
         (tmp_path / "mine.csv").write_text("")
         manifest = tmp_path / "manifest.csv"
@@ -141,6 +145,28 @@ def test_parquet_and_further_columns(tmp_path: Path) -> None:
     assert one[0].extra == (("site", "lab"), ("n", "1"))
     assert len(one[0].job.photos) == 2
     assert (one[1].unit, one[1].extra) == (("", "", "", ""), ())
+
+
+def test_parquet_of_any_columns_and_in_capitals(tmp_path: Path) -> None:
+    """Times with a zone need no further library; whole numbers and truths are as their text."""
+    file = tmp_path / "P.PARQUET"
+    with connection() as con:
+        con.execute(
+            "COPY (SELECT 'cam' AS Name, 'a.dng' AS photo, NULL AS lamp, TIMESTAMPTZ '2026-01-02 10:00:00+01' AS "
+            f"captured, DATE '2026-01-02' AS day, 7 AS serial, true AS tripod) TO '{file}' (FORMAT parquet)"
+        )
+    (found,) = items(file)
+    assert not found.job.fault
+    assert datetime.fromisoformat(found.unit[3]) == datetime(2026, 1, 2, 9, tzinfo=UTC)
+    assert (found.unit[0], found.job.lamps) == ("7", ("auto",))
+    assert dict(found.extra) == {"day": "2026-01-02", "tripod": "true"}
+
+
+def test_how_much_was_read_is_known_of_any_text(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_bytes("name,photo,lamp\r\nk\u00e4m,\u00fc,\r\n".encode())
+    manifest_ = Manifest(tmp_path / "m.csv", OPTIONS)
+    assert len(list(manifest_)) == 1
+    assert manifest_.done == 1.0
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -15,6 +17,15 @@ from camssf.cli.options import CameraId, Captured, Lens
 from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_result
 from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
+
+STATUSES = ("accepted", "doubtful", "refused")
+"""Of results; what failed has none."""
+KINDS = {
+    b"II*\0": "a photo (DNG or TIFF)", b"MM\0*": "a photo (DNG or TIFF)", b"\x89PNG": "a picture (PNG)",
+    b"\xff\xd8\xff": "a picture (JPEG)", b"PK\x03\x04": "an archive (.npz or .zip)", b"PAR1": "Parquet",
+    b"%PDF": "a PDF", b"-----BEGIN": "a key (PEM)", b"<": "a page",
+}  # fmt: skip
+"""Of a file, by its begin."""
 
 registry = typer.Typer(
     name="registry",
@@ -67,6 +78,9 @@ def add(
             document = check_document(parse_json(data, name_of(path), "Give a result."), name_of(path))
             unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
             rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+        elif not re.fullmatch(rb"[!-~]+", data.strip()) or data.count(b".") != 2:
+            what = f"{_kind_of(data)}, no result and no passport"
+            raise InvalidArgument(f"{name_of(path)} is {what}.", "Give a result.json, or a passport (.jws).")
         else:
             if any((serial, camera_id, lens, captured)):
                 raise InvalidArgument(f"{name_of(path)} is a passport, which says its unit.", "Leave the unit out.")
@@ -75,6 +89,14 @@ def add(
     if found.files() > MANY_FILES:
         found.gather()
     say("", f"{len(rows)} added to {folder}")
+
+
+def _kind_of(data: bytes) -> str:
+    """A file that was given in a result's place, in words."""
+    for begin, word in KINDS.items():
+        if data.startswith(begin):
+            return word
+    return "text" if data.isascii() and b"\0" not in data else "a binary file"
 
 
 def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revoked: Path | None) -> Any:
@@ -112,17 +134,20 @@ def list_results(
     from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
     from camssf.fleet.run import cell
 
-    found = Registry(folder)
-    wanted = Wanted(make, model, serial, statuses=tuple(status or ()))
+    for word in status or ():
+        if word not in STATUSES:
+            raise InvalidArgument(f"No result is {word!r}.", f"The words are {', '.join(STATUSES)}.")
+    found = Registry(folder).listing(Wanted(make, model, serial, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SHORT)
-    for each in found.listing(wanted, limit=limit):
+    for each in found:
         values = as_json(each)
         values["lamps"] = " ".join(values["lamps"] or ())
         writer.writerow(["" if value is None else cell(str(value)) for value in values.values()])
     put(text.getvalue().rstrip("\n"))
-    say("", ", ".join(f"{n} {word}" for word, n in found.count().items()) or "no results")
+    count = Counter(str(each["status"]) for each in found)
+    say("", ", ".join(f"{n} {word}" for word, n in sorted(count.items())) or "no results")
 
 
 @registry.command(epilog="Example: camssf registry compare phones/ --serial A1B2")

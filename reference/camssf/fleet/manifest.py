@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
 from camssf import __version__
 from camssf.errors import InvalidArgument
 from camssf.fleet.inputs import Stamp, basis_path, is_file, stamp, stamps
-from camssf.fleet.run import COLUMNS, Job, job_of
+from camssf.fleet.run import COLUMNS, Job, delimiter_of, is_parquet, job_of
 
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
 """Further columns that the registry has itself; all others are kept as `extra`."""
@@ -95,10 +96,11 @@ class Manifest:
 
     def _rows(self) -> Iterator[dict[str, str]]:
         """Rows as text, their columns in small letters."""
-        rows = _parquet(self.path) if self.path.suffix == ".parquet" else self._csv()
+        rows = _parquet(self.path) if is_parquet(self.path) else self._csv()
         for part, row in rows:
             self.done = part
             yield row
+        self.done = 1.0
 
     def _csv(self) -> Iterator[tuple[float, dict[str, str]]]:
         with _readable(self.path), self.path.open("rb") as raw:
@@ -106,38 +108,35 @@ class Manifest:
             raw.seek(0)
             lines = _Lines(raw)
             header = next(lines, "")
-            delimiter = ";" if ";" in header and "," not in header else ","
-            fields = [field.strip().casefold() for field in next(csv.reader([header], delimiter=delimiter), [])]
+            reader = csv.reader(chain([header], lines), delimiter=delimiter_of(header))
+            fields = [field.strip().casefold() for field in next(reader, [])]
             _check_columns(self.path, fields)
-            reader = csv.reader(lines, delimiter=delimiter)
             for values in reader:
                 if not values:
                     continue
                 row = dict.fromkeys(COLUMNS, "") | dict(zip(fields, (v.strip() for v in values), strict=False))
                 long = len(values) > len(fields)
-                row["fault"] = f"line {reader.line_num + 1} has more fields than the header." if long else ""
+                row["fault"] = f"line {reader.line_num} has more fields than the header." if long else ""
                 yield min(1.0, lines.read / size), row
 
 
 class _Lines:
-    """Lines of UTF-8 with any ending, and how many bytes were read; none longer than LONGEST_ROW."""
+    """Lines of UTF-8 with any ending, and how many bytes were read, about; none longer than LONGEST_ROW."""
 
     def __init__(self, raw: Any) -> None:
-        self._raw, self.read, self._first = raw, 0, True
+        self._text, self.read = io.TextIOWrapper(raw, encoding="utf-8-sig", newline=None), 0
 
     def __iter__(self) -> _Lines:
         return self
 
     def __next__(self) -> str:
-        data = self._raw.readline(LONGEST_ROW)
-        if not data:
+        text = self._text.readline(LONGEST_ROW)
+        if not text:
             raise StopIteration
-        if len(data) == LONGEST_ROW and not data.endswith(b"\n"):
+        if len(text) == LONGEST_ROW and not text.endswith("\n"):
             raise csv.Error("a line is too long")
-        self.read += len(data)
-        text = data.decode("utf-8-sig" if self._first else "utf-8")
-        self._first = False
-        return str(text).replace("\r\n", "\n").replace("\r", "\n")
+        self.read += len(text) if text.isascii() else len(text.encode())
+        return text
 
 
 def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
@@ -148,7 +147,7 @@ def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
     with _readable(path), connection() as con:
         try:
             (total,) = con.execute("SELECT count(*) FROM read_parquet(?)", [str(path)]).fetchone()
-            found = con.execute("SELECT * FROM read_parquet(?)", [str(path)])
+            found = con.execute("SELECT COLUMNS(*)::VARCHAR FROM read_parquet(?)", [str(path)])
             fields = [str(each[0]).strip().casefold() for each in found.description]
             _check_columns(path, fields)
             count = 0
