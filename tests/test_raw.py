@@ -23,7 +23,8 @@ from camssf.errors import CalibrationError, InvalidArgument, NotSensorRaw, Unrea
 from camssf.evidence.codes import as_text, codes, explain_code
 from camssf.photo.capture import measure
 from camssf.photo.mosaic import CFA_ORDERS, read_dng
-from camssf.photo.raw import photo_hash, read_raw
+from camssf.photo.raw import read_raw
+from camssf.photo.sidecar import photo_hash
 from camssf.photo.unit import read_unit
 from camssf.rules import rules
 from camssf.simulation.camera import Sensor

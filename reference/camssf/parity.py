@@ -35,7 +35,8 @@ from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.pose import Pose, find_chart
-from camssf.photo.raw import photo_hash, read_raw
+from camssf.photo.raw import read_raw
+from camssf.photo.sidecar import photo_hash
 from camssf.spectra import ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
 Json: TypeAlias = dict[str, Any]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from camssf.curves.basis import NAMES, read_basis
-from camssf.photo.raw import sidecar_of
+from camssf.photo.sidecar import sidecar_of
 
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its time, ns."""

@@ -25,7 +25,7 @@ from camssf.documents.report import NAMES
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.fleet.inputs import basis_hash, file_hash, is_file
-from camssf.photo.raw import photo_hash
+from camssf.photo.sidecar import photo_hash
 
 if TYPE_CHECKING:
     from camssf.documents.result import Calibration, Refusal

@@ -30,7 +30,7 @@ from camssf.fleet.pools import DEATHS, FLUSH, Done, here, on_dask
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Row, Task, place_of, row, utc
 from camssf.fleet.run import attempt_job, cores
-from camssf.photo.raw import photo_hash
+from camssf.photo.sidecar import photo_hash
 from camssf.photo.unit import Unit, read_unit
 
 MANY = 256

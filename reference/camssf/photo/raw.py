@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
 from camssf.grid import Floats
 from camssf.photo.mosaic import CFA_ORDERS, MAX_SAMPLES, MAX_SIDE, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.sidecar import sidecar_of
 from camssf.photo.tags import CONVERT, COPY_AGAIN, NO_DNG
 
 SIDECAR = "camssf-mosaic/1"
@@ -28,7 +29,6 @@ HEAD = 1 << 20
 """So many bytes of a file are looked at for its maker and model."""
 ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}
 """TIFF's by LibRaw's flip."""
-_PICTURES = (".png", ".tif", ".tiff")
 _KEYS = {"format", "cfa", "black", "white", "make", "model", "exposure", "iso", "orientation"}
 
 
@@ -56,24 +56,6 @@ def read_raw(path: str | Path) -> Mosaic:
         if not error.message.endswith(NO_DNG):
             raise
         return _by_libraw(file, error)
-
-
-def sidecar_of(path: Path) -> Path | None:
-    """The file that says pattern and levels of a picture; None where there is none, or it is no picture."""
-    if path.suffix.casefold() not in _PICTURES:
-        return None
-    sidecar = path.with_name(f"{path.name}.json")
-    return sidecar if sidecar.is_file() else None
-
-
-def photo_hash(path: Path | str) -> str:
-    """SHA-256 of a photo: of its file, or of a picture with its sidecar's bytes behind it (`cat photo.png*`)."""
-    found, sidecar = hashlib.sha256(), sidecar_of(Path(path))
-    for each in (Path(path), *(() if sidecar is None else (sidecar,))):
-        with each.open("rb") as stream:
-            while piece := stream.read(HEAD):
-                found.update(piece)
-    return found.hexdigest()
 
 
 def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:

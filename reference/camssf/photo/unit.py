@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from camssf.errors import UnitDiffers, UnreadableRaw
+from camssf.photo.sidecar import photo_hash
 from camssf.photo.tags import COPY_AGAIN, Directory, Tiff
 from camssf.rules import rules
 
@@ -74,8 +75,6 @@ def read_unit(path: Path | str) -> Taken:
     Raises:
         UnreadableRaw: it cannot be read, or is damaged.
     """
-    from camssf.photo.raw import photo_hash  # which imports this
-
     path = Path(path)
     try:
         sha256 = photo_hash(path)
