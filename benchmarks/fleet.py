@@ -94,9 +94,9 @@ def million(home: Path, rows: int) -> dict[str, float]:
     code = (
         "import json, resource, sys, time\nfrom pathlib import Path\nbegun = float(sys.argv[2])\n"
         "from camssf.fleet.manifest import Manifest\nfrom camssf.fleet.registry import Registry\n"
-        "from camssf.fleet.stream import Summary, _left\n"
+        "from camssf.fleet.stream import Summary, _left, _Where\n"
         f"rows, registry = Manifest(sys.argv[1], {OPTIONS!r}), Registry(sys.argv[1] + '.registry', new=True)\n"
-        "jobs = _left(rows, registry, Summary())\n"
+        "jobs = _left(rows, registry, Summary(), _Where(Path('archive'), registry.folder, False))\n"
         "next(jobs); first, work = time.time() - begun, time.process_time()\ncount = 1 + sum(1 for _ in jobs)\n"
         "held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "held *= 1 if sys.platform == 'darwin' else 1024\n"
@@ -124,6 +124,10 @@ def resumed(home: Path, count: int) -> dict[str, float]:
         for n, item in enumerate(Manifest(manifest, OPTIONS))
     ]
     Registry(folder / "registry", new=True).note(done)
+    for task in done:
+        place = folder / "archive" / task.made_from[:2] / task.made_from
+        place.mkdir(parents=True)
+        (place / "result.json").touch()
     runs = [batch(manifest, folder) for _ in range(3)]
     assert all(run.done == count for run in runs)
     return {"seconds": min(run.wall for run in runs), "processor": min(run.processor for run in runs)}

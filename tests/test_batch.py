@@ -108,6 +108,22 @@ def test_it_resumes(tmp_path: Path) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
+def test_another_basis_in_the_same_file_and_another_sidecar_are_noticed(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a.png,D55,,,"], {"a.png": "1", "a.png.json": "black 1", "mine.npz": "basis 1"})
+    basis = str(tmp_path / "mine.npz")
+
+    def again() -> bool:
+        (found,) = run_batch(manifest, tmp_path / "out", jobs=1, work=stub, basis=basis)
+        return found.resumed
+
+    assert [again(), again()] == [False, True]
+    (tmp_path / "mine.npz").write_text("basis 2")
+    assert not again()
+    (tmp_path / "a.png.json").write_text("black 2")
+    assert not again()
+    assert again()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
 def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
@@ -193,6 +209,29 @@ def test_no_name_escapes(tmp_path: Path, name: str) -> None:
     assert not set(job.folder) & set('/\\:*?"<>|\t\0')
     assert not job.folder.endswith((".", " "))
     assert job.folder.split(".")[0].casefold() not in ("con", "lpt1")
+
+
+def test_a_camera_named_as_the_summary_leaves_room_for_it(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["summary.csv,a,D55,,,", "SUMMARY.CSV,a,A,,,", "summary,a,A,,,"], {"a": "1"})
+    folders = [job.folder for job in read_manifest(manifest)]
+    assert "summary.csv" not in {folder.casefold() for folder in folders}
+    assert folders[2] == "summary"
+    assert all(outcome.ok for outcome in run_batch(manifest, tmp_path / "out", jobs=1, work=stub))
+    assert (tmp_path / "out" / "summary.csv").is_file()
+
+
+def test_a_lamp_that_is_left_out_is_nobody_s(tmp_path: Path) -> None:
+    (job,) = read_manifest(write(tmp_path, ["one,a,,,,", "one,b,auto,,,", "one,c,D55,,,"], {}))
+    assert job.lamps == ("auto", "auto", "D55")
+    assert not job.fault
+
+
+@pytest.mark.parametrize("name", ["m.parquet", "M.PARQUET"])
+def test_parquet_is_told_that_it_needs_a_registry(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"PAR1")
+    with pytest.raises(InvalidArgument, match="is Parquet") as caught:
+        read_manifest(tmp_path / name)
+    assert "--registry" in caught.value.advice
 
 
 def test_names_stay_readable_and_apart(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -23,6 +24,8 @@ from camssf.evidence.codes import as_text, codes, explain_code
 from camssf.photo.capture import measure
 from camssf.photo.mosaic import CFA_ORDERS, read_dng
 from camssf.photo.raw import read_raw
+from camssf.photo.sidecar import photo_hash
+from camssf.photo.unit import read_unit
 from camssf.rules import rules
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import Scene, simulate
@@ -238,9 +241,26 @@ def test_a_sidecar_says_levels_for_each_place_and_what_else_is_known(tmp_path: P
     assert found.black.tolist() == [[1, 2], [3, 4]]
     assert (found.exposure, found.iso, found.orientation) == (0.01, 50, 8)
     assert found.levels == "the sidecar a.png.json"
+    assert found.sha256 == photo_hash(tmp_path / "a.png")
     small = read_raw(picture(tmp_path, SOUND | {"white": 255}, "b.png", np.full((40, 60), 90, np.uint8)))
     assert small.samples.dtype == np.uint16
     assert (small.samples == 90).all()
+
+
+def test_the_hash_is_of_picture_and_sidecar_together(tmp_path: Path) -> None:
+    """`cat photo.png photo.png.json | sha256sum`: other levels are another photo."""
+    seen = set()
+    for name in ("a.png", "a.tif"):
+        for black in (512, 513):
+            path = picture(tmp_path, SOUND | {"black": black}, name)
+            found = read_raw(path).sha256
+            both = path.read_bytes() + (tmp_path / f"{name}.json").read_bytes()
+            assert found == photo_hash(path) == hashlib.sha256(both).hexdigest()
+            seen.add(found)
+    assert len(seen) == 4
+    assert read_unit(tmp_path / "a.tif").sha256 in seen  # as a passport asks
+    (tmp_path / "a.png.json").rename(tmp_path / "a.dng.json")
+    assert photo_hash(tmp_path / "a.png") == hashlib.sha256((tmp_path / "a.png").read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize(

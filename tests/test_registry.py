@@ -156,12 +156,77 @@ def test_a_damaged_file_is_named(one: Registry, damage: Any) -> None:
     assert sorted((one.folder / "results").iterdir()) == before
 
 
+def flipped(data: bytes, start: int, count: int = 400) -> bytes:
+    return data[:start] + bytes(byte ^ 0x5A for byte in data[start : start + count]) + data[start + count :]
+
+
+@pytest.mark.parametrize("back", range(500, 3500, 500))
+def test_a_file_with_other_bytes_in_it_is_named(one: Registry, back: int) -> None:
+    """Whatever DuckDB says of them: near the file's end stands what it reads first."""
+    one.add([made(n, bells()) for n in range(50)])
+    one.add([made(n, bells()) for n in range(100, 150)])
+    file = sorted((one.folder / "results").glob("*.parquet"))[1]
+    whole = file.read_bytes()
+    file.write_bytes(flipped(whole, len(whole) - back))
+    for attempt in (one.listing, one.gather, lambda: one.export(one.folder.parent / "all.parquet")):
+        with pytest.raises(InvalidArgument, match=file.name) as caught:
+            attempt()
+        assert "Move it away" in caught.value.advice
+    assert file.exists()
+
+
+def test_a_file_of_another_kind_is_named(one: Registry) -> None:
+    one.add([made(1)])
+    one.note([Task("t", "", START, "name", "failed", "", "", "")])
+    for folder, table in (("results", Row), ("tasks", Task)):
+        file = one.folder / folder / "foreign.parquet"
+        with registry.connection() as con:
+            con.execute(f"COPY (SELECT 1 AS n, 'x' AS status) TO '{file}' (FORMAT parquet)")
+        with pytest.raises(InvalidArgument, match=r"foreign.parquet is no file of a registry: it lacks (key|task)"):
+            one.query("SELECT * FROM rows", table=table)
+        file.unlink()
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
+def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
+    curves = bells()
+    curves[1, 30] = wrong
+    one.add(history(5, 0))
+    one.add([made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
+    with registry.connection() as con:
+        told = "SELECT filename FROM read_parquet(?, filename = true) WHERE key = ?"
+        (place,) = con.execute(told, [f"{one.folder}/results/*.parquet", f"{77:064x}"]).fetchone()
+    for attempt in (
+        lambda: compare.spread(one, "Model"), lambda: compare.drift(one, "A1"), lambda: compare.nearest(one, bells())
+    ):  # fmt: skip
+        with pytest.raises(InvalidArgument, match=f"{Path(place).name} is damaged: of the result 00000000000"):
+            attempt()
+
+
+def test_curves_of_another_length_are_named(one: Registry) -> None:
+    one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
+    for attempt in (lambda: compare.spread(one, "Model"), lambda: compare.nearest(one, bells())):
+        with pytest.raises(InvalidArgument, match="the curves cannot be right"):
+            attempt()
+
+
+def test_an_export_s_place_is_to_blame_for_itself(one: Registry, tmp_path: Path) -> None:
+    one.add([made(1)])
+    (tmp_path / "folder.csv").mkdir()
+    for name in ("nodir/x.parquet", "folder.csv"):
+        with pytest.raises(InvalidArgument, match=f"{name} cannot be written") as caught:
+            one.export(tmp_path / name)
+        assert str(one.folder) not in caught.value.message
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.csv", "phones"]
+
+
 def test_a_file_of_an_older_release_lacks_a_column(one: Registry) -> None:
     one.add([made(1)])
     with registry.connection() as con:
         file = one.folder / "results" / "old.parquet"
         con.execute(
-            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, 7 AS gone) TO '{file}' (FORMAT parquet)"
+            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, TIMESTAMP '2026-01-01' AS added, 7 AS gone) "
+            f"TO '{file}' (FORMAT parquet)"
         )
     assert len(keys(one)) == 2
     found = {each["key"]: each for each in one.listing()}
@@ -406,6 +471,37 @@ def test_what_a_drift_needs(one: Registry) -> None:
     assert len(compare.drift(one, "A1", model="Other")) == 6
 
 
+def test_a_unit_is_one_however_much_its_rows_say(one: Registry) -> None:
+    """`registry learn` counts it once, too. What is silent where several are named is of nobody."""
+    one.add([made(1, bells(), lens="50mm"), made(2, bells()), made(3, bells(1.0), serial="B2"),
+             made(4, bells(1.0), serial="B2", camera_id="2", lens="50mm")])  # fmt: skip
+    found = compare.spread(one, "Model")
+    assert (found.units, found.results, found.without_serial) == (2, 4, 0)
+    one.add([made(5, bells(), lens="24mm"), made(6, bells(), camera_id="1", lens="24mm")])
+    found = compare.spread(one, "Model")
+    assert (found.units, found.results, found.without_serial) == (3, 5, 1)
+    assert compare.spread(one, "Model", lens="50mm").results == 3
+    units = compare.units_of([["m", "p", c, "s", lens] for c, lens in (("1", "a"), ("2", ""), ("2", "b"), ("", "a"))])
+    assert units == [("m", "p", "1", "s", "a"), ("m", "p", "2", "s", "b"), ("m", "p", "2", "s", "b"), None]
+
+
+def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None:
+    rows = history(4, 0)
+    both = [replace(each, key=f"{i:064d}", lens="24mm") for i, each in enumerate(rows, 10)]
+    one.add([replace(each, lens="50mm") for each in rows] + both)
+    with pytest.raises(InvalidArgument, match="lens '24mm', '50mm'") as caught:
+        compare.drift(one, "A1", model="Model", make="Maker")
+    assert caught.value.advice == "Name one by --lens."
+    assert compare.drift(one, "A1", lens="24mm")[0].results == 4
+    one.add([replace(each, key=f"{i:064d}", make="Other", lens="24mm") for i, each in enumerate(rows, 20)])
+    with pytest.raises(InvalidArgument, match=r"make 'Maker', 'Other'; lens") as caught:
+        compare.drift(one, "A1")
+    assert caught.value.advice == "Name one by --make or --lens."
+    assert run("compare", one.folder, "--serial", "A1", "--make", "Other") == 0
+    assert run("compare", one.folder, "--serial", "A1", "--lens", "24mm") == InvalidArgument.exit_status
+    assert run("compare", one.folder, "--serial", "A1", "--lens", "50mm", "--camera-id", "7") == 0
+
+
 def test_features_are_centres_and_widths() -> None:
     found = compare.features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
     assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
@@ -459,6 +555,10 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (found,) = csv.DictReader(out.splitlines())
     assert (found["serial"], found["captured"], found["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
     assert "1 doubtful" in err
+    assert run("list", folder, "--model", "another") == 0
+    assert "no results" in capsys.readouterr().err
+    assert run("list", folder, "--status", "acepted") == InvalidArgument.exit_status
+    assert "accepted, doubtful, refused" in capsys.readouterr().err
     assert run("compare", folder, "--result", result, "--doubtful") == 0
     told = json.loads(capsys.readouterr().out)
     validated(told, "camssf-registry-nearest/1")
@@ -475,6 +575,27 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert cells["serial"] == "'=A1"
     assert "red" not in cells
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (b"II*\0" + bytes(99), "DNG"),
+        (b"\x89PNG\r\n", "PNG"),
+        (b"name,photo\nx,y\n", "text"),
+        (bytes(9) + b"..", "binary"),
+    ],
+)
+def test_what_is_added_is_called_what_it_is(
+    data: bytes, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "chart.dng").write_bytes(data)
+    for more in ((), ("--serial", "x")):
+        assert run("add", tmp_path / "phones", tmp_path / "chart.dng", *more) == InvalidArgument.exit_status
+        told = capsys.readouterr().err
+        assert word in told
+        assert "no passport" in " ".join(told.split())
+    assert not (tmp_path / "phones").exists()
 
 
 def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -519,7 +640,7 @@ def test_a_drift_on_the_command_line_ends_with_1(
         ["list", "missing"], ["compare", "phones"], ["compare", "phones", "--model", "x", "--result", "y"],
         ["export", "phones", "-o", "all.xlsx"], ["add", "phones", "no.json"], ["add", "phones", "empty.json"],
         ["add", "phones", "result.json", "--captured", "soon"], ["compare", "phones", "--result", "refused.json"],
-        ["export", "phones", "-o", "no/where.csv"],
+        ["export", "phones", "-o", "no/where.csv"], ["compare", "phones", "--result", "result.json", "--make", "foo"],
     ],
 )  # fmt: skip
 def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -294,6 +294,22 @@ def test_what_does_not_count_is_said(tmp_path: Path) -> None:
     assert len(learn_basis(one, Asked(statuses=("accepted", "doubtful"))).keys) == 3
 
 
+def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
+    (good, *_) = fleet()[0]
+    cov, red = list(good.code_covariance), list(good.red)
+    for number, more in enumerate(
+        (
+            {"code_covariance": (float("nan"), *cov[1:])}, {"code_covariance": (-1e9, *cov[1:])},
+            {"code_covariance": (float("inf"), *cov[1:])}, {"red": (1e20, *red[1:])}, {"red": tuple(red[1:])},
+            {"blue": (float("nan"), *good.blue[1:])}, {"prior_scale": (-1.0,)}, {"prior_share": ()},
+        )
+    ):  # fmt: skip
+        one = Registry(tmp_path / str(number), new=True)
+        one.add([good, replace(good, key="b" * 64, **more)])
+        with pytest.raises(InvalidArgument, match=r"parquet is damaged: of the result bbbbbbbbbbbb\.\.\. "):
+            learn_basis(one)
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [

@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from camssf import cli
@@ -18,7 +20,8 @@ from camssf.errors import InvalidArgument
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet import pools, stream
+from camssf.fleet import manifest, pools, stream
+from camssf.fleet.inputs import basis_hash, file_hash
 from camssf.fleet.manifest import Item, Manifest
 from camssf.fleet.registry import Registry, connection
 from camssf.fleet.rows import Task
@@ -45,6 +48,8 @@ def stub(item: Item, folder: Path, pages: bool) -> Done:
     document["camera"]["model"] = text
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "result.json").write_text(json.dumps(document), "utf-8")
+    if pages:
+        (folder / "report.html").write_text("page", "utf-8")
     return Done(document["verdict"]["status"])
 
 
@@ -74,9 +79,10 @@ class Desk:
         (self.home / "manifest.csv").write_text("\n".join([header, *rows]) + "\n", "utf-8")
 
     def run(self, **more: Any) -> Summary:
-        manifest = Manifest(self.home / "manifest.csv", OPTIONS)
+        manifest = Manifest(self.home / "manifest.csv", OPTIONS | more.pop("options", {}))
         registry = Registry(self.home / "phones", new=True)
-        return run_stream(manifest, self.home / "out", registry, **{"workers": 1, "work": stub, **more})
+        out = self.home / more.pop("out", "out")
+        return run_stream(manifest, out, registry, **{"workers": 1, "work": stub, **more})
 
     def rows(self, columns: str = "name, model, status") -> list[dict[str, Any]]:
         return Registry(self.home / "phones").query(f"SELECT {columns} FROM rows ORDER BY name")
@@ -110,6 +116,10 @@ def test_it_reads_what_the_other_reads(tmp_path: Path) -> None:
         "\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n".encode(),
         b'name,photo,lamp\n"a, ""b""\nc",p,D55\n',
         b"name,photo,lamp\nlong,a,D55,x\nno photo,,D55\n,a,D55\n",
+        b"name,photo,lamp\rcam,a.dng,D55\rother,b.dng,\r",
+        b"name,photo,lamp\rlong,a,D55,x\r\nb,c,A\n",
+        b'"name\n",photo,lamp\ncam,a.dng,D55\nlong,a,D55,x\n',
+        "name,photo,lamp\nk\u00e4mera,\u00fc.dng,\n".encode(),
     ):
         (tmp_path / "mine.csv").write_text("")
         manifest = tmp_path / "manifest.csv"
@@ -135,6 +145,28 @@ def test_parquet_and_further_columns(tmp_path: Path) -> None:
     assert one[0].extra == (("site", "lab"), ("n", "1"))
     assert len(one[0].job.photos) == 2
     assert (one[1].unit, one[1].extra) == (("", "", "", ""), ())
+
+
+def test_parquet_of_any_columns_and_in_capitals(tmp_path: Path) -> None:
+    """Times with a zone need no further library; whole numbers and truths are as their text."""
+    file = tmp_path / "P.PARQUET"
+    with connection() as con:
+        con.execute(
+            "COPY (SELECT 'cam' AS Name, 'a.dng' AS photo, NULL AS lamp, TIMESTAMPTZ '2026-01-02 10:00:00+01' AS "
+            f"captured, DATE '2026-01-02' AS day, 7 AS serial, true AS tripod) TO '{file}' (FORMAT parquet)"
+        )
+    (found,) = items(file)
+    assert not found.job.fault
+    assert datetime.fromisoformat(found.unit[3]) == datetime(2026, 1, 2, 9, tzinfo=UTC)
+    assert (found.unit[0], found.job.lamps) == ("7", ("auto",))
+    assert dict(found.extra) == {"day": "2026-01-02", "tripod": "true"}
+
+
+def test_how_much_was_read_is_known_of_any_text(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_bytes("name,photo,lamp\r\nk\u00e4m,\u00fc,\r\n".encode())
+    manifest_ = Manifest(tmp_path / "m.csv", OPTIONS)
+    assert len(list(manifest_)) == 1
+    assert manifest_.done == 1.0
 
 
 @pytest.mark.parametrize(
@@ -230,7 +262,7 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     assert [each["name"] for each in desk.rows()] == ["good", "refused"]
     (good, _) = desk.rows("name, serial, extra, place, made_from, key")
     assert (good["serial"], json.loads(good["extra"])) == ("S1", {"site": "lab"})
-    assert (desk.home / "out" / good["place"]).is_file()
+    assert (desk.home / "phones" / good["place"]).is_file()
     assert desk.visits() == {"good": 1, "bug": 1, "wrong": 1, "refused": 1}  # `again` is a duplicate, by its contents
     second = desk.run()
     assert (second.resumed, second.duplicates, second.total) == (3, 0, 7)
@@ -261,6 +293,136 @@ def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
     assert desk.run().by_status == {"doubtful": 1}
     assert desk.visits() == {"one": 2}  # the registry made again from the archive
     assert len(desk.rows()) == 1
+
+
+def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
+    """What was said last counts; nothing is calibrated for it."""
+    header = "name,photo,lamp,serial,captured,lens,site"
+    desk.write(["cam,a,D55,S1,2026-01-02T10:00,50mm,lab"], {"a": "Phone"}, header)
+    desk.run()
+    for words, expected in (
+        ("S2,2026-01-03T10:00,50mm,lab", {"serial": "S2", "captured": datetime(2026, 1, 3, 10)}),
+        ("S2,2026-01-03T10:00,35mm,lab", {"lens": "35mm"}),
+        ("S2,,,roof", {"captured": None, "lens": "", "extra": '{"site": "roof"}'}),
+    ):  # fmt: skip
+        desk.write([f"cam,a,D55,{words}"], {}, header)
+        found = desk.run()
+        assert (found.total, found.resumed, found.duplicates) == (1, 0, 0)
+        (row,) = desk.rows("*")
+        assert {name: row[name] for name in expected} == expected
+    assert desk.run().resumed == 1
+    desk.write(["camera,a,D55,S2,,,roof"], {}, header)
+    desk.run()
+    assert desk.rows("name") == [{"name": "camera"}]
+    assert desk.visits() == {"cam": 1}
+
+
+def test_a_correction_wins_against_a_clock_that_is_slow(desk: Desk) -> None:
+    desk.write(["cam,a,D55,,,,S1,"], {"a": "Phone"})
+    desk.run()
+    registry = Registry(desk.home / "phones")
+    later = datetime.now(UTC).replace(tzinfo=None) + timedelta(hours=1)
+    folder = next((registry.folder / "results").glob("*.parquet"))
+    with connection() as con:
+        con.execute(f"CREATE TABLE t AS SELECT * REPLACE (TIMESTAMP '{later}' AS added) FROM '{folder}'")
+        con.execute(f"COPY t TO '{folder}' (FORMAT parquet)")
+    desk.write(["cam,a,D55,,,,S2,"], {})
+    desk.run()
+    assert desk.rows("serial") == [{"serial": "S2"}]
+
+
+def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
+    basis = desk.home / "mine.npz"
+    basis.write_bytes(b"one")
+    desk.write(["cam,a,D55,,,,,"], {"a": "Phone"})
+    how = {"options": {"basis": str(basis)}}
+    assert desk.run(**how).resumed == 0
+    assert desk.run(**how).resumed == 1
+    os.utime(basis, (1, 1))
+    assert desk.run(**how).resumed == 0  # it may be another; its contents say that it is not
+    assert desk.visits() == {"cam": 1}
+    basis.write_bytes(b"two")
+    assert desk.run(**how).resumed == 0
+    assert desk.visits() == {"cam": 2}
+    other = desk.home / "elsewhere"
+    other.mkdir()
+    shutil.copy2(basis, other)
+    desk.run(options={"basis": str(other / "mine.npz")})
+    assert desk.visits() == {"cam": 2}
+
+
+def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
+    """As a cluster's worker does."""
+    from camssf.curves.basis import read_basis
+
+    file, shipped = tmp_path / "mine.npz", [read_basis(name) for name in ("phones", "cameras")]
+    for number, basis in enumerate(shipped):
+        np.savez(file, mean=basis.mean[:, ::10], dictionary=basis.dictionary[..., ::10, :], source="s")
+        os.utime(file, (number, number))
+        assert basis_hash(str(file)) == file_hash(file)
+        assert np.allclose(read_basis(str(file)).mean, basis.mean)
+    assert basis_hash("phones") is basis_hash("auto") is basis_hash("nowhere.npz") is None
+
+
+def test_a_basis_is_looked_at_once_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.npz").write_bytes(b"one")
+    (tmp_path / "m.csv").write_text("name,photo,lamp\n" + "".join(f"c{i},p,D55\n" for i in range(50)))
+    looked: list[Path] = []
+    monkeypatch.setattr(manifest, "stamp", lambda path: looked.append(path))
+    assert len(list(Manifest(tmp_path / "m.csv", OPTIONS | {"basis": str(tmp_path / "mine.npz")}))) == 50
+    assert looked == [tmp_path / "mine.npz"]
+
+
+def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
+    desk.write(["cam,a.png,D55,,,,,"], {"a.png": "Phone", "a.png.json": '{"black": 1}'})
+    desk.run()
+    assert desk.run().resumed == 1
+    (desk.home / "a.png.json").write_text('{"black": 2}')
+    assert desk.run().resumed == 0
+    assert desk.visits() == {"cam": 2}
+    (desk.home / "a.png.json").unlink()
+    assert desk.run().resumed == 0
+    assert desk.visits() == {"cam": 3}
+
+
+def test_done_is_what_lies_in_this_archive(desk: Desk) -> None:
+    """Pages that lack, a result that is gone, another archive: it is done again, for those alone."""
+    desk.write(["one,a,D55,,,,,", "two,b,D55,,,,,"], {"a": "Phone a", "b": "Phone b"})
+    desk.run()
+    assert desk.run(pages=True).resumed == 0
+    assert len(list((desk.home / "out").glob("*/*/report.html"))) == 2
+    assert (desk.run(pages=True).resumed, desk.run().resumed) == (2, 2)
+    assert desk.visits() == {"one": 2, "two": 2}
+    places = desk.rows("place")
+    shutil.rmtree((desk.home / "phones" / places[0]["place"]).parent)
+    assert desk.run().resumed == 1
+    assert desk.visits() == {"one": 3, "two": 2}
+    assert desk.run(out="other").resumed == 0
+    assert len(list((desk.home / "other").glob("*/*/result.json"))) == 2
+    assert desk.visits() == {"one": 4, "two": 3}
+    assert (desk.run(out="other").resumed, desk.run().resumed) == (2, 2)
+    for row in desk.rows("place"):
+        assert row["place"].startswith("../other/")
+        assert (desk.home / "phones" / row["place"]).is_file()
+
+
+def test_a_place_is_seen_from_the_registry(desk: Desk, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same words from a batch and from `registry add`; through a link, too."""
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.run()
+    (row,) = desk.rows("place")
+    result = (desk.home / "phones" / row["place"]).resolve()
+    assert cli.main(["registry", "add", str(desk.home / "others"), str(result)]) == 0
+    assert Registry(desk.home / "others").query("SELECT place FROM rows") == [row]
+    (desk.home / "far" / "away").mkdir(parents=True)
+    try:
+        (desk.home / "link").symlink_to(desk.home / "far" / "away")
+    except OSError:
+        pytest.skip("no links here")
+    assert cli.main(["registry", "add", str(desk.home / "link"), str(result)]) == 0
+    (linked,) = Registry(desk.home / "link").query("SELECT place FROM rows")
+    assert (desk.home / "link" / linked["place"]).is_file()
+    capsys.readouterr()
 
 
 def test_a_done_run_begins_no_process(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -349,7 +511,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     assert (told["total"], told["duplicates"], told["by_status"]["refused"]) == (3, 1, 1)
     (row,) = Registry("phones").query("SELECT * FROM rows WHERE status <> 'refused'")
     assert (row["serial"], row["model"]) == ("S1", "Nikon 5100 (NPL)")
-    assert sorted(path.name for path in (Path("archive") / row["place"]).parent.iterdir()) == [
+    assert sorted(path.name for path in (Path("phones") / row["place"]).parent.iterdir()) == [
         "report.html", "result.json", "ssf.csv", "ssf.png",
     ]  # fmt: skip
     assert cli.main(words) == cli.BATCH_FAILED

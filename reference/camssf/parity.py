@@ -40,6 +40,7 @@ from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.pose import Pose, find_chart
 from camssf.photo.raw import read_raw
+from camssf.photo.sidecar import photo_hash
 from camssf.spectra import CameraCurves, ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
@@ -271,8 +272,7 @@ def _files(
             if path is None or shot[role] is None:
                 continue
             try:
-                with Path(path).open("rb") as stream:
-                    sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+                sha256 = photo_hash(path)
             except (OSError, ValueError) as error:
                 reason = getattr(error, "strerror", None) or error
                 raise InvalidArgument(f"{path} cannot be read: {reason}.", "Check the path.") from error

@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
+import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -16,6 +17,15 @@ from camssf.cli.options import CameraId, Captured, Lens
 from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_result
 from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
+
+STATUSES = ("accepted", "doubtful", "refused")
+"""Of results; what failed has none."""
+KINDS = {
+    b"II*\0": "a photo (DNG or TIFF)", b"MM\0*": "a photo (DNG or TIFF)", b"\x89PNG": "a picture (PNG)",
+    b"\xff\xd8\xff": "a picture (JPEG)", b"PK\x03\x04": "an archive (.npz or .zip)", b"PAR1": "Parquet",
+    b"%PDF": "a PDF", b"-----BEGIN": "a key (PEM)", b"<": "a page",
+}  # fmt: skip
+"""Of a file, by its begin."""
 
 registry = typer.Typer(
     name="registry",
@@ -68,6 +78,9 @@ def add(
             document = check_document(parse_json(data, name_of(path), "Give a result."), name_of(path))
             unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
             rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+        elif not re.fullmatch(rb"[!-~]+", data.strip()) or data.count(b".") != 2:
+            what = f"{_kind_of(data)}, no result and no passport"
+            raise InvalidArgument(f"{name_of(path)} is {what}.", "Give a result.json, or a passport (.jws).")
         else:
             if any((serial, camera_id, lens, captured)):
                 raise InvalidArgument(f"{name_of(path)} is a passport, which says its unit.", "Leave the unit out.")
@@ -76,6 +89,14 @@ def add(
     if found.files() > MANY_FILES:
         found.gather()
     say("", f"{len(rows)} added to {folder}")
+
+
+def _kind_of(data: bytes) -> str:
+    """A file that was given in a result's place, in words."""
+    for begin, word in KINDS.items():
+        if data.startswith(begin):
+            return word
+    return "text" if data.isascii() and b"\0" not in data else "a binary file"
 
 
 def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revoked: Path | None) -> Any:
@@ -93,11 +114,9 @@ def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revok
 
 
 def _place(folder: Path, path: str) -> str:
-    """Where the result lies, from the registry."""
-    try:
-        return "" if path == "-" else Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # on another drive
-        return Path(path).absolute().as_posix()
+    from camssf.fleet.rows import place_of
+
+    return "" if path == "-" else place_of(path, folder)
 
 
 @registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')
@@ -115,17 +134,20 @@ def list_results(
     from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
     from camssf.fleet.run import cell
 
-    found = Registry(folder)
-    wanted = Wanted(make, model, serial, statuses=tuple(status or ()))
+    for word in status or ():
+        if word not in STATUSES:
+            raise InvalidArgument(f"No result is {word!r}.", f"The words are {', '.join(STATUSES)}.")
+    found = Registry(folder).listing(Wanted(make, model, serial, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SHORT)
-    for each in found.listing(wanted, limit=limit):
+    for each in found:
         values = as_json(each)
         values["lamps"] = " ".join(values["lamps"] or ())
         writer.writerow(["" if value is None else cell(str(value)) for value in values.values()])
     put(text.getvalue().rstrip("\n"))
-    say("", ", ".join(f"{n} {word}" for word, n in found.count().items()) or "no results")
+    count = Counter(str(each["status"]) for each in found)
+    say("", ", ".join(f"{n} {word}" for word, n in sorted(count.items())) or "no results")
 
 
 @registry.command(epilog="Example: camssf registry compare phones/ --serial A1B2")
@@ -134,6 +156,8 @@ def compare(
     make: Make = "",
     model: Model = "",
     serial: Serial = "",
+    camera_id: CameraId = "",
+    lens: Lens = "",
     result: Annotated[
         str | None, typer.Option(metavar="JSON", show_default=False, help="A result: which models are nearest?")
     ] = None,
@@ -148,7 +172,11 @@ def compare(
 
     found = Registry(folder)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
-    if (result is not None) + bool(serial) + bool(model and not serial) != 1:
+    which = {"--make": make, "--model": model, "--serial": serial, "--camera-id": camera_id, "--lens": lens}
+    if result is not None and any(which.values()):
+        unused = ", ".join(option for option, word in which.items() if word)
+        raise InvalidArgument("A --result is compared with all models.", f"Leave {unused} out.")
+    if result is None and not (serial or model):
         raise InvalidArgument("What shall be compared?", "Name a --model, a unit by --serial, or a --result.")
     if result is not None:
         document = read_result(result)
@@ -159,7 +187,9 @@ def compare(
         for one in near:
             say("", f"{one.distance:.4f}  {one.make} {one.model} ({one.results})")
     elif serial:
-        drifts = comparing.drift(found, serial, model=model, statuses=statuses)
+        drifts = comparing.drift(
+            found, serial, make=make, model=model, camera_id=camera_id, lens=lens, statuses=statuses
+        )
         alarms = [each for each in drifts if each.alarm]
         emit(
             _document("drift")
@@ -173,7 +203,7 @@ def compare(
             raise typer.Exit(PARTED)
         say("", f"no drift in {drifts[0].results} results over {drifts[0].days:.0f} days")
     else:
-        spread = comparing.spread(found, model, make=make, statuses=statuses)
+        spread = comparing.spread(found, model, make=make, camera_id=camera_id, lens=lens, statuses=statuses)
         emit(
             _document("spread")
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}

@@ -5,7 +5,7 @@ Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 40
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +28,10 @@ SMALLEST_DRIFT = 1.0
 FEWEST = 4
 """Results of a unit that a drift can be told from."""
 FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
+LARGEST = 2.0
+"""Of a curve whose peak is 1, bands and noise allowed for: what is beyond was never a result's."""
 UNIT = ("make", "model", "camera_id", "serial", "lens")
+CAMERA, SERIAL, LENS = (UNIT.index(name) for name in ("camera_id", "serial", "lens"))
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class Spread:
 
     Attributes:
         model: whose.
-        units, results: how many; without_serial: results that name no unit, left out.
+        units, results: how many; without_serial: results of which nobody knows the unit, left out: without a serial
+            number, or silent about camera or lens where their serial number goes with several.
         seen: standard deviation from unit to unit, root mean square over 400 to 700 nm.
         repeat: of one unit's results among themselves; None where no unit has two.
         between: `seen` without what repeats explain; None likewise, for then nothing tells them apart.
@@ -98,20 +102,65 @@ class Near:
     distance: float
 
 
+# Which results are one unit's
+
+
+def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
+    """The unit (UNIT) of each row, by make, model, camera_id, serial and lens.
+
+    A row that is silent about camera_id or lens is of the unit that the others of its serial number name. Where they
+    name several nobody knows of which it is: None, as for a row without a serial number.
+    """
+    found: list[list[str] | None] = [list(row) if row[SERIAL] else None for row in rows]
+    for place, same in ((CAMERA, (0, 1, SERIAL)), (LENS, (0, 1, SERIAL, CAMERA))):
+        said: dict[tuple[str, ...], set[str]] = {}
+        for each in filter(None, found):
+            said.setdefault(tuple(each[i] for i in same), set()).update(filter(None, [each[place]]))
+        for number, row in enumerate(found):
+            names = said[tuple(row[i] for i in same)] if row else set()
+            if row and not row[place] and len(names) > 1:
+                found[number] = None
+            elif row and names:
+                row[place] = row[place] or next(iter(names))
+    return [None if row is None else tuple(row) for row in found]
+
+
+def _by_unit(found: dict[str, Any], camera_id: str, lens: str) -> tuple[dict[tuple[str, ...], list[int]], int]:
+    """Places of each unit's rows, and how many are of none; of a unit of which no row says it, any word is right."""
+    places: dict[tuple[str, ...], list[int]] = {}
+    units = units_of(list(zip(*(found[name] for name in UNIT), strict=True)))
+    for i, unit in enumerate(units):
+        asked = ((CAMERA, camera_id), (LENS, lens))
+        if unit is not None and all(not word or unit[place] in ("", word) for place, word in asked):
+            places.setdefault(unit, []).append(i)
+    return places, units.count(None)
+
+
 # Units of a model
 
 
-def spread(registry: Registry, model: str, *, make: str = "", statuses: Sequence[str] = ACCEPTED) -> Spread:
+def spread(
+    registry: Registry,
+    model: str,
+    *,
+    make: str = "",
+    camera_id: str = "",
+    lens: str = "",
+    statuses: Sequence[str] = ACCEPTED,
+) -> Spread:
     """How units of a model differ.
+
+    Args:
+        registry: where they are.
+        model: whose.
+        make, camera_id, lens: of these units alone; "" for all.
+        statuses: of the results that count.
 
     Raises:
         InvalidArgument: fewer than two units of it are there.
     """
     found = _curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
-    named = found["serial"] != ""
-    places: dict[tuple[str, ...], list[int]] = {}
-    for i in np.flatnonzero(named).tolist():
-        places.setdefault(tuple(found[name][i] for name in UNIT), []).append(i)
+    places, unnamed = _by_unit(found, camera_id, lens)
     units = [found["curves"][each] for each in places.values()]
     if len(units) < 2:
         raise InvalidArgument(
@@ -119,7 +168,7 @@ def spread(registry: Registry, model: str, *, make: str = "", statuses: Sequence
             "Add results of at least two, with their serial numbers.",
         )
     seen, repeat, between, low, high = between_units(units)
-    return Spread(model, len(units), int(named.sum()), int((~named).sum()), seen, repeat, between, low, high)
+    return Spread(model, len(units), sum(map(len, units)), unnamed, seen, repeat, between, low, high)
 
 
 def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Floats | None, Floats, Floats]:
@@ -163,16 +212,40 @@ def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Float
 
 
 def drift(
-    registry: Registry, serial: str, *, model: str = "", statuses: Sequence[str] = ACCEPTED
+    registry: Registry,
+    serial: str,
+    *,
+    make: str = "",
+    model: str = "",
+    camera_id: str = "",
+    lens: str = "",
+    statuses: Sequence[str] = ACCEPTED,
 ) -> tuple[Drift, ...]:
     """The features of a unit over time.
+
+    Args:
+        registry: where its results are.
+        serial: which unit.
+        make, model, camera_id, lens: which, where several have that serial number; "" for any.
+        statuses: of the results that count.
 
     Raises:
         InvalidArgument: fewer than FEWEST results with a time, or of several units.
     """
-    found = _curves(registry, Wanted(model=model, serial=serial, statuses=tuple(statuses)), (*UNIT, "captured"))
-    if len(set(zip(*(found[name] for name in UNIT), strict=True))) > 1:
-        raise InvalidArgument(f"Several units have the serial number {serial}.", "Name the model, too.")
+    wanted = Wanted(make=make, model=model, serial=serial, statuses=tuple(statuses))
+    found = _curves(registry, wanted, (*UNIT, "captured"))
+    places, _ = _by_unit(found, camera_id, lens)
+    if len(places) > 1:
+        differ = {
+            name: sorted({unit[i] for unit in places})
+            for i, name in enumerate(UNIT)
+            if len({unit[i] for unit in places}) > 1
+        }
+        words = "; ".join(f"{name} {', '.join(map(repr, values))}" for name, values in differ.items())
+        options = " or ".join(f"--{name.replace('_', '-')}" for name in differ)
+        raise InvalidArgument(f"Several units have the serial number {serial}: {words}.", f"Name one by {options}.")
+    rows = np.array(sorted(i for each in places.values() for i in each), dtype=int)
+    found = {name: values[rows] for name, values in found.items()}
     times = np.ma.filled(found["captured"].astype("datetime64[s]").astype(float), np.nan) / 86400
     timed = ~np.ma.getmaskarray(found["captured"])
     if timed.sum() < FEWEST:
@@ -250,11 +323,16 @@ def nearest(
         most: how many.
     """
     means = ", ".join(f"avg({colour}[i]) AS {colour}" for colour in CHANNELS)
+    largest = ", ".join(f"abs({colour}[i])" for colour in CHANNELS)
+    whole = " AND ".join(f"len({colour}) = {len(NM)}" for colour in CHANNELS)
     found = registry.arrays(
-        f"SELECT make, model, i, count(*) AS n, {means} FROM rows, range(1, {len(NM) + 1}) t(i) "
+        f"SELECT make, model, i, count(*) AS n, {means}, bool_and({whole}) AS whole, max(greatest({largest})) AS most"
+        f" FROM rows, range(1, {len(NM) + 1}) t(i) "
         "WHERE list_contains(?, status) AND len(red) > 0 GROUP BY make, model, i ORDER BY make, model, i",
         [list(statuses)],
     )
+    if not (np.all(found["whole"]) and np.all(np.asarray(found["most"]) <= LARGEST)):
+        _name_odd(registry, "list_contains(?, status)", [list(statuses)])
     if not len(found["i"]):
         return ()
     models = np.stack([np.asarray(found[c]).reshape(-1, len(NM)) for c in CHANNELS], axis=1)
@@ -277,8 +355,35 @@ def _curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str
     """Columns of the results with curves, and `curves` (n, 3, wavelengths inside)."""
     where, values = wanted.where()
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
-    found = registry.arrays(
-        f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key", values
-    )
+    asked = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
+    found = _sound(registry, lambda: registry.arrays(asked, values), where, values)
     columns = [np.array(list(found.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
-    return found | {"curves": np.stack(columns, axis=1)[..., INSIDE]}
+    curves = np.stack(columns, axis=1)
+    if not (np.abs(curves) <= LARGEST).all():
+        _name_odd(registry, where, values)
+    return found | {"curves": curves[..., INSIDE]}
+
+
+def _sound(registry: Registry, ask: Callable[[], dict[str, Any]], where: str, values: list[Any]) -> dict[str, Any]:
+    """The answer; where curves of another length made it fail, the row is named."""
+    import duckdb
+
+    try:
+        return ask()
+    except duckdb.Error:
+        _name_odd(registry, where, values)
+        raise
+
+
+def _name_odd(registry: Registry, where: str, values: list[Any]) -> None:
+    """The first row whose curves cannot be right; NaN is above all in DuckDB."""
+    right = " AND ".join(
+        f"len({colour}) = {len(NM)} AND list_max({colour}) <= {LARGEST} AND list_min({colour}) >= -{LARGEST}"
+        for colour in CHANNELS
+    )
+    odd = registry.query(
+        f"SELECT key FROM rows WHERE {where} AND len(red) > 0 AND NOT coalesce({right}, false) ORDER BY key LIMIT 1",
+        values,
+    )
+    if odd:
+        raise registry.damaged(str(odd[0]["key"]), "the curves cannot be right")

@@ -21,6 +21,7 @@ from camssf.curves.engine import load_model
 from camssf.curves.penalties import L2
 from camssf.errors import InvalidArgument
 from camssf.files import write_file
+from camssf.fleet.compare import LARGEST, NM
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import CHANNELS
 from camssf.grid import Floats
@@ -36,6 +37,8 @@ FOLDS = 12
 CERTAIN = 2.0
 """Standard errors from nought."""
 LEAVE = ("model", "maker")
+SLACK, WIDEST = 1e-3, 10.0
+"""Of a covariance's eigenvalues: below 0, for it is kept in 32 bits, and at most."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +234,7 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
         elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:
             aside[f"another release's {asked.basis}"] += 1
         else:
-            results.append(_said(each, old, size))
+            results.append(_said(registry, each, old, size))
             keys.append(str(each["key"]))
     if not results:
         why = ", ".join(f"{count} {reason}" for reason, count in aside.items()) or "there is none"
@@ -242,15 +245,31 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
     return results, tuple(sorted(keys)), aside
 
 
-def _said(row: Json, old: Old, size: int) -> Said:
+def _said(registry: Registry, row: Json, old: Old, size: int) -> Said:
+    """What a row says; refused where damage is seen in it, so that one row spoils no basis."""
+    if {len(row[colour] or ()) for colour in CHANNELS} != {len(NM)}:
+        raise registry.damaged(row["key"], "the curves cannot be right")
     curves = np.array([row[colour] for colour in CHANNELS], dtype=np.float64)
     covariance = np.zeros((size, size))
     covariance[np.tril_indices(size)] = row["code_covariance"]
     covariance = covariance + np.tril(covariance, -1).T
+    scale, share = (np.array(row[name] or (), dtype=np.float64) for name in ("prior_scale", "prior_share"))
+    if not (np.abs(curves) <= LARGEST).all():
+        raise registry.damaged(row["key"], "the curves cannot be right")
+    if not np.isfinite(covariance).all() or not _posterior(covariance):
+        raise registry.damaged(row["key"], "the covariance cannot be right")
+    if len(scale) != len(share) or not (np.isfinite([scale, share]).all() and (scale > 0).all() and share.sum() > 0):
+        raise registry.damaged(row["key"], "the prior's widths cannot be right")
     model = " ".join(filter(None, (row["model"], row["camera_id"])))
     member = (maker_of(row["make"]), model, row["serial"] or row["key"])
-    widths = list(zip(row["prior_scale"], row["prior_share"], strict=True))
+    widths = list(zip(scale.tolist(), share.tolist(), strict=True))
     return said(member, curves, covariance, old, widths, row["gamma"] or 0.0)
+
+
+def _posterior(covariance: Floats) -> bool:
+    """It may be (H + I)⁻¹, whose eigenvalues lie from 0 to 1; those of several widths mixed may lie above."""
+    found = np.linalg.eigvalsh(covariance)
+    return bool(found[0] > -SLACK and found[-1] < WIDEST)
 
 
 def _model_of(results: Sequence[Said], asked: Asked) -> tuple[str, str] | None:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
 from camssf import __version__
 from camssf.errors import InvalidArgument
-from camssf.fleet.run import COLUMNS, Job, is_file, job_of
+from camssf.fleet.inputs import Stamp, basis_path, is_file, stamp, stamps
+from camssf.fleet.run import COLUMNS, Job, delimiter_of, is_parquet, job_of
 
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
 """Further columns that the registry has itself; all others are kept as `extra`."""
@@ -32,8 +34,8 @@ class Item:
         job: what to do; its folder is not used here.
         extra: columns that camssf does not know, of the first row of the name.
         unit: serial, camera_id, lens, captured: the manifest's, "" where it is silent.
-        task: SHA-256 of name, rows, options and version, and of its files' sizes and times: known without reading
-            them.
+        task: SHA-256 of name, rows, options and version, and of its files' sizes and times, those of sidecars and of
+            the basis' file among them: known without reading them.
     """
 
     job: Job
@@ -57,10 +59,13 @@ class Manifest:
         self.path, self.options = Path(path), dict(options)
         self.done = 0.0
         """The part of it that was read, 0 to 1."""
+        self._basis: Stamp | None = None
 
     def __iter__(self) -> Iterator[Item]:
         met: set[int] = set()
         empty = True
+        basis = basis_path(self.options["basis"])
+        self._basis = None if basis is None else stamp(basis)  # once, not once a row
         for name, group in groupby(self._rows(), key=lambda row: row["name"]):
             empty = False
             item = self._item(name, list(group))
@@ -87,14 +92,15 @@ class Manifest:
             job = replace(job, fault=job.fault or f"{unit[3]!r} is no time in ISO 8601.")
         known = {*COLUMNS, *UNIT_COLUMNS, "fault"}
         extra = tuple((column, text) for column, text in first.items() if column not in known and text)
-        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit))
+        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit, self._basis))
 
     def _rows(self) -> Iterator[dict[str, str]]:
         """Rows as text, their columns in small letters."""
-        rows = _parquet(self.path) if self.path.suffix == ".parquet" else self._csv()
+        rows = _parquet(self.path) if is_parquet(self.path) else self._csv()
         for part, row in rows:
             self.done = part
             yield row
+        self.done = 1.0
 
     def _csv(self) -> Iterator[tuple[float, dict[str, str]]]:
         with _readable(self.path), self.path.open("rb") as raw:
@@ -102,38 +108,35 @@ class Manifest:
             raw.seek(0)
             lines = _Lines(raw)
             header = next(lines, "")
-            delimiter = ";" if ";" in header and "," not in header else ","
-            fields = [field.strip().casefold() for field in next(csv.reader([header], delimiter=delimiter), [])]
+            reader = csv.reader(chain([header], lines), delimiter=delimiter_of(header))
+            fields = [field.strip().casefold() for field in next(reader, [])]
             _check_columns(self.path, fields)
-            reader = csv.reader(lines, delimiter=delimiter)
             for values in reader:
                 if not values:
                     continue
                 row = dict.fromkeys(COLUMNS, "") | dict(zip(fields, (v.strip() for v in values), strict=False))
                 long = len(values) > len(fields)
-                row["fault"] = f"line {reader.line_num + 1} has more fields than the header." if long else ""
+                row["fault"] = f"line {reader.line_num} has more fields than the header." if long else ""
                 yield min(1.0, lines.read / size), row
 
 
 class _Lines:
-    """Lines of UTF-8 with any ending, and how many bytes were read; none longer than LONGEST_ROW."""
+    """Lines of UTF-8 with any ending, and how many bytes were read, about; none longer than LONGEST_ROW."""
 
     def __init__(self, raw: Any) -> None:
-        self._raw, self.read, self._first = raw, 0, True
+        self._text, self.read = io.TextIOWrapper(raw, encoding="utf-8-sig", newline=None), 0
 
     def __iter__(self) -> _Lines:
         return self
 
     def __next__(self) -> str:
-        data = self._raw.readline(LONGEST_ROW)
-        if not data:
+        text = self._text.readline(LONGEST_ROW)
+        if not text:
             raise StopIteration
-        if len(data) == LONGEST_ROW and not data.endswith(b"\n"):
+        if len(text) == LONGEST_ROW and not text.endswith("\n"):
             raise csv.Error("a line is too long")
-        self.read += len(data)
-        text = data.decode("utf-8-sig" if self._first else "utf-8")
-        self._first = False
-        return str(text).replace("\r\n", "\n").replace("\r", "\n")
+        self.read += len(text) if text.isascii() else len(text.encode())
+        return text
 
 
 def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
@@ -144,7 +147,7 @@ def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
     with _readable(path), connection() as con:
         try:
             (total,) = con.execute("SELECT count(*) FROM read_parquet(?)", [str(path)]).fetchone()
-            found = con.execute("SELECT * FROM read_parquet(?)", [str(path)])
+            found = con.execute("SELECT COLUMNS(*)::VARCHAR FROM read_parquet(?)", [str(path)])
             fields = [str(each[0]).strip().casefold() for each in found.description]
             _check_columns(path, fields)
             count = 0
@@ -193,14 +196,12 @@ def file_in(words: str | None) -> tuple[str, Path | None]:
     return (layout, Path(tail)) if tail and is_file(Path(tail)) else ("", None)
 
 
-def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str]) -> str:
-    stats: list[tuple[int, int] | None] = []
+def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str], basis: Stamp | None) -> str:
+    found: list[Stamp | None] = []
     for words in words_of(job):
         _, path = file_in(words)
-        try:
-            found = None if path is None else path.stat()
-        except OSError:
-            found = None
-        stats.append(None if found is None else (found.st_size, found.st_mtime_ns))
-    told = json.dumps([list(vars(job).values()), list(extra), list(unit), stats, __version__])
+        found += [None] if path is None else stamps(path)
+    if basis is not None:
+        found.append(basis)
+    told = json.dumps([list(vars(job).values()), list(extra), list(unit), found, __version__])
     return hashlib.sha256(told.encode()).hexdigest()

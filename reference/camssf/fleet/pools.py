@@ -23,6 +23,7 @@ from typing import Any, Protocol, TypeAlias
 
 from camssf import __version__
 from camssf.errors import InvalidArgument
+from camssf.fleet.inputs import basis_path
 from camssf.fleet.manifest import Item, file_in
 from camssf.fleet.rows import Row
 from camssf.fleet.run import begin, single_threads
@@ -226,7 +227,9 @@ def _anywhere(item: Item) -> Item:
         return tuple(_absolute(each) for each in words)
 
     job = item.job
+    basis = basis_path(job.basis)
     found: dict[str, Any] = {name: absolute(getattr(job, name)) for name in ("photos", "lamps", "white", "dark")}
+    found["basis"] = job.basis if basis is None else str(basis.absolute())
     return replace(item, job=replace(job, **found, chart=_absolute(job.chart) or job.chart))
 
 

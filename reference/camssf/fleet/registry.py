@@ -32,6 +32,8 @@ MARK = "registry.json"
 FOLDERS: dict[Table, str] = {Row: "results", Task: "tasks"}
 IDENTITY: dict[Table, tuple[str, str]] = {Row: ("key", "added"), Task: ("task", "ended")}
 """What makes a row the same row, and which of two is the newer."""
+NEEDED: dict[Table, tuple[str, ...]] = {Row: ("key", "status", "added"), Task: ("task", "status", "ended")}
+"""Columns of every release's files."""
 MANY_FILES = 256
 LARGE_FILE = 4 * 2**20
 """Bytes: `gather` leaves such a file as it is."""
@@ -39,6 +41,8 @@ ATTEMPTS = 5
 """At reading, while somebody gathers."""
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of a list."""
+
+MOVE_AWAY = "Move it away, and add its results again from their archive."
 
 _CONFIG = {
     "autoinstall_known_extensions": "false",  # it would ask the network
@@ -136,10 +140,11 @@ class Registry:
                 with connection() as con:
                     self._view(con, table, small)
                     _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
-            except (FileNotFoundError, duckdb.IOException):
-                if all(path.exists() for path in small):
-                    raise
-                return  # somebody else gathers
+            except (FileNotFoundError, duckdb.Error) as error:
+                if not all(path.exists() for path in small):
+                    return  # somebody else gathers
+                _name_damaged(table, small, error)
+                raise
             for path in small:
                 path.unlink(missing_ok=True)
 
@@ -189,8 +194,9 @@ class Registry:
                         doubled = con.execute(count).fetchone()[0]
                         con.execute(f"CREATE TEMP VIEW rows AS SELECT * FROM every {_once(table) if doubled else ''}")
                         return ask(con)
-                except (FileNotFoundError, duckdb.IOException):
+                except (FileNotFoundError, duckdb.Error) as error:
                     if attempt + 1 == ATTEMPTS or all(path.exists() for path in files):
+                        _name_damaged(table, files, error)
                         raise
             raise AssertionError  # the last attempt returns or raises
 
@@ -207,33 +213,76 @@ class Registry:
         if path.suffix == ".csv":
             plain = {name: kind for name, kind in columns(Row).items() if kind != "FLOAT[]"}
             what = ", ".join(_cell(name, kind) for name, kind in plain.items())
+        _check_place(path)
         self._ask(lambda con: _put(con, f"SELECT {what} FROM rows ORDER BY added, key", path.parent, path.name))
+
+    def damaged(self, key: str, what: str) -> InvalidArgument:
+        """The error that says of which row, in which file, something cannot be right."""
+        holds = "SELECT count(*) FROM read_parquet(?) WHERE key = ?"
+        with connection() as con:
+            found = [p for p in self._files(Row) if con.execute(holds, [str(p), key]).fetchone()[0]]
+        place = found[0] if found else self.folder
+        return InvalidArgument(f"{place} is damaged: of the result {key[:12]}... {what}.", MOVE_AWAY)
 
     def _files(self, table: Table) -> list[Path]:
         return sorted((self.folder / FOLDERS[table]).glob("[!.]*.parquet"))
 
-    def _view(self, con: Any, table: Table, files: Sequence[Path]) -> None:
+    @staticmethod
+    def _view(con: Any, table: Table, files: Sequence[Path]) -> None:
         """A view `every` of all rows in these files; a column that an older file lacks is empty."""
         con.execute(f"CREATE TEMP TABLE nothing ({_declared(table)})")
         if not files:
             con.execute("CREATE TEMP VIEW every AS SELECT * FROM nothing")
             return
-        import duckdb
-
         names = ", ".join(columns(table))
         listed = ", ".join(_quoted(str(path)) for path in files)
-        try:
-            con.execute(
-                f"CREATE TEMP VIEW every AS SELECT {names} FROM (SELECT * FROM nothing UNION ALL BY NAME "
-                f"SELECT * FROM read_parquet([{listed}], union_by_name = true))"
+        needed = ", ".join(map(_quoted, NEEDED[table]))
+        foreign = con.execute(
+            f"SELECT file_name FROM parquet_schema([{listed}]) GROUP BY file_name "
+            f"HAVING count(DISTINCT name) FILTER (name IN ({needed})) < {len(NEEDED[table])} ORDER BY 1"
+        ).fetchone()
+        if foreign is not None:
+            raise InvalidArgument(
+                f"{foreign[0]} is no file of a registry: it lacks {', '.join(NEEDED[table][:-1])} or "
+                f"{NEEDED[table][-1]}.",
+                "Move it away.",
             )
-        except duckdb.Error as error:
-            for path in files:
-                if not _whole(path):  # FileNotFoundError: somebody gathered
-                    raise InvalidArgument(
-                        f"{path} is damaged.", "Move it away, and add its results again from their archive."
-                    ) from error
-            raise
+        con.execute(
+            f"CREATE TEMP VIEW every AS SELECT {names} FROM (SELECT * FROM nothing UNION ALL BY NAME "
+            f"SELECT * FROM read_parquet([{listed}], union_by_name = true))"
+        )
+
+
+def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None:
+    """The first file that cannot be read by itself is to blame; where each can, nothing is said."""
+    import duckdb
+
+    for path in files:
+        try:
+            with connection() as con:
+                whole = _whole(path)
+                if whole:
+                    Registry._view(con, table, [path])
+                    con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
+        except FileNotFoundError:  # somebody gathered
+            continue
+        except duckdb.Error:
+            whole = not path.exists()
+        if not whole:
+            raise InvalidArgument(f"{path} is damaged.", MOVE_AWAY) from error
+
+
+def _check_place(path: Path) -> None:
+    """Whether a file can be written there: what fails later is the registry's."""
+    probe = path.parent / f".camssf-{os.getpid()}-{secrets.token_hex(8)}"
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(21, "Is a directory")
+        probe.touch()
+        probe.unlink()
+    except (OSError, ValueError) as error:
+        words = getattr(error, "strerror", None) or error
+        raise InvalidArgument(f"{path} cannot be written ({words}).", "Name another place for it.") from error
 
 
 def _format(folder: Path, new: bool) -> str | None:

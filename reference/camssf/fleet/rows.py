@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf.curves.choice import CLEAR
@@ -49,7 +51,7 @@ class Row:
         inputs: SHA-256 of every file; onnx: of the model.
         made_from: SHA-256 of files, options and version together, where a batch made it.
         passport: id of the passport that it came in.
-        place: in the archive, relative to the registry.
+        place: of the result, seen from the registry.
         delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of all.
         channel_gain: red, green, blue.
         red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty where there are none.
@@ -229,6 +231,15 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
         return ()
     found = [(each["prior_scale"], each["probability"]) for each in own] or [(document["prior_scale"], 1.0)]
     return tuple(sorted(found, key=lambda width: -width[1]))
+
+
+def place_of(file: Path | str, registry: Path | str) -> str:
+    """Where a result lies, seen from the registry; links are followed on both sides."""
+    file = os.path.realpath(file)
+    try:
+        return Path(os.path.relpath(file, os.path.realpath(registry))).as_posix()
+    except ValueError:  # on another drive
+        return Path(file).as_posix()
 
 
 def utc(time: datetime) -> datetime:

@@ -24,12 +24,14 @@ from camssf import __version__
 from camssf.documents.report import NAMES
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
+from camssf.fleet.inputs import basis_hash, file_hash, is_file
+from camssf.photo.sidecar import photo_hash
 
 if TYPE_CHECKING:
     from camssf.documents.result import Calibration, Refusal
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
-"""Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing or empty."""
+"""Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing, and all but two be empty."""
 
 LARGEST_MANIFEST = 10_000_000
 """Bytes."""
@@ -37,7 +39,9 @@ LARGEST_MANIFEST = 10_000_000
 MARK = "batch.json"
 """Beside a result: the hashes of everything that it was made from, and of its own files."""
 
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?|summary\.csv", re.IGNORECASE)
+AUTO = "auto"
+"""The lamp of an empty cell, as `calibrate` takes it where none is named."""
 _FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
 """Where a spreadsheet would take text for a formula, at what it may take for a cell's begin; `'` makes it text."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -144,6 +148,8 @@ def run_batch(
 def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx") -> tuple[Job, ...]:
     """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
     path = Path(path)
+    if is_parquet(path):
+        raise InvalidArgument(f"{path} is Parquet.", "Name a --registry: then it may be, or give a CSV file.")
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_MANIFEST + 1)
@@ -155,8 +161,7 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
             f"{path} is larger than {LARGEST_MANIFEST} bytes.", "Name a --registry: then it may have any size."
         )
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    header = text.partition("\n")[0]
-    reader = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in header and "," not in header else ",")
+    reader = csv.DictReader(io.StringIO(text), delimiter=delimiter_of(text.partition("\n")[0]))
     fields = [field.strip().casefold() for field in reader.fieldnames or ()]
     reader.fieldnames = fields
     missing = [column for column in COLUMNS[:3] if column not in fields]
@@ -208,6 +213,16 @@ def attempt_job(job: Job) -> Calibration | Refusal:
 # the manifest
 
 
+def is_parquet(path: Path) -> bool:
+    """By its name, in small letters or capitals."""
+    return path.suffix.casefold() == ".parquet"
+
+
+def delimiter_of(header: str) -> str:
+    """Of a CSV, by its first line."""
+    return ";" if ";" in header and "," not in header else ","
+
+
 def job_of(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], basis: str, engine: str) -> Job:
     """The job of one name's rows; paths are relative to `home`."""
 
@@ -227,7 +242,7 @@ def job_of(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], b
         name,
         folder,
         tuple(str(home / row["photo"]) for row in rows),
-        tuple(_spec(home, row["lamp"]) for row in rows),
+        tuple(_spec(home, row["lamp"] or AUTO) for row in rows),
         tuple(frame(row["white"]) for row in rows),
         tuple(frame(row["dark"]) for row in rows),
         _spec(home, charts[0]),
@@ -255,14 +270,6 @@ def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
             if "\\" in path and not is_file(home / path):
                 return [f"{path} is written with backslashes, which are no folders here: write / instead."]
     return []
-
-
-def is_file(path: Path) -> bool:
-    """A name that no file can have is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
 
 
 def _folders(names: Sequence[str]) -> dict[str, str]:
@@ -354,14 +361,10 @@ def _fingerprint(job: Job) -> str:
     """SHA-256 of the rows, the options, the version and the contents of every file they name."""
     chart = job.chart.partition(":")[2] if not is_file(Path(job.chart)) else job.chart
     paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
-    hashes = [file_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
+    hashes = [photo_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
+    if basis := basis_hash(job.basis):
+        hashes.append(basis)
     return hashlib.sha256(json.dumps([asdict(job), hashes, __version__]).encode()).hexdigest()
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _earlier(folder: Path, made_from: str) -> Outcome | None:

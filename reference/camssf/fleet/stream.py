@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,16 +23,20 @@ import numpy as np
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import write_files
+from camssf.files import readable, write_files
+from camssf.fleet.inputs import basis_hash
 from camssf.fleet.manifest import Item, Manifest, file_in, words_of
 from camssf.fleet.pools import DEATHS, FLUSH, Done, here, on_dask
 from camssf.fleet.registry import Registry
-from camssf.fleet.rows import Origin, Row, Task, row, utc
-from camssf.fleet.run import attempt_job, cores, file_hash
+from camssf.fleet.rows import Origin, Row, Task, place_of, row, utc
+from camssf.fleet.run import attempt_job, cores
+from camssf.photo.sidecar import photo_hash
 from camssf.photo.unit import Unit, read_unit
 
 MANY = 256
 """Rows after which the registry is written; else every FLUSH seconds."""
+SAID = ("make", "model", "camera_id", "serial", "lens", "focal_length", "aperture", "captured", "place", "extra")
+"""What a row says beside its result and its name, by the manifest and the photo's file."""
 STATUSES = ("accepted", "doubtful", "refused", "failed")
 
 
@@ -44,7 +48,7 @@ class Summary:
         by_status: jobs by their status; by_code: by their first reason; by_model: by make and model, "" where nothing
             was found out of it, and status.
         resumed: of these, done in an earlier run.
-        duplicates: of these, made from the same files as another.
+        duplicates: of these, made from the same files as another name.
         seconds: it took.
     """
 
@@ -72,6 +76,23 @@ class Summary:
         return self.by_status["refused"] + self.by_status["failed"]
 
 
+@dataclass(frozen=True)
+class _Where:
+    """Where results go: their archive, the registry that names their places, and whether pages lie beside them."""
+
+    archive: Path
+    registry: Path
+    pages: bool
+
+    def folder(self, made_from: str) -> Path:
+        return self.archive / made_from[:2] / made_from
+
+    def done(self, made_from: str) -> bool:
+        """A result lies there, with its pages where they are wanted. It is not read."""
+        names = ("result.json", "report.html") if self.pages else ("result.json",)
+        return all((self.folder(made_from) / name).is_file() for name in names)
+
+
 Work = Callable[[Item, Path, bool], Done]
 Tell = Callable[[str, float], None]
 
@@ -89,8 +110,8 @@ def run_stream(
 ) -> Summary:
     """Do what a manifest asks for and was not done yet.
 
-    A job is done that has a result, be it a refused one, and whose rows, files (by size and time), options and
-    version are the same; so is one that cost DEATHS processes their lives. Any other is tried again.
+    A job is done that has a result in this archive, be it a refused one, and whose rows, files (by size and time),
+    options and version are the same; so is one that cost DEATHS processes their lives. Any other is tried again.
 
     Args:
         manifest: the jobs.
@@ -110,8 +131,9 @@ def run_stream(
     archive = Path(archive)
     begun, summary = time.monotonic(), Summary()
     desk = _Desk(registry, summary)
-    todo = _left(manifest, registry, summary)
-    one = partial(_one, archive=archive.absolute(), pages=pages, work=work or calibrate_item)
+    where = _Where(archive.absolute(), registry.folder.absolute(), pages)
+    todo = _left(manifest, registry, summary, where)
+    one = partial(_one, where=where, work=work or calibrate_item)
     tell = _teller(manifest, summary, progress, begun)
     try:
         if dask is None:
@@ -142,21 +164,20 @@ def calibrate_item(item: Item, folder: Path, pages: bool) -> Done:
 # In a worker
 
 
-def _one(item: Item, *, archive: Path, pages: bool, work: Work) -> Done:
+def _one(item: Item, *, where: _Where, work: Work) -> Done:
     if item.job.fault:
         return Done("refused", InvalidArgument.code, f"In the manifest, {item.job.fault}")
     made_from = ""
     try:
         made_from = _made_from(item)
-        folder = archive / made_from[:2] / made_from
-        kept = _kept(item, folder, made_from)
+        kept = _kept(item, where, made_from) if where.done(made_from) else None
         if kept is not None:
             return Done(kept.status, kept.code, kept.reason, made_from, kept, found=True)
         try:
-            done = work(item, folder, pages)
+            done = work(item, where.folder(made_from), where.pages)
         except CalibrationError as error:
             return Done("refused", error.code, f"{error.message} {error.advice}", made_from)
-        kept = _kept(item, folder, made_from)
+        kept = _kept(item, where, made_from)
         return (
             replace(done, made_from=made_from)
             if kept is None
@@ -172,18 +193,25 @@ def _made_from(item: Item) -> str:
     job, contents = item.job, []
     for words in words_of(job):
         layout, path = file_in(words)
-        contents.append(words if path is None else f"{layout}:{file_hash(path)}")
-    options = (len(job.photos), job.basis, job.engine, job.lens_shading)
+        contents.append(words if path is None else f"{layout}:{photo_hash(path)}")
+    basis = basis_hash(job.basis)
+    options = (
+        len(job.photos),
+        job.basis if basis is None else f"{Path(job.basis).stem}:{basis}",
+        job.engine,
+        job.lens_shading,
+    )
     return hashlib.sha256(json.dumps([contents, options, __version__]).encode()).hexdigest()
 
 
-def _kept(item: Item, folder: Path, made_from: str) -> Row | None:
+def _kept(item: Item, where: _Where, made_from: str) -> Row | None:
     """The row of the result that lies in the archive; None where there is none, or a damaged one."""
     from camssf.documents.report import read_document
 
+    file = where.folder(made_from) / "result.json"
     try:
-        document = read_document(folder / "result.json")
-        data = (folder / "result.json").read_bytes()
+        document = read_document(file)
+        data = file.read_bytes()
     except (OSError, InvalidArgument):
         return None
 
@@ -192,7 +220,7 @@ def _kept(item: Item, folder: Path, made_from: str) -> Row | None:
     with suppress(CalibrationError):
         taken = read_unit(item.job.photos[0])
         unit, captured = unit.filled(taken.unit), captured or taken.time
-    place = f"{made_from[:2]}/{made_from}/result.json"
+    place = place_of(file, where.registry)
     origin = Origin(unit, captured, item.job.name, made_from, place=place, extra=dict(item.extra))
     return row(data, document, origin)
 
@@ -200,11 +228,16 @@ def _kept(item: Item, folder: Path, made_from: str) -> Row | None:
 # In the process that hands out the work
 
 
-def _left(manifest: Manifest, registry: Registry, summary: Summary) -> Iterator[Item]:
-    """The jobs that are still to do; what is done is counted. Eight bytes a task are held, not its words."""
+def _left(manifest: Manifest, registry: Registry, summary: Summary, where: _Where) -> Iterator[Item]:
+    """The jobs that are still to do; what is done is counted. 48 bytes a task are held, not its words."""
+    parts = [f"p{i}" for i in range(4)]
+    made_from = ", ".join(
+        f"coalesce(TRY_CAST('0x' || made_from[{16 * i + 1}:{16 * i + 16}] AS UBIGINT), 0) AS {part}"
+        for i, part in enumerate(parts)
+    )
     done = registry.arrays(
         f"SELECT ('0x' || task[:16])::UBIGINT AS task, list_position({list(STATUSES)}, status) - 1 AS status, code, "
-        "coalesce(TRY_CAST('0x' || key[:16] AS UBIGINT), 0) AS row "
+        f"coalesce(TRY_CAST('0x' || key[:16] AS UBIGINT), 0) AS row, key <> '' AS kept, {made_from} "
         f"FROM rows WHERE key <> '' OR deaths >= {DEATHS} ORDER BY 1",
         table=Task,
     )
@@ -212,7 +245,10 @@ def _left(manifest: Manifest, registry: Registry, summary: Summary) -> Iterator[
     for item in manifest:
         mark = np.uint64(int(item.task[:16], 16))
         at = int(np.searchsorted(known, mark))
-        if at < len(known) and known[at] == mark:
+        there = at < len(known) and known[at] == mark
+        if there and done["kept"][at]:
+            there = where.done("".join(f"{int(done[part][at]):016x}" for part in parts))
+        if there:
             summary.resumed += 1
             summary.count(STATUSES[int(done["status"][at])], str(done["code"][at]), models(int(done["row"][at])))
         else:
@@ -244,17 +280,20 @@ class _Desk:
         self._registry, self._summary = registry, summary
         self._rows: dict[str, tuple[Row, bool]] = {}
         self._tasks: list[Task] = []
-        self._last = time.monotonic()
+        self._last, self._begun = time.monotonic(), utc(datetime.now(UTC))
 
     def take(self, item: Item, done: Done, *, deaths: int = 0) -> None:
         """One job's end."""
         model = "" if done.row is None else f"{done.row.make} {done.row.model}".strip()
         self._summary.count(done.status, done.code, model)
         key = "" if done.row is None else done.row.key
-        if done.row is not None and key in self._rows:
-            self._summary.duplicates += 1
+        before = self._rows.get(key)
+        if done.row is not None and before is not None:
+            self._summary.duplicates += done.row.name != before[0].name
+            if _said(done.row) != _said(before[0]):
+                self._rows[key] = replace(done.row, added=max(done.row.added, before[0].added)), before[1]
         elif done.row is not None:
-            self._rows[key] = (done.row, done.found)
+            self._rows[key] = done.row, done.found
         ended = utc(datetime.now(UTC))
         name = item.job.name
         self._tasks.append(
@@ -262,19 +301,39 @@ class _Desk:
         )
 
     def flush(self, *, if_due: bool = False) -> None:
-        """Rows first, then tasks: a task that is known has its row. What an earlier run wrote stays as it is."""
+        """Rows first, then tasks: a task that is known has its row."""
         due = time.monotonic() - self._last >= FLUSH or len(self._tasks) >= MANY
         if not self._tasks or (if_due and not due):
             return
-        again = [key for key, (_, found) in self._rows.items() if found]
-        there: set[str] = set()
-        if again:
-            asked = self._registry.query("SELECT key FROM rows WHERE list_contains(?, key)", [again])
-            there = {str(each["key"]) for each in asked}
-            self._summary.duplicates += len(there)
-        self._registry.add([each for key, (each, _) in self._rows.items() if key not in there])
+        self._registry.add(self._fresh())
         self._registry.note(self._tasks)
         self._rows, self._tasks, self._last = {}, [], time.monotonic()
+
+    def _fresh(self) -> list[Row]:
+        """What is to be written: not a row that says nothing but what the registry's says."""
+        again = [key for key, (_, found) in self._rows.items() if found]
+        there: dict[str, dict[str, Any]] = {}
+        if again:
+            asked = f"SELECT key, added, {', '.join(('name', *SAID))} FROM rows WHERE list_contains(?, key)"
+            there = {str(each["key"]): each for each in self._registry.query(asked, [again])}
+        rows = []
+        for key, (row_, _) in self._rows.items():
+            old = there.get(key)
+            if old is None:
+                rows.append(row_)
+                continue
+            another = old["name"] != readable(row_.name)
+            self._summary.duplicates += another
+            twin = another and old["added"] >= self._begun  # of this run: whose name the row has is all the same
+            if _said(row_) != tuple(old[name] or None for name in SAID) or (another and not twin):
+                rows.append(replace(row_, added=max(row_.added, old["added"] + timedelta(microseconds=1))))
+        return rows
+
+
+def _said(one: Row) -> tuple[Any, ...]:
+    """What a row says beside its result, as the registry keeps it."""
+    values = (getattr(one, name) for name in SAID)
+    return tuple((readable(value) if isinstance(value, str) else value) or None for value in values)
 
 
 def _teller(manifest: Manifest, summary: Summary, progress: Tell | None, begun: float) -> Callable[[], None]:

@@ -81,7 +81,7 @@ class Mosaic:
         gain_maps: of the file's lens shading, in the order they act; not applied to the samples (`shading`).
         color_matrix1, color_matrix2: (3, 3) XYZ to camera, or None.
         as_shot_neutral: (3,) or None.
-        sha256: of the file, hex.
+        sha256: of the file, hex; of a picture with its sidecar behind it.
         neutrals: the camera's white (3,), green 1, under the light that each colour matrix was made for, by its Exif
             LightSource code.
         unit: the physical camera and its lens, as far as the file says.

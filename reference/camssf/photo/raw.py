@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
 from camssf.grid import Floats
 from camssf.photo.mosaic import CFA_ORDERS, MAX_SAMPLES, MAX_SIDE, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.sidecar import sidecar_of
 from camssf.photo.tags import CONVERT, COPY_AGAIN, NO_DNG
 
 SIDECAR = "camssf-mosaic/1"
@@ -28,7 +29,6 @@ HEAD = 1 << 20
 """So many bytes of a file are looked at for its maker and model."""
 ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}
 """TIFF's by LibRaw's flip."""
-_PICTURES = (".png", ".tif", ".tiff")
 _KEYS = {"format", "cfa", "black", "white", "make", "model", "exposure", "iso", "orientation"}
 
 
@@ -47,12 +47,12 @@ def read_raw(path: str | Path) -> Mosaic:
         InvalidArgument: a sidecar that is none.
     """
     file = Path(path)
-    sidecar = Path(f"{file}.json")
-    if file.suffix.casefold() in _PICTURES and sidecar.is_file():
+    sidecar = sidecar_of(file)
+    if sidecar is not None:
         return _picture(file, sidecar)
     if file.suffix.casefold() == ".png" and file.is_file():
         raise UnsupportedRaw(
-            f"{file} is a picture, and no {sidecar.name} beside it says what its samples are.",
+            f"{file} is a picture, and no {file.name}.json beside it says what its samples are.",
             "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
         )
     try:
@@ -159,7 +159,7 @@ def _maker(head: bytes) -> tuple[str, str]:
 
 def _picture(file: Path, sidecar: Path) -> Mosaic:
     """A linear picture of the mosaic, and what its sidecar says of it."""
-    told = _sidecar(sidecar)
+    told, words = _sidecar(sidecar)
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -189,7 +189,7 @@ def _picture(file: Path, sidecar: Path) -> Mosaic:
         color_matrix1=None,
         color_matrix2=None,
         as_shot_neutral=None,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=hashlib.sha256(data + words).hexdigest(),  # as `photo_hash`
         levels=f"the sidecar {sidecar.name}",
     )
 
@@ -234,8 +234,8 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
         ) from error
 
 
-def _sidecar(path: Path) -> dict[str, Any]:
-    """What a sidecar says, every word of it checked."""
+def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
+    """What a sidecar says, every word of it checked; and its bytes."""
     try:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_SIDECAR + 1)
@@ -261,7 +261,7 @@ def _sidecar(path: Path) -> dict[str, Any]:
     for key in ("make", "model"):
         need(isinstance(told.get(key, ""), str) and len(told.get(key, "")) <= 200, f"{key} must be a short text")
     need(told.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
-    return told
+    return told, data
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

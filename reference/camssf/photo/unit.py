@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from dataclasses import dataclass, fields
@@ -10,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from camssf.errors import UnitDiffers, UnreadableRaw
+from camssf.photo.sidecar import photo_hash
 from camssf.photo.tags import COPY_AGAIN, Directory, Tiff
 from camssf.rules import rules
 
@@ -61,7 +61,7 @@ class Taken:
     Attributes:
         unit: by what camera.
         time: ISO 8601, with the offset from UTC where the file has one; "" where it is silent.
-        sha256: of the file.
+        sha256: of the file, with its sidecar's where it is a picture that has one.
     """
 
     unit: Unit
@@ -77,9 +77,8 @@ def read_unit(path: Path | str) -> Taken:
     """
     path = Path(path)
     try:
+        sha256 = photo_hash(path)
         with path.open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-            stream.seek(0)
             tiff = Tiff(path, stream)
             exif = tiff.exif()
             return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
