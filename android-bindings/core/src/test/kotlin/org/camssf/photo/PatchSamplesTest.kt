@@ -4,6 +4,7 @@ import org.camssf.ChartNotFound
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 
 /** Which samples of a patch are measured, and taken from rows however these come. */
@@ -36,6 +37,8 @@ class PatchSamplesTest {
                 }
                 assertEquals(inside(x, y, 5, cell), seen)
                 assertEquals(seen.size, found.size)
+                assertEquals(seen.first().second, found.top)
+                assertTrue(found.count.all { it > 0 }, "rows without samples")
                 val box = Region(
                     seen.minOf { it.first }, seen.minOf { it.second },
                     seen.maxOf { it.first } + 1, seen.maxOf { it.second } + 1,
@@ -50,6 +53,16 @@ class PatchSamplesTest {
         val found = places(20.5, 20.5, 0.3, 0)
         assertEquals(0, found.size)
         assertNull(found.box)
+    }
+
+    @Test
+    fun `the box is around the rows that hold samples`() {
+        val empty = Places(4, intArrayOf(50, 50), intArrayOf(0, 0))
+        assertNull(empty.box)
+        val rows = Places(4, intArrayOf(2, 9, 7, 8, 60), intArrayOf(0, 2, 4, 1, 0))
+        assertEquals(Region(7, 6, 14, 11), rows.box)
+        assertEquals(7, rows.size)
+        assertEquals(Region(7, 6, 14, 9), Places(6, intArrayOf(7, 9), intArrayOf(4, 1)).box)
     }
 
     /** The middle half may touch the outermost samples, and no more. */
@@ -78,8 +91,8 @@ class PatchSamplesTest {
                 for (y in 0 until height) {
                     for (x in 0 until width step length) {
                         val count = minOf(length, width - x)
-                        // The piece begins somewhere in its array.
-                        val piece = ShortArray(count + 3) { sample(x + it - 3, y) }
+                        // The piece stands somewhere in its array.
+                        val piece = ShortArray(count + 6) { if (it in 3 until count + 3) sample(x + it - 3, y) else -1 }
                         found.take(y, x, piece, 3, count, taken)
                     }
                 }
