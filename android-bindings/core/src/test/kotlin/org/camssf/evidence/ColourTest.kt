@@ -112,7 +112,8 @@ class ColourTest {
             for (got in Colour.srgb(DoubleArray(3) { d65[it] * linear })) assertEquals(value, got, 2e-4)
         }
         // What lies outside is cut off.
-        assertArrayEquals(DoubleArray(6) { if (it < 3) 1.0 else 0.0 }, Colour.srgb(DoubleArray(6) { if (it < 3) 9.0 else -9.0 }))
+        val outside = Colour.srgb(doubleArrayOf(9.0, 9.0, 9.0, -9.0, -9.0, -9.0))
+        assertArrayEquals(doubleArrayOf(1.0, 1.0, 1.0, 0.0, 0.0, 0.0), outside)
     }
 
     @Test
@@ -126,7 +127,8 @@ class ColourTest {
             assertEquals(0.2 * white[i], greys[3 + i], 1e-12)
         }
         // Two halves of the spectrum make the whole.
-        val halves = Colour.xyz(DoubleArray(2 * Grid.SIZE) { if ((it % Grid.SIZE < 300) == (it < Grid.SIZE)) 1.0 else 0.0 }, lamp)
+        fun half(at: Int) = (at % Grid.SIZE < 300) == (at < Grid.SIZE)
+        val halves = Colour.xyz(DoubleArray(2 * Grid.SIZE) { if (half(it)) 1.0 else 0.0 }, lamp)
         for (i in 0..2) assertEquals(white[i], halves[i] + halves[3 + i], 1e-12)
         // No eye's blue cone sees red.
         assertTrue(halves[5] < 0.1 * halves[2])
@@ -145,7 +147,8 @@ class ColourTest {
     @Test
     fun `patches have the colours that they are known for`() {
         val found = Colour.reflectance(ChartTable.read("classic24"))
-        for ((patch, colour) in listOf(18 to listOf(243, 243, 242), 21 to listOf(122, 122, 121), 14 to listOf(175, 54, 60))) {
+        val known = mapOf(18 to listOf(243, 243, 242), 21 to listOf(122, 122, 121), 14 to listOf(175, 54, 60))
+        for ((patch, colour) in known) {
             for (c in 0..2) assertEquals(colour[c] / 255.0, found[3 * patch + c], 0.03)
         }
     }

@@ -55,7 +55,8 @@ class ScoresTest {
     @Test
     fun `relative errors are squared and averaged, channel by channel`() {
         val predicted = DoubleArray(6 * n) {
-            y[it] * if (it / 3 % 3 == 0) 1.0 else if (it % 3 == 2) 0.95 else 1.1
+            val factor = if (it % 3 == 2) 0.95 else 1.1
+            y[it] * if (it / 3 % 3 == 0) 1.0 else factor
         }
         val part = sqrt(2.0 / 3)
         assertArrayEquals(doubleArrayOf(10 * part, 10 * part, 5 * part), scores(predicted).rmsrePercent, 1e-9)

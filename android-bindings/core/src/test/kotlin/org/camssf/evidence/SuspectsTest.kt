@@ -68,7 +68,8 @@ class SuspectsTest {
             val mild = Reason("blurred", "mild", "wait", 1.0, 2.0)
             val grave = Reason(code, "grave", "go", 3.0, 4.0, true)
             val error = Reasons.refusal(Verdict(Status.REFUSED, listOf(mild, grave)))
-            assertEquals(listOf(code, "grave", "go", 3.0, 4.0), error.run { listOf(code, message, advice, value, threshold) })
+            val told = error.run { listOf(code, message, advice, value, threshold) }
+            assertEquals(listOf(code, "grave", "go", 3.0, 4.0), told)
         }
         val (mild, grave) = listOf(false, true).map { Reason("glare", "", "", null, null, it) }
         assertEquals(Status.ACCEPTED, Status.of(emptyList<Reason>()))

@@ -60,7 +60,8 @@ class CornersTest {
             }
             return Corners.of(*points.toDoubleArray())
         }
-        for ((degrees, turns) in listOf(0 to 0, 44 to 0, 46 to 1, 134 to 1, 136 to 2, 180 to 2, 224 to 2, 226 to 3, 314 to 3, 316 to 0)) {
+        val known = mapOf(0 to 0, 44 to 0, 46 to 1, 134 to 1, 136 to 2, 224 to 2, 226 to 3, 314 to 3, 316 to 0)
+        for ((degrees, turns) in known) {
             assertEquals(turns, square(degrees.toDouble()).quarterTurns, "$degrees")
         }
     }

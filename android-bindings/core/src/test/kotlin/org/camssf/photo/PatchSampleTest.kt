@@ -45,7 +45,10 @@ class PatchSampleTest {
     @Test
     fun `dust lies beyond six deviations from between the two values in the middle`() {
         val places = Places(10, IntArray(2) { 20 }, IntArray(2) { 10 })
-        fun rejected(odd: Int) = of(places, { if (it == 3) odd else if (it % 2 == 0) 0 else 5 }).single()
+        fun rejected(odd: Int): PatchSample {
+            val values = IntArray(20) { 5 * (it % 2) }.also { it[3] = odd }
+            return of(places, { values[it] }).single()
+        }
         assertEquals(0 to 20, rejected(19).let { it.rejected to it.count })
         assertEquals(1 to 19, rejected(20).let { it.rejected to it.count })
         assertEquals(20, rejected(20).all)

@@ -92,7 +92,8 @@ class PatchSamplesTest {
                     for (x in 0 until width step length) {
                         val count = minOf(length, width - x)
                         // The piece stands somewhere in its array.
-                        val piece = ShortArray(count + 6) { if (it in 3 until count + 3) sample(x + it - 3, y) else -1 }
+                        val piece = ShortArray(count + 6) { -1 }
+                        for (i in 0 until count) piece[3 + i] = sample(x + i, y)
                         found.take(y, x, piece, 3, count, taken)
                     }
                 }

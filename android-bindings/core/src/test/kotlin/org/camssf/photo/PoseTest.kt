@@ -147,8 +147,9 @@ class PoseTest {
     @Test
     fun `below a five-hundredth of the largest all is the same black`() {
         val expected = DoubleArray(12) { 0.1 + 0.07 * (it * 5 % 12) }
-        fun with(dark: Double) = Agreement.of(DoubleArray(12) { if (it == 4) dark else 100 * expected[it] + 10 }, expected)
-        val most = 100 * expected.max() + 10
+        val light = DoubleArray(12) { 100 * expected[it] + 10 }
+        fun with(dark: Double) = Agreement.of(light.copyOf().also { it[4] = dark }, expected)
+        val most = light.max()
         assertEquals(with(2e-3 * most), with(-7.0))
         assertEquals(with(2e-3 * most), with(1e-3 * most))
         assertTrue(with(4e-3 * most) != with(2e-3 * most))
@@ -166,7 +167,8 @@ class PoseTest {
             assertEquals(0.5, seen(middle - 45)[channel] / most, 1e-12)
             assertEquals(1.0 / 16, seen(middle + 90)[channel] / most, 1e-12)
         }
-        val grey = ChartTable("one", "one", "one", listOf("a"), DoubleArray(Grid.SIZE) { 0.4 }, DoubleArray(1), 0, "test")
+        val grey =
+            ChartTable("one", "one", "one", listOf("a"), DoubleArray(Grid.SIZE) { 0.4 }, DoubleArray(1), 0, "test")
         assertArrayEquals(DoubleArray(3) { 0.4 }, Agreement.expected(grey), 1e-12)
     }
 
@@ -219,7 +221,8 @@ class PoseTest {
     @Test
     fun `a percentile lies straight between its neighbours`() {
         val values = floatArrayOf(9f, 1f, 5f, 3f, 7f)
-        for ((share, value) in listOf(0.0 to 1f, 0.25 to 3f, 0.5 to 5f, 0.6 to 5.8f, 0.7 to 6.6f, 0.98 to 8.84f, 1.0 to 9f)) {
+        val known = mapOf(0.0 to 1f, 0.25 to 3f, 0.5 to 5f, 0.6 to 5.8f, 0.7 to 6.6f, 0.98 to 8.84f, 1.0 to 9f)
+        for ((share, value) in known) {
             assertEquals(value, ChartView.percentile(values, share), 1e-6f)
         }
         assertEquals(4f, ChartView.percentile(floatArrayOf(4f), 0.98))
@@ -263,7 +266,8 @@ class PoseTest {
     @Test
     fun `a table that fits no layout is refused`() {
         fun table(layout: String, patches: Int) = ChartTable(
-            "odd", "odd table", layout, chart.patches.take(patches), chart.sharedValues, chart.sharedTolerance, 18, "test",
+            "odd", "odd table", layout, chart.patches.take(patches), chart.sharedValues, chart.sharedTolerance,
+            18, "test",
         )
         val photo = mosaic(70, 64) { _, _ -> 100 }
         val corners = Corners.of(5.0, 5.0, 60.0, 5.0, 60.0, 50.0, 5.0, 50.0)

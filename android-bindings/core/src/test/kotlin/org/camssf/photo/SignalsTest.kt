@@ -25,7 +25,10 @@ class SignalsTest {
     ): FrameMeans {
         val none = DoubleArray(3 * n)
         return FrameMeans(
-            DoubleArray(3 * n, mean), DoubleArray(3 * n, error), LongArray(3 * n) { 400 }, DoubleArray(3 * n, clipped),
+            DoubleArray(3 * n, mean),
+            DoubleArray(3 * n, error),
+            LongArray(3 * n) { 400 },
+            DoubleArray(3 * n, clipped),
             none, none, DoubleArray(2 * n),
         )
     }
@@ -50,7 +53,8 @@ class SignalsTest {
             val y = (chart.mean[i] - dark.mean[i]) / range
             assertEquals(y, found.values[i], 1e-15)
             val (c, w, d) = listOf(chart, flat, dark).map { it.standardError[i] }
-            assertEquals(sqrt(c * c + y * y * w * w + (y - 1) * (y - 1) * d * d) / range, found.standardError[i], 1e-15)
+            val variance = c * c + y * y * w * w + (y - 1) * (y - 1) * d * d
+            assertEquals(sqrt(variance) / range, found.standardError[i], 1e-15)
         }
         assertArrayEquals(chart.mean, found.chart)
         assertArrayEquals(flat.mean, found.white)

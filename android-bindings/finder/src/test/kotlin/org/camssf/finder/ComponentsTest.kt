@@ -46,7 +46,8 @@ class ComponentsTest {
                 }
                 found += listOf(
                     own.size.toLong(), own.sumOf { it.first }, own.sumOf { it.second },
-                    own.sumOf { it.first * it.first }, own.sumOf { it.first * it.second }, own.sumOf { it.second * it.second },
+                    own.sumOf { it.first * it.first }, own.sumOf { it.first * it.second },
+                    own.sumOf { it.second * it.second },
                 )
             }
         }
@@ -58,7 +59,8 @@ class ComponentsTest {
         listOf("#..#..#", "#..#..#", "#######"), // three that meet below
         listOf("#######", "#.#.#.#", "#.#.#.#"),
         listOf(".....", "####.", "...#.", ".#.#.", ".#.#.", ".###."),
-        listOf("#######", "#.....#", "#.###.#", "#.#.#.#", "#.#...#", "#.#####", "#......"), // a spiral and its inside
+        // A spiral and its inside.
+        listOf("#######", "#.....#", "#.###.#", "#.#.#.#", "#.#...#", "#.#####", "#......"),
         listOf("#.#.#.#.#", "##.###.##", ".#..#..#.", "#########"),
         listOf("....##", "..###.", "##....", "...#..", "..##.."),
         listOf("", "###", "", "###"),

@@ -11,7 +11,9 @@ class MapsTest {
     private val tilted = doubleArrayOf(30.0, 4.0, 200.0, -3.0, 26.0, 150.0, 0.01, -0.02, 1.0)
 
     private fun pairs(places: List<Pair<Int, Int>>, of: (Int, Int) -> Pair<Double, Double>) =
-        places.flatMap { (u, v) -> of(u, v).let { listOf(u.toDouble(), v.toDouble(), it.first, it.second) } }.toDoubleArray()
+        places.flatMap { (u, v) ->
+            of(u, v).let { listOf(u.toDouble(), v.toDouble(), it.first, it.second) }
+        }.toDoubleArray()
 
     private val grid = (0..5).flatMap { u -> (0..3).map { v -> u to v } }
 
