@@ -33,4 +33,36 @@ class CornersTest {
             assertThrows(InvalidArgument::class.java) { Corners.of(*wrong) }
         }
     }
+
+    @Test
+    fun `four taps are put in order, clockwise as seen from the left above`() {
+        val wanted = upright
+        val points = upright.points
+        for (order in listOf(listOf(0, 1, 2, 3), listOf(2, 0, 3, 1), listOf(3, 2, 1, 0), listOf(1, 3, 0, 2))) {
+            assertEquals(wanted, Corners.around(order.map { points[it] }))
+        }
+        // Far from the origin, too.
+        val far = points.map { Point(it.x + 1000, it.y + 2000) }
+        assertEquals(far, Corners.around(far.reversed()).points)
+        for (count in listOf(0, 3, 5)) {
+            val error = assertThrows(InvalidArgument::class.java) { Corners.around(List(count) { Point(1.0, 2.0) }) }
+            assertEquals("$count taps are not four corners.", error.message)
+        }
+    }
+
+    /** Where the top edge runs decides, to the nearest quarter. */
+    @Test
+    fun `a chart that leans is turned to the nearest quarter`() {
+        fun square(degrees: Double): Corners {
+            val points = listOf(-1 to -1, 1 to -1, 1 to 1, -1 to 1).flatMap { (x, y) ->
+                val (c, s) = Math.cos(Math.toRadians(degrees)) to Math.sin(Math.toRadians(degrees))
+                listOf(50 + 10 * (c * x - s * y), 70 + 10 * (s * x + c * y))
+            }
+            return Corners.of(*points.toDoubleArray())
+        }
+        val known = mapOf(0 to 0, 44 to 0, 46 to 1, 134 to 1, 136 to 2, 224 to 2, 226 to 3, 314 to 3, 316 to 0)
+        for ((degrees, turns) in known) {
+            assertEquals(turns, square(degrees.toDouble()).quarterTurns, "$degrees")
+        }
+    }
 }

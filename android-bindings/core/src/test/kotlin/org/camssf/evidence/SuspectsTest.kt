@@ -1,0 +1,85 @@
+package org.camssf.evidence
+
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertSame
+import org.junit.jupiter.api.Test
+
+/** Whom rule 3 accuses, at the limits of rules.json, and what rule 2 calls a surprise. */
+class SuspectsTest {
+    private fun surprise(total: Double, vararg suspects: Suspect) = Surprise(total, 0.0, 60, suspects.toList())
+
+    private fun of(cause: Cause, gain: Double, amount: Double = 0.1) = Suspect(cause, null, gain, amount)
+
+    /** Upper quantiles of χ² of 60 and of the normal distribution, from tables. */
+    @Test
+    fun `a sum of squares is told as a normal number`() {
+        for ((square, normal) in listOf(59.335 to 0.0, 79.082 to 1.6449, 99.607 to 3.0902, 43.188 to -1.6449)) {
+            assertEquals(normal, surprise(square).z, 0.01)
+            assertEquals(normal, Surprise(square - 20, 20.0, 60, emptyList()).z, 0.01)
+        }
+    }
+
+    @Test
+    fun `what is no surprise needs a strong suspect`() {
+        assertNull(surprise(60.0).accused())
+        assertNull(surprise(60.0, of(Cause.TONE, 24.0)).accused())
+        val strong = of(Cause.TONE, 24.1)
+        assertSame(strong, surprise(60.0, of(Cause.LIGHT, 24.05), strong, of(Cause.PATCH, 3.0)).accused())
+    }
+
+    /** 160 for 60 rows: 100 too much, of which a suspect must explain 30. */
+    @Test
+    fun `of a surprise a suspect must explain its share`() {
+        assertNull(surprise(160.0, of(Cause.WHITE, 29.9)).accused())
+        assertEquals(Cause.WHITE, surprise(160.0, of(Cause.WHITE, 30.1)).accused()!!.cause)
+        // At z of 3.5 and less it is none: 24 are enough.
+        assertEquals(Cause.WHITE, surprise(104.0, of(Cause.WHITE, 24.1)).accused()!!.cause)
+        assertNull(surprise(104.0, of(Cause.WHITE, 23.9)).accused())
+        assertEquals(Cause.WHITE, surprise(110.0, of(Cause.WHITE, 15.1)).accused()!!.cause)
+    }
+
+    @Test
+    fun `a veil is favoured by a fifth, but must explain as much`() {
+        val light = of(Cause.LIGHT, 30.0)
+        assertEquals(Cause.VEIL, surprise(60.0, of(Cause.VEIL, 25.1), light).accused()!!.cause)
+        assertSame(light, surprise(60.0, of(Cause.VEIL, 24.9), light).accused())
+        assertNull(surprise(60.0, of(Cause.VEIL, 23.0), of(Cause.LIGHT, 27.0)).accused())
+    }
+
+    @Test
+    fun `the black level stands in for a veil that takes away, and for nobody`() {
+        val black = of(Cause.BLACK, 9.0)
+        assertSame(black, surprise(60.0, of(Cause.VEIL, 30.0, -0.1), black).accused())
+        assertEquals(Cause.VEIL, surprise(60.0, of(Cause.VEIL, 30.0, 0.1), black).accused()!!.cause)
+        assertEquals(Cause.VEIL, surprise(60.0, of(Cause.VEIL, 30.0, 0.0), black).accused()!!.cause)
+        assertEquals(Cause.VEIL, surprise(60.0, of(Cause.VEIL, 30.0, -0.1)).accused()!!.cause)
+        assertEquals(Cause.TONE, surprise(60.0, of(Cause.TONE, 30.0, -0.1), black).accused()!!.cause)
+        assertSame(black, surprise(60.0, of(Cause.TONE, 5.0), black).accused())
+        assertNull(surprise(60.0, of(Cause.TONE, 5.0), of(Cause.BLACK, 8.0)).accused())
+    }
+
+    @Test
+    fun `each refusal is of the kind that its reason names`() {
+        val codes = listOf(
+            "glare", "chart_unfit", "frames_differ", "uneven_light", "not_sensor_raw", "lamp_unfit", "camera_unusual",
+        )
+        for (code in codes) {
+            val mild = Reason("blurred", "mild", "wait", 1.0, 2.0)
+            val grave = Reason(code, "grave", "go", 3.0, 4.0, true)
+            val error = Reasons.refusal(Verdict(Status.REFUSED, listOf(mild, grave)))
+            val told = error.run { listOf(code, message, advice, value, threshold) }
+            assertEquals(listOf(code, "grave", "go", 3.0, 4.0), told)
+        }
+        val (mild, grave) = listOf(false, true).map { Reason("glare", "", "", null, null, it) }
+        assertEquals(Status.ACCEPTED, Status.of(emptyList<Reason>()))
+        assertEquals(Status.DOUBTFUL, Status.of(listOf(mild)))
+        assertEquals(Status.REFUSED, Status.of(listOf(mild, grave)))
+        for (status in Status.values()) {
+            val verdict = Verdict(status.word, listOf(mild))
+            assertEquals(status, verdict.outcome)
+            @Suppress("DEPRECATION")
+            assertEquals(status.word, verdict.status)
+        }
+    }
+}

@@ -1,0 +1,225 @@
+package org.camssf.photo
+
+import org.camssf.CalibrationException
+import org.camssf.InvalidArgument
+import org.camssf.Overexposed
+import org.camssf.Underexposed
+import org.junit.jupiter.api.Assertions.assertArrayEquals
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.sqrt
+
+/** Patch means → signals, on eight patches whose third is the white one, and at the limits of rules.json. */
+class SignalsTest {
+    private val n = 8
+    private val white = 2
+    private val names = List(n) { "patch ${it + 1}" }
+    private val black = doubleArrayOf(64.0, 60.0, 56.0)
+
+    private fun frame(
+        error: (Int) -> Double = { 0.0 },
+        clipped: (Int) -> Double = { 0.0 },
+        mean: (Int) -> Double,
+    ): FrameMeans {
+        val none = DoubleArray(3 * n)
+        return FrameMeans(
+            DoubleArray(3 * n, mean),
+            DoubleArray(3 * n, error),
+            LongArray(3 * n) { 400 },
+            DoubleArray(3 * n, clipped),
+            none, none, DoubleArray(2 * n),
+        )
+    }
+
+    private fun means(chart: FrameMeans, white: FrameMeans?, dark: FrameMeans?) =
+        PatchMeans(chart, white, dark, black, 1064.0)
+
+    private fun signals(means: PatchMeans) = Normalise.all(listOf(means), names, white)
+
+    private fun <T : CalibrationException> refused(type: Class<T>, means: PatchMeans): T =
+        assertThrows(type) { signals(means) }
+
+    private val chart = frame({ 1.0 + 0.1 * it }) { 200.0 + 13.0 * it }
+    private val flat = frame({ 0.5 + 0.01 * it }) { 800.0 + 7.0 * it }
+    private val dark = frame({ 0.2 + 0.02 * it }) { 40.0 + it }
+
+    @Test
+    fun `every patch is divided by the white at its place, and errors add as variances`() {
+        val found = signals(means(chart, flat, dark))
+        for (i in 0 until 3 * n) {
+            val range = flat.mean[i] - dark.mean[i]
+            val y = (chart.mean[i] - dark.mean[i]) / range
+            assertEquals(y, found.values[i], 1e-15)
+            val (c, w, d) = listOf(chart, flat, dark).map { it.standardError[i] }
+            val variance = c * c + y * y * w * w + (y - 1) * (y - 1) * d * d
+            assertEquals(sqrt(variance) / range, found.standardError[i], 1e-15)
+        }
+        assertArrayEquals(chart.mean, found.chart)
+        assertArrayEquals(flat.mean, found.white)
+        assertArrayEquals(dark.mean, found.dark)
+        assertArrayEquals(BooleanArray(n) { true }, found.used)
+        assertEquals(emptyList<String>(), found.assumptions.map { it.code })
+    }
+
+    @Test
+    fun `the chart's white patch stands in for a white frame, with its error`() {
+        val found = signals(means(chart, null, dark))
+        for (i in 0 until 3 * n) {
+            val at = 3 * white + i % 3
+            val range = chart.mean[at] - dark.mean[at]
+            val y = (chart.mean[i] - dark.mean[i]) / range
+            assertEquals(y, found.values[i], 1e-15)
+            assertEquals(range + dark.mean[i], found.white[i], 1e-12)
+            val (c, w) = chart.standardError[i] to chart.standardError[at]
+            val (d, e) = dark.standardError[i] to dark.standardError[at]
+            val variance = c * c + d * d + y * y * (w * w + e * e)
+            assertEquals(sqrt(variance) / range, found.standardError[i], 1e-15)
+        }
+        assertArrayEquals(BooleanArray(n) { it != white }, found.used)
+        val said = found.assumptions.single()
+        assertEquals("white_from_patch", said.code)
+        assertEquals(
+            "shot 1: no white frame: the chart's patch 'patch 3' stands in for the light on all of them.",
+            said.message,
+        )
+    }
+
+    @Test
+    fun `the file's black level stands in for a dark frame, without error`() {
+        val found = signals(means(chart, flat, null))
+        for (i in 0 until 3 * n) assertEquals(black[i % 3], found.dark[i])
+        val (c, w) = chart.standardError[5] to flat.standardError[5]
+        val (y, range) = found.values[5] to flat.mean[5] - black[2]
+        assertEquals(sqrt(c * c + y * y * w * w) / range, found.standardError[5], 1e-15)
+        val said = found.assumptions.single()
+        assertEquals("dark_from_black_level", said.code)
+        assertEquals("shot 1: no dark frame: the black level in the file stands in.", said.message)
+    }
+
+    /** Black 0 and a range of 1000 DN: shares are thousandths. */
+    private fun shares(chart: FrameMeans, white: FrameMeans?): PatchMeans =
+        PatchMeans(chart, white, frame { 0.0 }, DoubleArray(3), 1000.0)
+
+    @Test
+    fun `what lies just at a limit still holds`() {
+        val atLimits = shares(
+            frame({ if (it == 4) 2.0 else 0.1 }, { if (it == 13) 0.01 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
+            frame({ if (it == 6) 0.25 else 0.0 }, { if (it == 10) 0.01 else 0.0 }) { 5.0 },
+        )
+        assertArrayEquals(BooleanArray(n) { true }, signals(atLimits).used)
+        val beyond = shares(
+            frame({ if (it == 4) 2.01 else 0.1 }, { if (it == 13) 0.0101 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
+            frame { 5.0 },
+        )
+        assertArrayEquals(BooleanArray(n) { it != 1 && it != 4 }, signals(beyond).used)
+        for (at in listOf(0, 7)) {
+            val faint = shares(frame { 3.0 }, frame { if (it == at) 4.99 else 5.0 })
+            val found = refused(Underexposed::class.java, faint)
+            assertEquals(4.99 / 1000 to 0.005, found.value to found.threshold)
+            assertEquals(
+                "Shot 1: in one channel the white frame lies only 0.50% of the range above dark.",
+                found.message,
+            )
+            val noisy = shares(frame { 3.0 }, frame({ if (it == at) 0.26 else 0.0 }) { 5.0 })
+            val loud = refused(Underexposed::class.java, noisy)
+            assertEquals(0.26 / 5 to 0.05, loud.value to loud.threshold)
+            assertEquals("Shot 1: the white frame is known to 5% only.", loud.message)
+        }
+    }
+
+    /** In each channel the range is the white level less that channel's black. */
+    @Test
+    fun `the range begins at the channel's black`() {
+        for (at in listOf(0, 1, 2, 9)) {
+            val level = 0.005 * (1064.0 - black[at % 3])
+            fun white(part: Double) =
+                means(frame { 500.0 }, frame { if (it == at) black[at % 3] + part * level else 700.0 }, null)
+            signals(white(1.0001))
+            assertEquals(0.9999 * 0.005, refused(Underexposed::class.java, white(0.9999)).value!!, 1e-9)
+        }
+    }
+
+    @Test
+    fun `a white at the ceiling is refused, in the words of what serves as white`() {
+        val frame = shares(frame { 500.0 }, frame({ 0.0 }, { if (it == 10) 0.0125 else 0.0 }) { 900.0 })
+        val found = refused(Overexposed::class.java, frame)
+        assertEquals(
+            "Shot 1: up to 1.2% of a patch's samples are at the ceiling in the white frame.",
+            found.message,
+        )
+        assertEquals(0.0125 to 0.01, found.value to found.threshold)
+        val patch = shares(frame({ 0.0 }, { if (it == 3 * white + 1) 0.5 else 0.0 }) { 500.0 }, null)
+        assertTrue("in the white patch" in refused(Overexposed::class.java, patch).message)
+        val other = shares(frame({ 0.0 }, { if (it == 3 * white + 3) 0.5 else 0.0 }) { 500.0 }, null)
+        assertArrayEquals(BooleanArray(n) { it != white && it != white + 1 }, signals(other).used)
+    }
+
+    @Test
+    fun `fewer than six patches are refused for what took more of them`() {
+        // The last patches are lost in noise, the first clipped.
+        fun taken(clipped: Int, lost: Int) = shares(
+            frame({ if (it >= 3 * (n - lost)) 2.0 else 0.1 }, { if (it < 3 * clipped) 1.0 else 0.0 }) { 5.0 },
+            frame { 900.0 },
+        )
+        assertEquals(6, signals(taken(1, 1)).used.count { it })
+        val even = refused(Overexposed::class.java, taken(2, 2))
+        assertEquals(
+            "Shot 1: only 4 of 8 patches are usable (2 clipped, 2 lost in noise), 6 are needed.",
+            even.message,
+        )
+        assertEquals(4.0 to 6.0, even.value to even.threshold)
+        assertEquals(4.0 to 6.0, refused(Underexposed::class.java, taken(1, 3)).let { it.value to it.threshold })
+    }
+
+    @Test
+    fun `the shot that is wrong is named`() {
+        val sound = means(chart, flat, dark)
+        val faint = means(chart, frame { 60.0 + it }, frame { 60.0 + it })
+        val found = assertThrows(Underexposed::class.java) { Normalise.all(listOf(sound, faint), names, white) }
+        assertTrue(found.message.startsWith("Shot 2: "), found.message)
+        val other = assertThrows(InvalidArgument::class.java) {
+            Normalise.all(listOf(sound, sound), names.drop(1), white)
+        }
+        assertEquals("Shot 1 has 8 patches, the table has 7.", other.message)
+    }
+
+    private val two = Normalise.all(listOf(means(chart, flat, dark), means(flat, chart, dark)), names, white)
+
+    @Test
+    fun `a shot alone is that shot`() {
+        for (j in 0..1) {
+            val one = two.only(j)
+            val own = 3 * n * j until 3 * n * (j + 1)
+            assertEquals(1 to n, one.shots to one.patches)
+            assertEquals(two.values.slice(own), one.values.toList())
+            assertEquals(two.standardError.slice(own), one.standardError.toList())
+            assertEquals(two.chart.slice(own), one.chart.toList())
+            assertEquals(two.white.slice(own), one.white.toList())
+            assertEquals(two.dark.slice(own), one.dark.toList())
+            assertEquals(two.used.slice(n * j until n * (j + 1)), one.used.toList())
+        }
+        val odd = two.askedFor(BooleanArray(n) { it == 1 })
+        assertEquals(listOf(1, n + 1), odd.used.indices.filter { odd.used[it] })
+        assertEquals(listOf(1), odd.only(1).used.indices.filter { odd.only(1).used[it] })
+    }
+
+    @Test
+    fun `levels multiply the signals of a patch, and their errors`() {
+        val level = DoubleArray(2 * n) { 0.5 + 0.1 * it }
+        val found = two.levelled(level)
+        for (i in found.values.indices) {
+            assertEquals(two.values[i] * level[i / 3], found.values[i])
+            assertEquals(two.standardError[i] * level[i / 3], found.standardError[i])
+        }
+        assertArrayEquals(two.chart, found.chart)
+    }
+
+    @Test
+    fun `a patch that was not usable is not asked for`() {
+        val lost = means(frame({ if (it / 3 == 5) 500.0 else 0.0 }) { 300.0 }, flat, dark)
+        val found = signals(lost).askedFor(BooleanArray(n) { it >= 4 })
+        assertEquals(listOf(4, 6, 7), found.used.indices.filter { found.used[it] })
+    }
+}
