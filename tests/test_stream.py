@@ -364,6 +364,20 @@ def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
     assert basis_hash("phones") is basis_hash("auto") is basis_hash("nowhere.npz") is None
 
 
+def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker may stand elsewhere; what a result is named after is the same."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.npz", "p"):
+        Path(name).write_bytes(b"one")
+    Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
+    (item,) = Manifest("m.csv", OPTIONS | {"basis": "mine.npz"})
+    sent = pools._anywhere(item)
+    assert sent.job.basis == str(tmp_path / "mine.npz")
+    assert stream._made_from(sent) == stream._made_from(item)
+    (item,) = Manifest("m.csv", OPTIONS)
+    assert pools._anywhere(item).job.basis == "auto"
+
+
 def test_a_basis_is_looked_at_once_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.npz").write_bytes(b"one")
     (tmp_path / "m.csv").write_text("name,photo,lamp\n" + "".join(f"c{i},p,D55\n" for i in range(50)))
