@@ -47,7 +47,7 @@ class SamplesTest {
             doubleArrayOf(50.0, 100.0, 150.0),
             1100.0,
         )
-        return Samples("shot 2", signals, 1, means, table).reasons()
+        return Samples(signals, 1, means, table, Checks()).reasons()
     }
 
     private fun said(of: Spoiled) = reasons(of).map { Triple(it.code, it.value, it.fatal) }

@@ -9,7 +9,6 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
-import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import java.io.File
 import java.lang.management.ManagementFactory
@@ -161,7 +160,6 @@ class ChartFinderTest {
         }
     }
 
-    @Tag("clock")
     @Test
     fun `a search leaves little garbage, with a chart and without`() {
         val clock = ManagementFactory.getThreadMXBean() as com.sun.management.ThreadMXBean
