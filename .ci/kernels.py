@@ -19,6 +19,7 @@ import platform
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,15 +84,25 @@ def took_effect(extra: dict[str, str], force: Force) -> bool:
     return not set(extra.get("NPY_DISABLE_CPU_FEATURES", "").split()) & set(force.numpy)
 
 
-def run(extra: dict[str, str]) -> list[str]:
-    """All commands; the names of those that failed."""
-    failed = []
+def run(variant: str, extra: dict[str, str]) -> list[str]:
+    """All commands, on one thread; the names of those that failed. What they print comes when all are done."""
+    failed, told = [], [f"== {variant}"]
+    one = {"OPENBLAS_NUM_THREADS": "1"}  # variants run side by side
     for name, command in COMMANDS:
         begun = time.monotonic()
-        status = subprocess.run([sys.executable, *command], env=os.environ | extra, cwd=ROOT, check=False).returncode
-        print(f"-- {name}: exit status {status}, {time.monotonic() - begun:.0f} s", flush=True)
-        if status != 0:
-            failed.append(name)
+        done = subprocess.run(
+            [sys.executable, *command],
+            env=os.environ | one | extra,
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+        told += [done.stdout.rstrip(), f"-- {name}: exit status {done.returncode}, {time.monotonic() - begun:.0f} s"]
+        if done.returncode != 0:
+            failed.append(f"{variant}: {name}")
+    print("\n".join(told), flush=True)
     return failed
 
 
@@ -108,6 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     seen: dict[Force, str] = {}
     bad: list[str] = []
+    todo: list[tuple[str, dict[str, str]]] = []
     for name, extra in variants(default).items():
         force = probe(extra)
         if force is None:
@@ -123,7 +135,10 @@ def main(arguments: list[str] | None = None) -> int:
         seen[force] = name
         print(f"== {name}: {force}", flush=True)
         if not options.probe and not (options.skip_default and not extra):
-            bad += [f"{name}: {failed}" for failed in run(extra)]
+            todo.append((name, extra))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for failed in pool.map(lambda each: run(*each), todo):
+            bad += failed
     if platform.machine().lower() in ("x86_64", "amd64") and len(seen) < FEWEST:
         bad.append(f"only {len(seen)} of at least {FEWEST} variants differ")
     print("; ".join(bad) or "none failed", flush=True)

@@ -132,7 +132,7 @@ def test_what_did_not_take_effect_is_seen(
     assert made["NumPy without AVX-512 and AVX2"] == {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL X86_V3"}
     assert {"OPENBLAS_CORETYPE": "Prescott"} in made.values()
     monkeypatch.setattr(kernels.platform, "machine", lambda: "x86_64")
-    monkeypatch.setattr(kernels, "run", lambda extra: [])
+    monkeypatch.setattr(kernels, "run", lambda variant, extra: [])
     monkeypatch.setattr(kernels, "probe", lambda extra: own)  # nothing that is asked for is done
     assert kernels.main([]) == 1
     said = capsys.readouterr().out
