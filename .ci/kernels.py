@@ -101,7 +101,7 @@ def run(variant: str, extra: dict[str, str]) -> list[str]:
         )
         told += [done.stdout.rstrip(), f"-- {name}: exit status {done.returncode}, {time.monotonic() - begun:.0f} s"]
         if done.returncode != 0:
-            failed.append(f"{variant}: {name}")
+            failed.append(name)
     print("\n".join(told), flush=True)
     return failed
 
@@ -137,8 +137,8 @@ def main(arguments: list[str] | None = None) -> int:
         if not options.probe and not (options.skip_default and not extra):
             todo.append((name, extra))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for failed in pool.map(lambda each: run(*each), todo):
-            bad += failed
+        for (name, _), failed in zip(todo, pool.map(lambda each: run(*each), todo), strict=True):
+            bad += [f"{name}: {command}" for command in failed]
     if platform.machine().lower() in ("x86_64", "amd64") and len(seen) < FEWEST:
         bad.append(f"only {len(seen)} of at least {FEWEST} variants differ")
     print("; ".join(bad) or "none failed", flush=True)
