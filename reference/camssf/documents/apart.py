@@ -11,6 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.documents.choice import hypothesis_in_words
+from camssf.documents.view.curves import columns
+from camssf.documents.view.text import CHANNELS
 from camssf.grid import Floats
 
 Json: TypeAlias = dict[str, Any]
@@ -28,7 +30,7 @@ def choice_apart(document: Json, made: Json) -> Iterator[tuple[float, str]]:
 def curve_of(document: Json, key: str) -> Floats | None:
     """(681, 3) of a document's curves; None where it has none."""
     found = document.get(key)
-    return None if found is None else np.stack([found[colour] for colour in ("red", "green", "blue")], axis=1)
+    return None if found is None else columns(found)
 
 
 def curves_apart(document: Json, made: Json, key: str) -> tuple[float, str]:
@@ -39,7 +41,7 @@ def curves_apart(document: Json, made: Json, key: str) -> tuple[float, str]:
     apart = np.abs(theirs - ours)
     g, c = np.unravel_index(int(apart.argmax()), apart.shape)
     nm = made["ssf"]["wavelength_nm"][int(g)]
-    place = f"{key}, {('red', 'green', 'blue')[c]} at {nm:g} nm"
+    place = f"{key}, {CHANNELS[c]} at {nm:g} nm"
     return float(apart.max()), f"{place}: {theirs[g, c]:.9g} there, {ours[g, c]:.9g} here"
 
 
@@ -80,7 +82,7 @@ def patch_apart(document: Json, key: str, made: Json, scale: Any) -> tuple[float
     apart = np.abs(theirs - ours) / scale
     j, i, c = np.unravel_index(int(apart.argmax()), apart.shape)
     name = document["shots"][j]["patches"][i]["name"]
-    where = f"{key}, shot {j + 1}, patch {i + 1} ({name}), {('red', 'green', 'blue')[c]}"
+    where = f"{key}, shot {j + 1}, patch {i + 1} ({name}), {CHANNELS[c]}"
     return float(apart.max()), f"{where}: {theirs[j, i, c]:.9g} there, {ours[j, i, c]:.9g} here"
 
 

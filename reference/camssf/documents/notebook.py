@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from html import escape
 from typing import Any, TypeAlias
 
@@ -14,7 +13,6 @@ from camssf.grid import WAVELENGTHS, Floats
 
 Json: TypeAlias = dict[str, Any]
 
-CHANNELS = ("red", "green", "blue")
 HUES = ("#c8352b", "#268a54", "#3a63d0")
 """Of red, green and blue: legible on white and on black."""
 STATUS = {"accepted": "#268a54", "doubtful": "#b07800", "refused": "#c8352b"}
@@ -34,11 +32,6 @@ def with_curves(document: Json) -> Json:
         reason = document["verdict"]["reasons"][0]
         raise InvalidArgument(f"This result was refused ({reason['code']}): it has no curves.", reason["advice"])
     return document
-
-
-def stacked(curves: Mapping[str, Any]) -> Floats:
-    """(681, 3) of a document's three lists."""
-    return np.stack([np.array(curves[channel], dtype=np.float64) for channel in ("red", "green", "blue")], axis=1)
 
 
 def as_line(kind: str, document: Json) -> str:

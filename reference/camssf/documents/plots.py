@@ -7,8 +7,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.documents.notebook import CHANNELS, HUES, camera_of, lamps_of, with_curves
+from camssf.documents.notebook import HUES, camera_of, lamps_of, with_curves
 from camssf.documents.view.curves import curves_of
+from camssf.documents.view.text import CHANNELS
 from camssf.errors import InvalidArgument
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS

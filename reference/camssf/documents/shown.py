@@ -8,8 +8,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from camssf.documents.notebook import as_html, as_line, stacked, with_curves
+from camssf.documents.notebook import as_html, as_line, with_curves
 from camssf.documents.report import check_document, document_bytes, read_document
+from camssf.documents.view.curves import columns
 from camssf.evidence.checks import Check
 from camssf.evidence.reasons import Reason, Verdict
 from camssf.files import write_file
@@ -54,7 +55,7 @@ class Result:
         Raises:
             InvalidArgument: the result was refused.
         """
-        return stacked(with_curves(self.document())["ssf"])
+        return columns(with_curves(self.document())["ssf"])
 
     @property
     def std(self) -> Floats | None:
@@ -64,7 +65,7 @@ class Result:
             InvalidArgument: the result was refused.
         """
         found = with_curves(self.document()).get("ssf_std")
-        return None if found is None else stacked(found)
+        return None if found is None else columns(found)
 
     def plot(self, kind: Kind = "curves", ax: Axes | None = None, *, shot: int = 1) -> Axes:
         """Draw the result.

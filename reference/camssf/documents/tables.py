@@ -6,7 +6,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.documents.notebook import CHANNELS, camera_of, stacked, with_curves
+from camssf.documents.notebook import camera_of, with_curves
+from camssf.documents.view.curves import columns
+from camssf.documents.view.text import CHANNELS
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.libraries import library
@@ -22,7 +24,7 @@ TRIPLES = ("signal", "standard_error", "predicted", "predicted_std", "unseen", "
 
 def to_colour(document: Json) -> Any:
     """The curves as RGB_CameraSensitivities."""
-    values = stacked(with_curves(document)["ssf"])
+    values = columns(with_curves(document)["ssf"])
     science = colour_science()
     table = science.MultiSpectralDistributions(values, WAVELENGTHS, labels=CHANNELS)
     return science.characterisation.RGB_CameraSensitivities(table, name=camera_of(document))
@@ -54,19 +56,19 @@ def to_pandas(document: Json, table: str) -> Any:
         parts = (document.get("uncertainty") or {}).get("budget", [])
         index = pandas.Index([part["source"] for part in parts], name="source")
         return pandas.DataFrame(np.reshape([part["share"] for part in parts], (-1, 3)), index, list(CHANNELS))
-    columns = dict(zip(CHANNELS, stacked(document["ssf"]).T, strict=True))
+    found = dict(zip(CHANNELS, columns(document["ssf"]).T, strict=True))
     if document.get("ssf_std"):
         names = [f"{channel}_std" for channel in CHANNELS]
-        columns |= dict(zip(names, stacked(document["ssf_std"]).T, strict=True))
-    return pandas.DataFrame(columns, index=pandas.Index(WAVELENGTHS, name="wavelength_nm"))
+        found |= dict(zip(names, columns(document["ssf_std"]).T, strict=True))
+    return pandas.DataFrame(found, index=pandas.Index(WAVELENGTHS, name="wavelength_nm"))
 
 
 def to_xarray(document: Json) -> Any:
     """A Dataset of curves and signals; what a document does not say of a patch is NaN."""
     xarray = library("xarray", NEEDS, "notebook")
-    values: Json = {"ssf": (("wavelength", "channel"), stacked(with_curves(document)["ssf"]))}
+    values: Json = {"ssf": (("wavelength", "channel"), columns(with_curves(document)["ssf"]))}
     if document.get("ssf_std"):
-        values["ssf_std"] = (("wavelength", "channel"), stacked(document["ssf_std"]))
+        values["ssf_std"] = (("wavelength", "channel"), columns(document["ssf_std"]))
     shots = document["shots"]
     for name in TRIPLES:
         cube = [[patch.get(name) or [np.nan] * 3 for patch in shot["patches"]] for shot in shots]
