@@ -119,7 +119,7 @@ class Problem:
 @cache
 def cameras() -> tuple[dict[str, Floats], str]:
     """Measured cameras, name → (681, 3), and a sentence that says which."""
-    from camssf.tools.learn import read_curves
+    from camssf.tools.training import read_curves
 
     return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
 
@@ -196,9 +196,11 @@ def make_problem(
         "lamp_tolerance": np.broadcast_to(np.asarray(lamp_tolerance, float), k).copy(),
         "lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)) if lamp_modes is None else lamp_modes,
         "gain_modes": np.zeros((k, 1, n)),
+        "gain_own": np.array(0.0),
         "l2": np.array(float(l2)),
         "gamma": np.array(float(gamma)),
         "nonnegative": np.array(float(nonnegative)),
+        "prior_scale": np.array(1.0),
     }
     return Problem(inputs, basis, label)
 

@@ -20,7 +20,9 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import measure
 from camssf.photo.signals import normalise
-from camssf.simulation.frames import Scene, Sensor, simulate
+from camssf.simulation.camera import Sensor
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
 
 PHONES = {

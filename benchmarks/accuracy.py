@@ -54,7 +54,8 @@ from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import Ssf, moves_of_peak_one, own_blocks
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
-from camssf.tools.learn import learn, maker_of, read_curves
+from camssf.tools.learn import learn
+from camssf.tools.training import maker_of, read_curves
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 BINS = tuple(range(400, 700, 20))

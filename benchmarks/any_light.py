@@ -42,7 +42,7 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.pose import Pose
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, Kind, principal_modes
-from camssf.tools.learn import maker_of
+from camssf.tools.training import maker_of
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),

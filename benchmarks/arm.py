@@ -158,15 +158,14 @@ def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
 def golden() -> dict[tuple[str, str], tuple[dict[str, Floats], dict[str, Floats]]]:
     """Golden cases of stage ssf that succeed on a shipped basis: (basis, case) → inputs and stored outputs."""
     from golden.reading import paths, read_case, resolve
+    from golden.running import model_inputs
 
     cases = {}
     for case in map(read_case, (path for path in paths() if path.parent.name == "ssf")):
         inputs, stored = case["inputs"], case["outputs"]
         if case["expect"] != "success" or inputs["basis"] not in SHIPPED:
             continue
-        given = {name: np.asarray(resolve(value), float) for name, value in inputs.items() if name != "basis"}
-        if not given["lamp_modes"].shape[1]:  # the model wants at least one direction, if only a zero
-            given["lamp_modes"] = np.zeros((len(given["lamp"]), 1, given["lamp"].shape[1]))
+        given = model_inputs(load_model(inputs["basis"]), {name: resolve(value) for name, value in inputs.items()})
         known = {name: np.asarray(value, float) for name, value in stored.items() if value is not None}
         cases[inputs["basis"], case["case"].replace("/", "-")] = given, known
     return cases

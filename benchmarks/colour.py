@@ -53,7 +53,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_chart, read_lamp
 from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
-from camssf.tools.learn import HANDFUL, maker_of, read_curves
+from camssf.tools.training import HANDFUL, maker_of, read_curves
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}

@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks._common import console, lamp, one_thread, save, table, versions
 from benchmarks.accuracy import LOW, left_out
-from benchmarks.colour import LAMPS, SEED, SHOTS, Case, calibrate, delta_e00, through_chart, unseen
+from benchmarks.colour import LAMPS, SEED, SHOTS, Case, calibrate, through_chart, unseen
 from camssf.colour import Camera, View, lab, standard_colour
 from camssf.colour.spaces import adapt, white_of
 from camssf.colour.standard import of_surfaces
@@ -35,7 +35,8 @@ from camssf.colour.transforms import signals_of
 from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.spectra import read_chart
-from camssf.tools.learn import maker_of
+from camssf.spectra.appearance import delta_e00
+from camssf.tools.training import maker_of
 
 NAMES = ("Canon EOS 5D", "Nikon D5100", "Sony ILCE-7M3")
 UNDER = "FL2"

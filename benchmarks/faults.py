@@ -49,17 +49,22 @@ from camssf.curves.covariance import (
 )
 from camssf.errors import CalibrationError
 from camssf.evidence.problem import pose_problem
-from camssf.evidence.verdict import Verdict
+from camssf.evidence.reasons import Verdict
 from camssf.grid import STEP, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import measure_patches
-from camssf.photo.pose import Pose, agreement, find_chart, plain_signals
+from camssf.photo.pose import Pose, find_chart
+from camssf.photo.search import agreement, plain_signals
+from camssf.simulation.camera import Sensor
 from camssf.simulation.faults import FAULTS, SEVERITIES, strike
-from camssf.simulation.frames import Scene, Sensor, Setup, simulate, take, true_pose
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene, true_pose
+from camssf.simulation.setup import Setup
+from camssf.simulation.shot import take
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf.tools.learn import HANDFUL, maker_of, read_curves
+from camssf.tools.training import HANDFUL, maker_of, read_curves
 
 SIZE = (720, 540)
 LAMPS = ("D55", "A", "LED-B3", "D65", "FL2", "3200K", "LED-B5", "D:5000")

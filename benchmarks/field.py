@@ -38,8 +38,9 @@ import numpy as np
 from benchmarks._common import console, count_missed, one_thread, progress, save, standing_in, table, versions
 from benchmarks.accuracy import LOW
 from benchmarks.any_light import BLACK, KIND_OF, OTHER, Taken, frame, judged, unnamed
+from benchmarks.faults import HARM
 from benchmarks.phones import Device
-from benchmarks.wrong_lamps import HARM, LEFT_OUT, WRONG, populations, stands_in
+from benchmarks.wrong_lamps import LEFT_OUT, WRONG, populations, stands_in
 from camssf.grid import Floats
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.patches import PatchMeans
@@ -47,7 +48,7 @@ from camssf.photo.pose import Pose
 from camssf.simulation.scene import Scene, true_pose
 from camssf.spectra import Light, read_chart, read_lamp
 from camssf.spectra.surfaces import surfaces
-from camssf.tools.learn import maker_of
+from camssf.tools.training import maker_of
 
 FRAMED, EVEN, FIELD, BARE = "framed", "even", "field", "field, no gain modes"
 KNOWN, AUTO = "known", "auto"

@@ -36,9 +36,10 @@ import numpy as np
 
 from benchmarks._common import console, save, table, versions
 from camssf.fleet.manifest import Item, Manifest
+from camssf.fleet.pools import Done
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Task, row
-from camssf.fleet.stream import Done, calibrate_item, run_stream
+from camssf.fleet.stream import calibrate_item, run_stream
 
 OPTIONS = {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"}
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
@@ -58,7 +59,8 @@ class Run:
 
 def shoot(home: Path, count: int) -> Path:
     """So many captures that differ: one DNG, each copy with some bytes of its own behind its end."""
-    from camssf.simulation.frames import Scene, simulate
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
 
     shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "one", scene=Scene(size=(900, 675)), seed=1).shots[0]
     data = Path(shot.chart).read_bytes()
@@ -172,7 +174,8 @@ def handed_out(home: Path, count: int, workers: int) -> float:
 
 def cost(home: Path) -> dict[str, float]:
     """Of a 12-megapixel capture: processor seconds once all is loaded, bytes of its result and of its row."""
-    from camssf.simulation.frames import Scene, simulate
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
 
     shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "large", scene=Scene(size=(4000, 3000)), seed=1).shots[0]
     manifest, found = home / "large.csv", []

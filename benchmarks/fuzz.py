@@ -14,6 +14,7 @@ import argparse
 import json
 import multiprocessing
 import random
+import struct
 import sys
 import tempfile
 import time
@@ -78,6 +79,43 @@ def mutate(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
         elif rng.random() < 0.2:
             del found[at:]
     return bytes(found)
+
+
+def mutate_entry(data: bytes, rng: random.Random) -> bytes:
+    """A copy of a TIFF with one to three damaged entries of its directories, which lie at the end of our files."""
+    found = bytearray(data)
+    order = "<" if data[:2] == b"II" else ">"
+    entries = _entries(data, order)
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        at = rng.choice(entries)
+        _, _, count, value = struct.unpack_from(order + "HHII", data, at)
+        numbers = (*NUMBERS, count + 1, max(count - 1, 0), 2 * count, value + 1, rng.randrange(len(data)))
+        number, kind = rng.choice(numbers) % 2**32, rng.randrange(6)
+        if kind == 0:
+            struct.pack_into(order + "H", found, at, struct.unpack_from(order + "H", data, rng.choice(entries))[0])
+        elif kind == 1:
+            struct.pack_into(order + "H", found, at + 2, rng.randrange(14))
+        elif kind in (2, 3):
+            struct.pack_into(order + "I", found, at + 4 * kind - 4, number)
+        elif value < len(data) - 16:
+            place = value if kind == 4 else at + 8
+            found[place + rng.randrange(4)] ^= 1 << rng.randrange(8)
+    return bytes(found)
+
+
+def _entries(data: bytes, order: str) -> list[int]:
+    """Where the entries of all directories lie."""
+    found, left = [], [struct.unpack_from(order + "I", data, 4)[0]]
+    while left:
+        at = left.pop()
+        (count,) = struct.unpack_from(order + "H", data, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            found.append(entry)
+            tag, _, several, value = struct.unpack_from(order + "HHII", data, entry)
+            if tag in (330, 34665) and several == 1:
+                left.append(value)
+        left += [each for each in struct.unpack_from(order + "I", data, at + 2 + 12 * count) if each]
+    return found
 
 
 def mutate_tree(value: Any, rng: random.Random) -> Any:
@@ -160,7 +198,8 @@ def _demo() -> dict[str, bytes]:
     from camssf.calibration import solve
     from camssf.documents.patches import patches_document
     from camssf.photo.capture import measure
-    from camssf.simulation.frames import Scene, simulate
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
 
     with tempfile.TemporaryDirectory() as folder:
         shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
@@ -263,6 +302,20 @@ def _rawtoaces() -> bytes:
     return json.dumps({"header": {"manufacturer": "M", "model": "m"}, "spectral_data": spectra}).encode()
 
 
+def _dcamprof(note: str = "") -> bytes:
+    curves = [[1.0 + (nm + c) % 5 for nm in range(400, 721, 10)] for c in range(3)]
+    names = ("red_ssf", "green_ssf", "blue_ssf")
+    found = {"camera_name": "M m", "ssf_bands": [400, 720, 10]} | dict(zip(names, curves, strict=True))
+    return f"{note}{json.dumps(found)}".encode()
+
+
+def _cmf() -> bytes:
+    sound = _argyll().replace(b"SPECT\n", b"CMF  \n", 1).replace(b'MEAS_TYPE "EMISSION"\n', b"")
+    head, values, end = sound.partition(b"NUMBER_OF_SETS 1\nBEGIN_DATA\n")
+    line = end.partition(b"\n")[0]
+    return head + values.replace(b"1", b"3") + b"\n".join([line, line, end])
+
+
 def _spectacle() -> bytes:
     rows = [f"{nm}.0,{1 + nm % 5},{2 + nm % 7},3,{2 + nm % 6},.1,.1,nan,.1" for nm in range(380, 731, 5)]
     return "\n".join(["# wavelength,R,G,B,G2,R_err,G_err,B_err,G2_err", *rows, ""]).encode()
@@ -290,6 +343,7 @@ READERS: dict[str, tuple[Callable[[Path], None], Callable[[], list[tuple[str, by
             ("txt", _cgats(1)),
             ("sp", _argyll()),
             ("spdx", _spdx()),
+            ("csv", "\n".join(f"{nm},{50 + nm % 37},{0.5 + nm % 3}" for nm in range(380, 731, 5)).encode()),
             ("csv", _sekonic()),
             ("xls", _uprtek()),
         ],
@@ -297,7 +351,16 @@ READERS: dict[str, tuple[Callable[[Path], None], Callable[[], list[tuple[str, by
     "chart": (_chart, lambda: [("csv", _table(24)), ("txt", _cgats(24)), ("cxf", _cxf(24))]),
     "camera": (
         _camera,
-        lambda: [("csv", _curves()), ("json", _rawtoaces()), ("csv", _spectacle()), ("txt", _camspec())],
+        lambda: [
+            ("csv", _curves()),
+            ("csv", _curves().partition(b"\n")[2]),
+            ("json", _rawtoaces()),
+            ("json", _dcamprof()),
+            ("txt", _dcamprof("// a camera\n/* of */ ")),
+            ("csv", _spectacle()),
+            ("txt", _camspec()),
+            ("cmf", _cmf()),
+        ],
     ),
     "patches": (_patches, lambda: [("json", _demo()["patches"])]),
     "result": (_result, lambda: [("json", _demo()["result"])]),
@@ -316,6 +379,8 @@ def damaged(reader: str, seed: int) -> tuple[str, bytes]:
         for _ in range(rng.choice((1, 1, 2, 4))):
             tree = mutate_tree(tree, rng)
         return suffix, json.dumps(tree).encode()
+    if suffix == "dng" and rng.random() < 0.5:
+        return suffix, mutate_entry(data, rng)
     return suffix, mutate(data, rng, [content for _, content in files])
 
 

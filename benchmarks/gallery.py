@@ -15,7 +15,8 @@ from camssf import Calibration, Options, calibrate
 from camssf.colour import standard_colour
 from camssf.curves import respond
 from camssf.fonts import prepare_matplotlib
-from camssf.simulation.frames import Scene, Simulation, simulate
+from camssf.simulation.frames import Simulation, simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import read_camera, read_chart, read_lamp
 
 FOLDER = Path(__file__).parents[1] / "docs" / "images"

@@ -95,10 +95,8 @@ def loaded(folder: Path) -> Iterator[None]:
     """camssf and golden anew, with the rules of a folder; what stood there before comes back."""
     ours = ("camssf", "golden")
     kept = {name: module for name, module in sys.modules.items() if name.partition(".")[0] in ours}
-    finders = list(sys.meta_path)
     for name in kept:
         del sys.modules[name]
-    sys.meta_path[:] = [finder for finder in finders if type(finder).__module__ != "camssf._former"]
     try:
         import_module("camssf.rules").PLACE = folder / "rules.json"  # type: ignore[attr-defined]
         yield
@@ -106,7 +104,6 @@ def loaded(folder: Path) -> Iterator[None]:
         for name in [name for name in sys.modules if name.partition(".")[0] in ours]:
             del sys.modules[name]
         sys.modules.update(kept)
-        sys.meta_path[:] = finders
 
 
 def python(folder: Path, stages: Sequence[str]) -> str | None:

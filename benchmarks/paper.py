@@ -46,7 +46,7 @@ from camssf.errors import NotConverged
 from camssf.evidence.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_camera, read_chart
-from camssf.tools.learn import maker_of, read_curves
+from camssf.tools.training import maker_of, read_curves
 
 SEED = 7
 DOCS = Path(__file__).parents[1] / "docs"

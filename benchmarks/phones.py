@@ -58,7 +58,8 @@ from camssf.curves.ssf import answer
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.spectra import read_chart
-from camssf.tools.learn import HANDFUL, Enlargement, learn, maker_of, read_curves
+from camssf.tools.learn import learn
+from camssf.tools.training import HANDFUL, Enlargement, maker_of, read_curves
 
 _ACCURACY = {setting.name: setting for setting in SETTINGS}
 JUDGED = (

@@ -47,7 +47,8 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.spectra import ChartTable, Lamp, read_chart
 from camssf.spectra.lamps import MEASURED_LAMP
-from camssf.tools.learn import learn, maker_of, read_curves
+from camssf.tools.learn import learn
+from camssf.tools.training import maker_of, read_curves
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT / "data" / "real"

@@ -21,6 +21,7 @@ import numpy as np
 
 from benchmarks._common import console, progress, save, table, versions
 from camssf.fleet import compare
+from camssf.fleet.drift import drift_of
 from camssf.fleet.registry import Registry, Wanted, connection
 from camssf.fleet.rows import Row
 
@@ -104,7 +105,7 @@ def main(arguments: list[str] | None = None) -> int:
             "list, the newest 1,000": lambda: registry.listing(limit=1000),
             "list, one model": lambda: registry.listing(Wanted(model="Model 7")),
             "spread of a model": lambda: compare.spread(registry, "Model 7"),
-            "drift of a unit": lambda: compare.drift(registry, "7-3"),
+            "drift of a unit": lambda: drift_of(registry, "7-3"),
             "nearest model": lambda: compare.nearest(registry, bells(3.0)),
         }
         seconds = {name: best(what) for name, what in questions.items()}

@@ -58,9 +58,9 @@ from camssf.errors import CalibrationError
 from camssf.fleet.rows import widths_of
 from camssf.grid import STEP, Floats
 from camssf.spectra import read_chart
-from camssf.tools.learn import enlarge, read_curves
+from camssf.tools.learn import enlarge
 from camssf.tools.results import Member, Old, Population, Said, old_basis, populate, said
-from camssf.tools.training import Enlargement, training_set_of
+from camssf.tools.training import Enlargement, read_curves, training_set_of
 
 SEED = 19
 MODELS, COUNTS = 12, (10, 50, 200)

@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from camssf.curves.basis import FWHM_TO_SIGMA
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.simulation.frames import Sensor
+from camssf.simulation.camera import Sensor
 from camssf.spectra import CameraCurves, read_lamp
 
 FINE: Floats = np.arange(330.0, 830.0, 0.05)

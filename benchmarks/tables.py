@@ -41,7 +41,7 @@ from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import Sensing, sense
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import read_chart
-from camssf.tools.learn import maker_of
+from camssf.tools.training import maker_of
 
 RADIANCE = Path(__file__).parents[1] / "data" / "real" / "d70_mcc24_tungsten.csv"
 SMOOTH, BLUE_END = 4.0, 410.0

@@ -37,7 +37,7 @@ from camssf.curves.basis import Basis
 from camssf.errors import CalibrationError
 from camssf.photo.capture import Shot
 from camssf.spectra import read_chart, read_lamp
-from camssf.tools.learn import maker_of, read_curves
+from camssf.tools.training import maker_of, read_curves
 
 WRONG = (
     ("A", "LED-BH1"), ("A", "LED-B1"), ("LED-B3", "LED-B4"), ("D55", "D:15000"), ("D65", "A"), ("A", "D55"),

@@ -63,8 +63,13 @@ def finders() -> Iterator[Json]:
     yield case("reduced", "A large photo: blocks of cells make a pixel of the search.", ("finder-large.dng", large))
     two = np.concatenate([draw(turned(24, 0)), draw(turned(24, 2))])
     yield case("two", "Two charts: the first in the list agrees best.", ("finder-two.dng", two))
+    row = np.concatenate([draw(turned(24, 0, margin=36)) for _ in range(2)], axis=1)
+    yield case(
+        "two-aligned", "Two charts whose rows and pitches run on from one to the other.", ("finder-row.dng", row)
+    )
     yield case("semi-gloss", "140 patches, the classic 24 among them.", ("finder-sg140.dng", _semi_gloss(20)))
     yield case("clutter", "Between keys and tiles.", ("finder-clutter.dng", _cluttered()))
+    yield case("keys-beside", "Between keys about as wide as patches.", ("finder-keys.dng", keys_beside()))
     yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
     part = draw(turned(24, 0))[:, :120]
     yield case("part", "Half of a chart.", ("finder-part.dng", part))
@@ -99,6 +104,16 @@ def _clutter(size: tuple[int, int]) -> Samples:
     marks = np.where(((x * x // 97 + 3 * y) % 23 < 9) & (y % 14 < 8), 600, 6000)
     third = height // 3
     return np.asarray(np.where(y < third, keys, np.where(y < 2 * third, tiles, marks)) + noise, dtype=np.uint16)
+
+
+def keys_beside() -> Samples:
+    """An upright chart, to the left of it, above and below keys that reach its board."""
+    chart = draw(turned(32, 0))[10:-10, 10:-10]
+    height, width = chart.shape
+    y, x = np.mgrid[0 : height + 80, 0 : width + 260].astype(np.int64)
+    samples = np.where((x % 38 < 30) & ((y + 8) % 38 < 30), 1200, 420) + (29 * x + 37 * y + x * y) % 11 - 5
+    samples[30 : 30 + height, 240 : 240 + width] = chart
+    return np.asarray(samples, dtype=np.uint16)
 
 
 def _cluttered() -> Samples:

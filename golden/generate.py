@@ -22,16 +22,16 @@ import numpy as np
 
 from camssf.curves.basis import widened
 from camssf.curves.choice import AUTO
-from camssf.curves.code import DEPTH
 from camssf.curves.engine import load_model
 from camssf.curves.finish import SETTLED
+from camssf.curves.layers import DEPTH
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
 from golden import reading
 from golden.compare import METRICS, blur, optimality, rmse
 from golden.reading import FORMAT, ROOT, GoldenError, Json, check, digest, paths, read_case, resolve
-from golden.running import ABILITIES, basis_of, findings, problem, run
+from golden.running import basis_of, findings, problem, run
 
 GAP = 1e-9
 """Largest relative duality gap of any engine's answer."""
@@ -135,7 +135,7 @@ def finish(scene: Json) -> Json:
         "stage": stage,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": _requires(stage, inputs) + scene.get("requires", []),
+        "requires": _requires(stage, inputs),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -171,19 +171,12 @@ def finish(scene: Json) -> Json:
 
 
 def _written(made: Json, scene: Json) -> Json:
-    """A case whose outputs are what was written; the reference must find them, where it can read them at all."""
+    """A case whose outputs are what was written; the reference must find them."""
     made["outputs"] = scene["outputs"]
     made["limits"] = _limits(made, scene)
     broken = [finding for finding in findings(made) if not finding.holds]
     if broken:
         raise GoldenError(f"{made['case']}: {broken}")
-    if not set(made["requires"]) <= set(ABILITIES):
-        try:
-            run(made)
-        except CalibrationError as error:
-            if error.code == "unsupported_raw":
-                return check(made)
-        raise GoldenError(f"{made['case']}: requires {made['requires']}, but the reference does not refuse it")
     return check(made)
 
 

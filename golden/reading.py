@@ -24,8 +24,7 @@ FIELDS = (
     "limits",
 )  # fmt: skip
 CAPABILITIES = (
-    "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate", "jpeg-strips",
-    "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour", "finder",
+    "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "metadata", "colour", "finder",
 )  # fmt: skip
 """What a runner may have; README.md explains each."""
 _PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
@@ -55,7 +54,7 @@ INPUTS: dict[str, set[str]] = {
     "rivals": _CAPTURE,
     "verdict": {"reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
-                "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
+                "centres", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals"},
     "colour": {"result", "lamp", "signals", "standard_error", "reference", "view"},
     "regions": {"photo", "areas", "dark", "lens_shading"},
     "finder": {"dng", "form"},

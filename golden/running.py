@@ -15,20 +15,23 @@ from camssf.colour.reach import REACH
 from camssf.colour.regions import measure_regions
 from camssf.curves.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.curves.choice import recover
-from camssf.curves.code import DEPTH, solve
+from camssf.curves.code import solve
 from camssf.curves.engine import Model, load_model
 from camssf.curves.evidence import Evidence
+from camssf.curves.layers import DEPTH
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.curves.ssf import Ssf, Weight
 from camssf.errors import CalibrationError
 from camssf.evidence.assumptions import assume
+from camssf.evidence.light import Neutral, Rival
 from camssf.evidence.problem import pose_problem
+from camssf.evidence.reasons import Fatal
 from camssf.evidence.rivals import weigh as weigh_answer
 from camssf.evidence.rivals import weigh_rivals
+from camssf.evidence.surprise import Weighed, accused, shot_answer
 from camssf.evidence.unseen import foretell, score
-from camssf.evidence.verdict import Fatal, Neutral, Rival, Weighed, accused, shot_answer
 from camssf.evidence.verdict import judge as weigh
-from camssf.grid import STEP, Floats
+from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.finder.find import find_sightings
@@ -48,7 +51,7 @@ VERDICT_NUMBERS = {
     "dark", "centres", "ssf", "ssf_std", "code", "predicted",
 }  # fmt: skip
 """Of a verdict's inputs those that are arrays."""
-LACKING = {"deflate", "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata"}
+LACKING = {"metadata"}
 """What Python's reader does not do; a phone's may."""
 ABILITIES = tuple(name for name in CAPABILITIES if name not in LACKING)
 
@@ -235,7 +238,8 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         signals = [(np.array(c, float) - d) / (np.array(w, float) - d) for c, w, d in zip(*frames, strict=True)]
     if engine == "onnx" and sound:
-        found = _fed(load_model(given["basis"]), given)
+        model = load_model(given["basis"])
+        found: dict[str, Any] = model.run(model_inputs(model, given))
     else:
         ssf = recover(
             _evidence(given, signals, tuple(frames) if sound else None),
@@ -256,13 +260,12 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
     return found | {"objective": _objective(given, _rows(given, np.stack(signals)), found["code"])}
 
 
-def _fed(model: Model, given: dict[str, Any]) -> dict[str, Any]:
-    """A model's outputs."""
-    fed = {i.name: given[i.name] for i in model.session.get_inputs() if i.name in given and i.name != "nonnegative"}
-    if not fed["lamp_modes"].shape[1]:
-        fed["lamp_modes"] = np.zeros((len(given["lamp"]), 1, given["lamp"].shape[1]))
-    fed |= {"prior_scale": np.array(_scale(given)), "gain_own": np.array(float(given.get("gain_own", 0.0)))}
-    return dict(model.run(fed | {"nonnegative": np.array(float(given["nonnegative"]))}))
+def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
+    """Every input of the model, from a case's inputs. The model takes at least one mode: zeros stand for none."""
+    k, n, _ = np.shape(given["chart"])
+    none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
+    told = none | {"prior_scale": _scale(given)} | {name: value for name, value in given.items() if np.size(value)}
+    return {each.name: np.asarray(told[each.name], float) for each in model.session.get_inputs()}
 
 
 def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
@@ -331,7 +334,7 @@ def layers(case: Json, model: Model | None = None) -> dict[str, Any]:
             raise GoldenError(
                 f"{case['case']}: {depth} layers of {iteration}, but the model has {has[1]} of {has[0]}"
             )
-        found = _fed(model, given)
+        found: dict[str, Any] = model.run(model_inputs(model, given))
         curves, code, gap, steps = (found[name] for name in ("ssf", "code", "layers_gap", "finish_steps"))
     return {
         "ssf": curves,
@@ -460,8 +463,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     ]
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     poses = [
-        Pose("classic24", square, centres[:, None] + square, 0, "by hand", score, ())
-        for centres, score in zip(given["centres"], given["scores"], strict=True)
+        Pose("classic24", square, centres[:, None] + square, 0, "by hand", 1.0, ()) for centres in given["centres"]
     ]
     rho = np.ravel(given["white_reflectance"])
 
@@ -487,7 +489,7 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
         gains = np.array(given["gain_modes"], float), float(given["gain_own"])
     weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"], gains)
     verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
-                    unnamed=given.get("unnamed", False))  # fmt: skip
+                    unnamed=[given.get("unnamed", False)] * len(shots))  # fmt: skip
     joint = weighed.surprise(ssf)
     each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [accused(one) for one in each]

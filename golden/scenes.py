@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.curves.code import DEPTH
+from camssf.curves.layers import DEPTH
 from camssf.grid import Floats
 from golden.reading import Json, resolve
 

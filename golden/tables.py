@@ -51,7 +51,7 @@ def write_tables() -> dict[str, Json]:
 
 
 def _cameras(path: Path) -> Json:
-    from camssf.tools.learn import read_curves
+    from camssf.tools.training import read_curves
 
     curves = read_curves(path)
     return {

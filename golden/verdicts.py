@@ -50,12 +50,17 @@ def verdicts() -> Iterator[Json]:
     # rule 3
     yield case("veil", "3 % of white over the chart photo: glare.", 0.97 * y + 0.03)
     yield case("bright-dark", "3 % of white in the dark frame: frames_differ.", (y - 0.03) / 0.97)
+    levels = LEVEL * (np.array(raw_white(1.0)) - BLACK) / SPAN
     yield case(
         "black-level", "No dark frame, and the file's black 0.5 % of the range too low: frames_differ.",
-        y + 0.005 * (1 - y) / LEVEL, dark=False,
+        y + 0.005 * (1 - y) / levels, dark=False,
     )  # fmt: skip
+    yield case("veil-no-dark-slight", "1.5 % of white over the chart photo: glare is likelier than a black level.",
+               0.985 * y + 0.015, dark=False)  # fmt: skip
+    yield case("black-level-far", "The file's black 8 % of the range too low: not light that falls unevenly.",
+               y + 0.08 * (1 - y) / levels, dark=False)  # fmt: skip
     yield case("black-level-right", "No dark frame, and nothing wrong with the black.", y, dark=False)
-    yield case("black-level-slight", "A tenth of that is not enough.", y - 0.0008 * (1 - y) / LEVEL, dark=False)
+    yield case("black-level-slight", "A sixth of that is not enough.", y - 0.0008 * (1 - y) / levels, dark=False)
     yield case(
         "black-level-high", "3 % of white too high without a dark frame: not the dark frame's fault.",
         (y - 0.03) / 0.97, dark=False,
@@ -135,6 +140,10 @@ def verdicts() -> Iterator[Json]:
         rivals=[[0, "A", 1.0], [1, "D55", 9.0], [1, "FL2", 8.0]],
     )
     yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
+    yield case("tint-unnamed", "A quarter off: only a light that was named is doubted for it.",
+               y, tint=1.3, unnamed=True, choice=[["phones", 1.0, 1.0]], family="phones")  # fmt: skip
+    yield case("tint-unnamed-far", "More than half off: an unnamed light is doubted, too.", y, tint=1.7, unnamed=True,
+               choice=[["phones", 1.0, 1.0]], family="phones")  # fmt: skip
     yield case("tint-other-matrix", "One of two matrices agrees: that is enough.", y, tint=1.3, second=True)
     yield case(
         "rival-and-tint", "A rival that would be doubtful, and the raw white says the same: refused.", y, tint=1.3,
@@ -156,6 +165,8 @@ def verdicts() -> Iterator[Json]:
         yield case(f"unnamed-{name}", f"Nobody named the light, and a phone it is with {phone:.0%}: {outcome}.", y,
                    choice=[["phones", 1.0, phone], ["cameras", 1.0, 1.0 - phone]], family="phones",
                    unnamed=True)  # fmt: skip
+    yield case("unnamed-no-maker", "24 : 1 for a phone by the signals, and no maker in the file: doubtful.", y,
+               choice=[["phones", 1.0, 0.96], ["cameras", 1.0, 0.04]], unnamed=True)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -166,7 +177,8 @@ def verdicts() -> Iterator[Json]:
     yield case("fog", "A quarter of white in the darkest patch: refused.", 0.7 * y + 0.3)
     yield case("few", "Nine patches, the others clipped.", y, used=9, clipped=0.5)
     yield case("few-dark", "Nine patches, the others lost in noise.", y, used=9)
-    yield case("pose", "Patches that hardly agree with the chart's colours.", y, score=0.8)
+    yield case("pose", "The answer explains the signals, but they are hardly the chart's colours: chart_unfit.",
+               0.7 * y + 0.3 * y[::-1], forgiven=True)  # fmt: skip
     yield case("vague", "A band of ±0.15 of the peak.", y, std=0.0765)
 
 
@@ -213,7 +225,6 @@ def case(
     level: float = 1.0,
     used: int = 24,
     clipped: float = 0.0,
-    score: float = 0.97,
     forgiven: bool = False,
     error: float = 1.0,
     choice: list[list[Any]] | None = None,
@@ -226,13 +237,13 @@ def case(
     """The inputs of `judge`; what is not named is as in a clean capture.
 
     `code` is xᵀ x, all of it in one entry; `std` the band's, in parts of the peak, everywhere. `forgiven`: the
-    answers to each shot alone predict its signals exactly. `known`: so many directions of the code have a variance of
-    0.1, all others of 0.99. `dark`: whether there is a dark frame. `solved`: whether gain modes were solved for.
-    `unnamed`: nobody named the light.
+    answers to each shot alone, or the one to a single shot, predict its signals exactly. `known`: so many
+    directions of the code have a variance of 0.1, all others of 0.99. `dark`: whether there is a dark frame.
+    `solved`: whether gain modes were solved for. `unnamed`: nobody named the light.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     told = predicted(k, white)
-    told = told if k > 1 else told[None]
+    told = told if k > 1 else y if forgiven else told[None]
     span = level * SPAN
     frame = {
         "chart": statistics(y, span, noise, texture),
@@ -277,11 +288,10 @@ def case(
         "standard_error": np.round(error * (0.002 * y + 1e-4), 9).tolist(),
         "used": taken.tolist(),
         "white_is_patch": [white is not None] * k,
-        "white": np.broadcast_to(raw_white(level) if tint else [BLACK + span] * 3, y.shape).tolist(),
+        "white": np.broadcast_to([BLACK + span] * 3 if dark and not tint else raw_white(level), y.shape).tolist(),
         "dark": np.full(y.shape, BLACK).tolist(),
         "shots": shots,
         "centres": [place] * k,
-        "scores": [score] * k,
         "ssf": curves,
         "ssf_std": band,
         "code": codes,

@@ -35,7 +35,7 @@ public class PassportJudge {
         }
         BigInteger r = new BigInteger(1, Arrays.copyOf(both, 32));
         BigInteger s = new BigInteger(1, Arrays.copyOfRange(both, 32, 64));
-        if (r.signum() == 0 || s.signum() == 0 || r.compareTo(ORDER) >= 0 || s.compareTo(ORDER.shiftRight(1)) > 0) {
+        if (r.signum() == 0 || s.signum() == 0 || r.compareTo(ORDER) >= 0 || s.compareTo(ORDER) >= 0) {
             return false;
         }
         Signature signature = Signature.getInstance("SHA256withECDSA");

@@ -43,12 +43,13 @@ COMMANDS = {
     "strace": ("strace",),
     "exiftool": ("exiftool",),
     "transicc": ("transicc",),
+    "rawtherapee": ("rawtherapee-cli",),
     "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
 }
 """Required tools that are programs, by any of these names; others are files or Python packages."""
-FILES = {"axe": "CAMSSF_AXE"}
+FILES = {"axe": "CAMSSF_AXE", "spectacle": "CAMSSF_SPECTACLE"}
 """Required tools that are single files, by the variable that says where one lies."""
-WORDS = {"java": ("java", "no jar", "jvm")}
+WORDS = {"java": ("java", "no jar", "jvm"), "spectacle": ("pyspectacle",)}
 """Words by which a skip's reason names a tool, where they are not its name."""
 
 

@@ -41,7 +41,7 @@ def chart_and_lamp(lamp: str = "D55", patches: slice = slice(6, 18)) -> tuple[Fl
 def measured_cameras() -> dict[str, Floats]:
     """The 52 cameras on the grid; skips where the data is not there."""
     from camssf.curves.basis import interpolate
-    from camssf.tools.learn import read_curves
+    from camssf.tools.training import read_curves
 
     return {name: interpolate(curves) for name, curves in read_curves(CURVES).items()}
 

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.photo.mosaic import Mosaic
-from camssf.simulation.frames import Frames, Scene, Sensor, photograph
+from camssf.simulation.camera import Sensor
+from camssf.simulation.scene import Scene
+from camssf.simulation.shot import Frames, photograph
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
 
 SIZE = (1600, 1200)

@@ -1,6 +1,6 @@
-"""What Python says of passports, for Kotlin's tests: `python tests/signed_passports.py` writes them anew.
+"""What Python says of passports, for Kotlin: `python tests/signed_passports.py` writes passports/python.json.gz.
 
-Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer, in passports/python.json.
+Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer.
 Keys are made here, sign, and are gone: the file holds the public ones only. So a new file has other bytes each time.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import copy
+import gzip
 import json
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
@@ -20,8 +21,11 @@ from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 from cryptography.hazmat.primitives.hashes import SHA256
 from test_report import document
 
+from camssf.documents import revocations
+from camssf.documents.excerpt import excerpt
+from camssf.documents.jws import ORDER
 from camssf.documents.keys import key_name, unpadded
-from camssf.documents.passport import ORDER, Passport, Said, draw_up, read, sign, verify
+from camssf.documents.passport import Passport, Said, draw_up, read, sign, verify
 from camssf.documents.report import report
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
@@ -77,7 +81,7 @@ class Desk:
     def raw(self, text: bytes, name: str = "signer") -> bytes:
         """Anything, signed well."""
         r, s = decode_dss_signature(self.keys[name].sign(text, ec.ECDSA(SHA256())))
-        return text + b"." + numbers(r, min(s, ORDER - s))
+        return text + b"." + numbers(r, s)
 
     def add(self, name: str, data: bytes, *, at: datetime = LATER, revoked: tuple[str, ...] = ()) -> None:
         case = {"name": name, "data": data.decode("latin-1"), "at": int(at.timestamp()), "revoked": list(revoked)}
@@ -104,12 +108,85 @@ def numbers(r: int, s: int) -> bytes:
     return unpadded(r.to_bytes(32, "big") + s.to_bytes(32, "big")).encode()
 
 
+def small_result() -> dict[str, Any]:
+    """The excerpt of a result, as short as its form allows."""
+    names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
+             "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
+    short = {name: value for name, value in excerpt(document()).items() if name in names}
+    grid = short["ssf"]["wavelength_nm"]
+    short["ssf"] = {"wavelength_nm": grid} | {colour: [1] + [0] * 680 for colour in ("red", "green", "blue")}
+    short["verdict"] = {"status": "accepted", "reasons": []}
+    short["assumptions"] = []
+    return short
+
+
+def small_document() -> dict[str, Any]:
+    """A whole result, of one patch, with letters that are easily written wrong."""
+    shot = document()["shots"][0]
+    one = shot | {"patches": shot["patches"][:1], "pose": shot["pose"] | {"patches": shot["pose"]["patches"][:1]}}
+    named = {"camera": {"make": "Maker", "model": "Model A"}, "chart": document()["chart"] | {"source": NOTE}}
+    doubt = {"code": "glare", "message": "m", "advice": "a", "value": None, "threshold": 1e-300}
+    verdict = {"status": "doubtful", "reasons": [doubt]}
+    curves = small_result()["ssf"] | {"red": [1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675}
+    return small_result() | named | {"verdict": verdict, "shots": [one], "ssf": curves, "ssf_std": curves}
+
+
+NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
+
+
 def small() -> Passport:
     return Passport(
         id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
         unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
-        software="0.1.0", result_sha256="0" * 64, result={"format": "camssf-result/1", "ssf": {}},
+        software="0.1.0", result_sha256="5e" * 32, result=small_result(),
     )  # fmt: skip
+
+
+RESULTS: dict[str, Any] = {
+    "ssf 5": {"ssf": 5}, "no ssf": {"ssf": "absent"}, "no format": {"format": "absent"},
+    "another format": {"format": "camssf-result/2"}, "no camera": {"camera": "absent"},
+    "a camera's name": {"camera": "x"},
+    "make 1": {"camera": {"make": 1, "model": "x"}}, "no verdict": {"verdict": "absent"},
+    "refused": {"verdict": {"status": "refused", "reasons": []}}, "a refusal in one word": {"verdict": "refused"},
+    "refused, in words": {"verdict": {"status": "refused", "reasons": [{"code": "glare"}]}, "ssf": "absent"},
+    "another verdict": {"verdict": {"status": "good", "reasons": []}}, "no shots": {"shots": []},
+    "shots as text": {"shots": "x"}, "a shot as text": {"shots": ["x"]}, "no gains": {"channel_gain": "absent"},
+    "two gains": {"channel_gain": [1, 1]}, "a gain as text": {"channel_gain": ["1", 1, 1]},
+    "a covariance": {"code_covariance": [1.0] * 6}, "a truth": {"truth": None},
+    "an excerpt of its own": {"excerpt": {}},
+    "bands": {"ssf_std": "ssf"}, "no bands": {"ssf_std": None}, "bands 5": {"ssf_std": 5},
+    "a member of a later release": {"further": {"x": 1}},
+}  # fmt: skip
+CURVES: dict[str, Any] = {
+    "no red": {"red": "absent"}, "red as text": {"red": "x"}, "680 numbers": {"red": [1] + [0] * 679},
+    "682 numbers": {"red": [1] + [0] * 681}, "no peak": {"red": [0] * 681}, "peak 2": {"red": [2] + [0] * 680},
+    "a word": {"red": [1, "0"] + [0] * 679}, "true": {"red": [1, True] + [0] * 679},
+    "null": {"red": [1, None] + [0] * 679},
+    "huge": {"red": [1, -1e13] + [0] * 679}, "peak 1.0": {"red": [0, 1.0] + [0] * 679},
+    "negative": {"red": [1, -0.25] + [0] * 679}, "another grid": {"wavelength_nm": [380 + i / 4 for i in range(681)]},
+    "a further colour": {"clear": [1] + [0] * 680},
+}  # fmt: skip
+
+
+def other_results() -> dict[str, dict[str, Any]]:
+    """Results of which most are none."""
+    found = {}
+    for name, change in RESULTS.items():
+        found[f"result: {name}"] = _changed(small_result(), change)
+    for name, change in CURVES.items():
+        found[f"curve: {name}"] = small_result() | {"ssf": _changed(small_result()["ssf"], change)}
+    found["bands without a peak"] = small_result() | {"ssf_std": small_result()["ssf"] | {"red": [0.01] * 681}}
+    shot = small_result()["shots"][0]
+    for name, more in {"a pose": {"pose": {}}, "a patch": {"patches": [{}]}, "a light": {"light": {}}}.items():
+        found[f"shot: {name}"] = small_result() | {"shots": [shot | more]}
+    found["shot: no lamp"] = small_result() | {"shots": [_changed(shot, {"lamp": "absent"})]}
+    found["shot: lamp's power"] = small_result() | {"shots": [shot | {"lamp": shot["lamp"] | {"power": [1] * 681}}]}
+    return found
+
+
+def _changed(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    both = {name: value for name, value in (whole | change).items() if not (name in change and value == "absent")}
+    return {name: both["ssf"] if value == "ssf" else value for name, value in both.items()}
 
 
 def gather(result: bytes) -> Desk:
@@ -128,8 +205,12 @@ def gather(result: bytes) -> Desk:
         desk.add(f"at {at.isoformat()}", good, at=at)
     for name in (small().id, kid, "f" * 32):
         desk.add(f"revoked {name}", good, revoked=(name,))
-    newer = replace(small(), result={"format": "camssf-result/2", "ssf": {}, "colour": {}})
-    desk.add("a newer result", sign(newer, signer))
+    for name, other in other_results().items():
+        desk.add(name, desk.raw(header + b"." + b64(json.dumps(small().claims() | {"result": other}).encode())))
+    desk.add(
+        "a hash of zeros",
+        desk.raw(header + b"." + b64(json.dumps(small().claims() | {"result_sha256": "0" * 64}).encode())),
+    )
 
     form = json.loads(base64.urlsafe_b64decode(header + b"=" * (-len(header) % 4)))
     for change in HEADERS:
@@ -211,15 +292,50 @@ def rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
+def lists(desk: Desk) -> list[dict[str, Any]]:
+    """Signed lists of what was called back, most of them spoilt, and what `read_revoked` says of them."""
+    signer, other = (desk.keys[name] for name in ("signer", "other"))
+    names = [small().id, next(iter(desk.public("other")))]
+    good = revocations.sign_revocations(names, signer, now=NOW, days=60)
+    header, payload, signature = good.split(b".")
+    form = json.loads(unb64(payload))
+    made = {
+        "good": good, "empty": revocations.sign_revocations([], signer, now=NOW, days=60), "a stranger's":
+        revocations.sign_revocations(names, other, now=NOW, days=60),
+        "not signed": f"# a list\n{small().id}\n".encode(),
+        "nothing": b"", "changed": b".".join((header, b64(json.dumps(form | {"revoked": []}).encode()), signature)),
+        "a passport": sign(small(), signer), "no object": desk.raw(header + b"." + b64(b"[]")),
+        "no base64": good + b"=", "ended": revocations.sign_revocations(names, signer, now=NOW, days=29),
+        "issued later": revocations.sign_revocations(names, signer, now=LATER + timedelta(days=1)),
+    }  # fmt: skip
+    for name in form:
+        for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
+            spoilt = {key: each for key, each in (form | {name: value}).items() if key != name or value != "absent"}
+            made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(json.dumps(spoilt).encode()))
+    found = []
+    for name, data in made.items():
+        try:
+            told: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
+        except PassportInvalid as error:
+            told = error.message
+        found.append({"name": name, "data": data.decode("latin-1"), "told": told})
+    return found
+
+
+def stored() -> dict[str, Any]:
+    """What Kotlin is held to."""
+    return dict(json.loads(gzip.decompress((FOLDER / "python.json.gz").read_bytes())))
+
+
 def main() -> None:
     result = report(rounded(document())).result_json
     desk = gather(result)
     keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
-    lines = ",\n".join(json.dumps(case) for case in desk.cases)
-    head = json.dumps({"keys": keys, "result": result.decode()}, indent=1)
-    write_file(FOLDER / "python.json", f'{head[:-2]},\n "cases": [\n{lines}\n]}}\n')
+    both = {"result": result.decode(), "small": json.dumps(small_document())}
+    whole = {"keys": keys, **both, "lists": lists(desk), "cases": desk.cases}
+    write_file(FOLDER / "python.json.gz", gzip.compress(json.dumps(whole).encode(), mtime=0))
     valid = sum(isinstance(case["verified"], dict) for case in desk.cases)
-    print(f"{len(desk.cases)} passports, {valid} of them valid")
+    print(f"{len(desk.cases)} passports, {valid} of them valid; {len(whole['lists'])} lists")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,8 @@ from camssf.curves.covariance import (
 from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.spectra import read_camera
-from camssf.tools.learn import learn, maker_of, read_curves
+from camssf.tools.learn import learn
+from camssf.tools.training import maker_of, read_curves
 from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}

@@ -36,9 +36,10 @@ from camssf.documents.report import check_document
 from camssf.documents.result import Calibration, Refusal
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.evidence.checks import Checks
+from camssf.evidence.light import RIVALS
 from camssf.evidence.problem import pose_problem
 from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.verdict import RIVALS, _unnamed
+from camssf.evidence.verdict import _unnamed
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.rules import rules
@@ -305,8 +306,9 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
     """Its maker is 20 : 1 of a phone's odds; without that word the same photo must name its lamp, whoever took it."""
     for make in ("", "A maker of whom nobody knows"):
         given = unnamed(capture(resolve(PHONE), ["D55"], make=make))
-        with pytest.raises(LampUnfit, match="nobody named the light") as caught:
+        with pytest.raises(LampUnfit, match="the file names no maker of phones") as caught:
             solve(given)
+        assert "writes the phone's maker" in caught.value.advice
         problem = pose_problem(given, Options())
         ssf = problem.solve(problem.signals.used, None)
         odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
@@ -340,7 +342,7 @@ def test_who_names_the_basis_says_that_it_is_a_phone() -> None:
     done = solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="phones"))
     assert done.verdict.status == "accepted"
     assert {weight.basis for weight in done.ssf.choice} == {"phones"}
-    with pytest.raises(LampUnfit, match="nobody named the light"):
+    with pytest.raises(LampUnfit, match="only a phone's curves can do without"):
         solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="cameras"))
 
 

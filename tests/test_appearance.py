@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import camera_names, colour_science, read_camera
 from camssf.spectra.appearance import D65, D65_XY, delta_e00, lab, srgb, under_d65
 from camssf.spectra.cameras import LIBRARY

@@ -12,18 +12,8 @@ import pytest
 from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.tools.learn import (
-    Enlargement,
-    TrainingSet,
-    _smooth_root,
-    enlarge,
-    learn,
-    main,
-    maker_of,
-    read_curves,
-    save,
-    training_set_of,
-)
+from camssf.tools.learn import _smooth_root, enlarge, learn, main, save
+from camssf.tools.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
 from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 

@@ -13,8 +13,11 @@ from pathlib import Path
 import pytest
 
 from camssf.documents.report import NAMES
-from camssf.errors import InvalidArgument
-from camssf.fleet.run import MARK, Job, Outcome, _summary, read_manifest, run_batch
+from camssf.documents.result import Refusal
+from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.fleet import run
+from camssf.fleet.run import MARK, Job, Outcome, _summary, calibrate_job, read_manifest, run_batch
+from camssf.photo.capture import Record
 
 HEADER = "name,photo,lamp,white,dark,chart"
 
@@ -122,6 +125,24 @@ def test_another_basis_in_the_same_file_and_another_sidecar_are_noticed(tmp_path
     (tmp_path / "a.png.json").write_text("black 2")
     assert not again()
     assert again()
+
+
+def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its photo is another now: missing, no RAW, or one that is refused."""
+    (tmp_path / "result.json").write_text('{"verdict": {"status": "accepted"}}')
+    (tmp_path / "ssf.csv").write_text("curves")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    job = Job("one", "one", (str(tmp_path / "typo.dng"),), ("D55",), (None,), (None,), "classic24", "auto", "onnx")
+    found = calibrate_job(job, tmp_path)
+    assert (found.status, found.code) == ("refused", "unreadable_raw")
+    assert found.reason.endswith("The earlier result of this name was kept as it is.")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    refusal = Refusal(ChartNotFound("No chart.", "Take one."), Record(chart="classic24"))
+    monkeypatch.setattr(run, "attempt_job", lambda _: refusal)
+    found = calibrate_job(job, tmp_path)
+    assert found.reason == "No chart. Take one. The earlier result of this name was kept as it is."
+    assert sorted(path.name for path in (tmp_path / "refused").iterdir()) == ["report.html", "result.json"]
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 
 @pytest.mark.slow
@@ -312,7 +333,7 @@ def test_a_manifest_without_sense(tmp_path: Path, content: bytes | None, words: 
 
 def test_an_output_folder_that_is_a_file(tmp_path: Path) -> None:
     manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
-    with pytest.raises(InvalidArgument, match="cannot be written"):
+    with pytest.raises(InvalidArgument, match="a is a file"):
         run_batch(manifest, tmp_path / "a", work=stub)
 
 

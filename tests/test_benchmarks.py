@@ -19,10 +19,10 @@ import pytest
 from benchmarks import _common, accuracy, arm, arm_jvm, capture, certify, depth, solver, tables
 from benchmarks._peers import PEERS, Missing
 from camssf.curves.basis import read_basis
-from camssf.curves.code import soft, solve
+from camssf.curves.code import solve
 from camssf.curves.covariance import CHANNEL_SHARE
 from camssf.curves.engine import load_model
-from camssf.curves.layers import DEPTH
+from camssf.curves.layers import DEPTH, soft
 from camssf.curves.problem import Problem as Convex
 from camssf.curves.sensing import Sensing, sense
 from camssf.curves.ssf import LARGEST_GAP

@@ -356,7 +356,8 @@ def test_the_command_says_no(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 @pytest.mark.slow
 def test_regions_of_a_photo_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From a simulated photo by the one camera; what the other would have seen is known."""
-    from camssf.simulation.frames import Scene, simulate
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
 
     scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
     from camssf.spectra import read_camera

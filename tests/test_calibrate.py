@@ -25,9 +25,10 @@ from camssf.errors import (
     LampUnfit,
     UnreadableRaw,
 )
-from camssf.options import Options, with_former
-from camssf.photo.capture import Capture, measure
-from camssf.simulation.frames import Scene, Simulation, simulate
+from camssf.options import Options
+from camssf.photo.capture import Capture, Record, measure
+from camssf.simulation.frames import Simulation, simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, read_chart, read_lamp
 from tests.problems import theory, toy_camera
 
@@ -250,6 +251,8 @@ def test_documents_pipe(capture: Capture) -> None:
         lambda d: d["chart"].update(white=24),
         lambda d: d["chart"].update(layout="square"),
         lambda d: d.update(shots=[]),
+        lambda d: d["shots"][0]["means"]["chart"]["mean"][0].__setitem__(0, -1e308),
+        lambda d: d["shots"][0]["lamp"]["values"].__setitem__(0, 8.7e198),
     ],
 )
 def test_damaged_documents_are_named(capture: Capture, damage: object) -> None:
@@ -275,10 +278,10 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
 @pytest.mark.requirement("R-REFUSAL")
 def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, camera: CameraCurves) -> None:
     shot = two_lamps.shots[0]
-    with pytest.raises(ChartNotFound) as refusal:
-        calibrate(shot.white, "D55")
-    document = refusal.value.evidence
-    assert document is not None
+    found = attempt(shot.white, "D55")
+    assert isinstance(found, Refusal)
+    assert isinstance(found.error, ChartNotFound)
+    document = found.document()
     assert document["verdict"]["status"] == "refused"
     assert document["verdict"]["reasons"][0]["code"] == "chart_not_found"
     assert "ssf" not in document
@@ -293,34 +296,35 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
 
 def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
-    with pytest.raises(ChartNotFound) as refusal:
-        calibrate(shot.white, "D55")
-    document = refusal.value.evidence
-    assert document is not None
+    found = attempt(shot.white, "D55")
+    assert isinstance(found, Refusal)
+    assert isinstance(found.error, ChartNotFound)
+    document = found.document()
     assert document["camera"]["model"]
+    assert document["camera"]["unique_model"] == "camssf simulated camera"
     assert document["shots"][0]["pose"] is None
     assert list(document["hashes"]["inputs"]) == ["shot 1, chart: white-D55.dng"]
-    page = report(document, refusal.value.previews).html
+    page = report(document, found.previews).html
     assert "data:image/jpeg" in page
     assert "pixels of the active area" in page
     dark_lamp = tmp_path / "dark.csv"
     dark_lamp.write_text("400,0\n500,0\n600,0\n700,0\n")
-    with pytest.raises(LampUnfit) as refusal:
-        calibrate(shot.chart, str(dark_lamp))
-    assert refusal.value.evidence is not None
-    assert list(refusal.value.evidence["hashes"]["inputs"]) == ["shot 1, lamp: dark.csv"]
-    report(refusal.value.evidence, refusal.value.previews)
+    found = attempt(shot.chart, str(dark_lamp))
+    assert isinstance(found, Refusal)
+    assert isinstance(found.error, LampUnfit)
+    assert list(found.document()["hashes"]["inputs"]) == ["shot 1, lamp: dark.csv"]
+    report(found.document(), found.previews)
 
 
 def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
-    with pytest.raises(CalibrationError) as refusal:
-        calibrate(shot.chart, "D55", white=shot.chart)
-    assert refusal.value.exit_status in (5, 6)
-    assert refusal.value.evidence is not None
-    assert refusal.value.evidence["verdict"]["status"] == "refused"
-    assert len(refusal.value.evidence["shots"][0]["patches"]) == 24
-    report(refusal.value.evidence, refusal.value.previews)
+    found = attempt(shot.chart, "D55", white=shot.chart)
+    assert isinstance(found, Refusal)
+    assert found.error.exit_status in (5, 6)
+    document = found.document()
+    assert document["verdict"]["status"] == "refused"
+    assert len(document["shots"][0]["patches"]) == 24
+    report(document, found.previews)
 
 
 def test_files_of_one_name_keep_their_hashes(tmp_path: Path, camera: CameraCurves) -> None:
@@ -336,6 +340,16 @@ def test_a_patches_document_needs_no_other_file(tmp_path: Path, two_lamps: Simul
     lamp.unlink()
     result = solve(read_patches(document)).document()
     assert "shot 1, lamp: mine.csv" in result["hashes"]["inputs"]
+    assert result["camera"]["unique_model"] == "camssf simulated camera"
+    del document["shots"][0]["photo"]["unique_model"]  # as of a file without the tag
+    silent = read_patches(document)
+    assert silent.shots[0].photo.unique_model == ""
+    assert "unique_model" not in patches_document(silent)["shots"][0]["photo"]
+    record = Record()
+    record.note(silent)
+    made = Refusal(ChartNotFound("It is not there.", "Look again."), record).document()
+    assert made["camera"]["unique_model"] is None
+    report(made)  # fits the schema
 
 
 @pytest.mark.parametrize(
@@ -376,17 +390,6 @@ def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], wo
         calibrate(two_lamps.shots[0].chart, "D55", options=Options(**change))
 
 
-def test_an_option_as_an_argument_of_its_own_still_serves() -> None:
-    with pytest.warns(DeprecationWarning, match=r"calibrate\(options=Options\(basis=\.\.\., fit=\.\.\.\)\)"):
-        found = with_former("calibrate", Options(l2=2.0), {"basis": "gaussian", "fit": [7]})
-    assert found == Options(l2=2.0, basis="gaussian", fit=[7])
-    with pytest.warns(DeprecationWarning, match="engine") as said, pytest.raises(UnreadableRaw):
-        calibrate("nothing.dng", "D55", engine="reference")
-    assert said[0].filename == __file__
-    with pytest.raises(TypeError, match=r"calibrate\(\) got an unexpected keyword argument 'bases'"):
-        calibrate("nothing.dng", "D55", bases="cameras")
-
-
 def test_every_option_is_one_that_the_product_uses() -> None:
     """A misspelt or forgotten one would be taken and do nothing."""
     source = "".join(
@@ -406,11 +409,8 @@ def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
     assert found.record.unfinished is not None
     assert [len(shot["patches"]) for shot in found.document()["shots"]] == [24, 0]
     assert [preview is not None for preview in found.previews] == [True, True]
-    assert found.error.evidence is None  # a document hangs on the error of `calibrate` alone
-    with pytest.raises(ChartNotFound) as raised:
+    with pytest.raises(ChartNotFound):
         calibrate([shots[0].chart, shots[1].white], ["D55", "A"])
-    assert raised.value.evidence == found.document()
-    assert raised.value.previews == found.previews
     with pytest.raises(InvalidArgument):
         attempt(shots[0].chart, "nonsense")
 

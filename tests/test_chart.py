@@ -6,11 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.errors import Blurred, ChartNotFound, InvalidArgument
+from camssf.photo.layouts import LAYOUTS
 from camssf.photo.mosaic import Mosaic, read_dng
 from camssf.photo.patches import measure_patches
-from camssf.photo.pose import LAYOUTS, Pose, agreement, find_chart, refine_corners
-from camssf.simulation.frames import Frames, Scene, Sensor
+from camssf.photo.pose import Pose, find_chart
+from camssf.photo.refine import refine_corners
+from camssf.photo.search import agreement
+from camssf.simulation.camera import Sensor
+from camssf.simulation.scene import Scene
+from camssf.simulation.shot import Frames
 from tests.scenes import SIZE, mosaic, semi_gloss, shoot, table
 
 DNG = Path(__file__).parents[1] / "data" / "dng"
@@ -218,6 +223,13 @@ def test_corners_that_are_none(corners: object) -> None:
         find_chart(photo, table(), corners=corners)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("blur", [10.0, 14.0])
+def test_a_photo_too_blurred_to_search_is_called_blurred(blur: float) -> None:
+    _, photo = photo_of(Scene(fill=0.25, rotation=30, tilt=20, blur=blur))
+    with pytest.raises(Blurred, match="sharpest edges are"):
+        find_chart(photo, table())
+
+
 def test_photo_without_a_chart() -> None:
     rng = np.random.default_rng(1)
     noise = rng.integers(600, 12000, (600, 800), dtype=np.uint16)
@@ -250,7 +262,7 @@ def test_of_two_charts_the_one_that_agrees() -> None:
     """Left a chart in another order, right the real one: cv2.mcc alone cannot tell."""
     scene = Scene(size=(800, 1200), fill=0.7)
     mixed = replace(table(), values=table().values[np.random.default_rng(3).permutation(24)])
-    from camssf.simulation.frames import photograph
+    from camssf.simulation.shot import photograph
     from camssf.spectra import read_camera, read_lamp
 
     camera, lamp = read_camera("Nikon 5100 (NPL)"), read_lamp("D55")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -16,12 +17,13 @@ from camssf.curves.choice import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, proba
 from camssf.curves.covariance import DRIFT
 from camssf.curves.evidence import Evidence
 from camssf.curves.predict import predict
-from camssf.curves.ssf import Ssf, answer
+from camssf.curves.ssf import LARGEST_GAP, Ssf, answer
 from camssf.documents.choice import choice_of, odds_in_words
 from camssf.errors import InvalidArgument, LampUnfit
+from camssf.evidence.light import RIVALS, Rival
 from camssf.evidence.problem import believed, pose_problem
 from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.verdict import RIVALS, Rival, judge
+from camssf.evidence.verdict import judge
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
@@ -487,3 +489,10 @@ def test_the_words_of_a_real_choice() -> None:
     assert found.basis == "cameras"
     assert found.odds == pytest.approx(shares(ssf)["cameras"] / shares(ssf)["phones"])
     assert found.believed == pytest.approx(20.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("function", [recover, answer])
+def test_the_limit_of_the_gap_is_documented_as_it_is(function: Any) -> None:
+    assert (
+        float(re.search(r"NotConverged: a relative duality gap above (\S+)\.\n", function.__doc__)[1]) == LARGEST_GAP
+    )

@@ -198,8 +198,9 @@ def test_a_report_beside_a_passport_and_another_result(
     before = (out / "report.html").read_bytes()
     strange = str(tmp_path / "strange" / "passport-key.pub.pem")
     assert cli.main(["report", *beside, "--key", strange]) == 10
-    revoked = tmp_path / "revoked.txt"
-    revoked.write_text(key_name(read_public([public]).popitem()[1]) + "\n", "utf-8")
+    revoked = tmp_path / "revoked.jws"
+    name = key_name(read_public([public]).popitem()[1])
+    assert cli.main(["passport", "revoke", name, "--key", str(private), "-o", str(revoked)]) == 0
     assert cli.main(["report", *beside, "--key", str(public), "--revoked", str(revoked)]) == 10
     assert cli.main(["report", *beside, "--revoked", str(revoked)]) == 2  # nobody's signature was verified
     changed = tmp_path / "changed.json"
@@ -356,10 +357,8 @@ def test_each_family_has_its_exit_status(
 def test_a_refused_capture_leaves_its_evidence(
     shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A white frame in place of the chart. Older curves in the folder go: they are another result's."""
+    """A white frame in place of the chart."""
     out = tmp_path / "out"
-    out.mkdir()
-    (out / "ssf.csv").write_text("old")
     arguments = ["calibrate", str(shots / "white.dng"), "--lamp", "D55"]
     assert cli.main([*arguments, "-o", str(out)]) == errors.ChartNotFound.exit_status
     assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
@@ -373,6 +372,173 @@ def test_a_refused_capture_leaves_its_evidence(
 
     assert cli.main(arguments) == errors.ChartNotFound.exit_status
     assert json.loads(capsys.readouterr().out) == document
+
+
+def state(folder: Path) -> dict[str, bytes | None]:
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+
+
+@pytest.fixture
+def good(result: Path, tmp_path: Path) -> Path:
+    """A folder with a result, beside which nothing else stands."""
+    return Path(shutil.copytree(result, tmp_path / "good"))
+
+
+@pytest.mark.requirement("R-REFUSAL")
+@pytest.mark.parametrize(
+    "photo",
+    ["typo.dng", "folder", "empty.dng", "picture.jpg", "note.dng", "s3://bucket/photo.dng", "white: typo.dng"],
+)
+@pytest.mark.parametrize("lamp", ["D55", "tungstn"])
+def test_a_wrong_input_writes_nothing_and_deletes_nothing(
+    photo: str,
+    lamp: str,
+    good: Path,
+    shots: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(good.parent)
+    Path("folder").mkdir()
+    for name, content in (("empty.dng", b""), ("picture.jpg", b"\xff\xd8\xff\xe0" + bytes(99)), ("note.dng", b"hi")):
+        Path(name).write_bytes(content)
+    before = state(good.parent)
+    white = photo.removeprefix("white: ")
+    words = [photo] if white == photo else [str(shots / "chart.dng"), "--white", white]
+    assert cli.main(["calibrate", *words, "--lamp", lamp, "-o", "good/"]) in (2, 3)
+    assert cli.main(["calibrate", *words, "--lamp", lamp, "-o", "new/"]) in (2, 3)
+    assert state(good.parent) == before
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_refusal_replaces_no_result(good: Path, shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = state(good)
+    wrong = ["calibrate", str(shots / "white.dng"), "--lamp", "D55"]
+    for _ in range(2):
+        assert cli.main([*wrong, "-o", str(good)]) == errors.ChartNotFound.exit_status
+        _, err = capsys.readouterr()
+        assert f"The result in {good} was kept as it is." in err
+        assert str(good / "refused" / "report.html") in err
+        after = state(good)
+        assert {name: content for name, content in after.items() if not name.startswith("refused")} == before
+        assert sorted(after.keys() - before.keys()) == ["refused", "refused/report.html", "refused/result.json"]
+    alone = Path(shutil.copytree(good / "refused", good.parent / "alone")) / "result.json"
+    shutil.rmtree(good / "refused")
+    assert cli.main(["report", str(alone), "-o", str(good)]) == errors.ChartNotFound.exit_status
+    _, err = capsys.readouterr()
+    assert f"The result in {good} was kept as it is." in err
+    assert f"report: {good / 'refused' / 'report.html'}" in err
+    assert {name: state(good)[name] for name in before} == before
+
+
+def test_other_commands_replace_no_result(good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (good.parent / "other.json").write_bytes((good / "result.json").read_bytes())
+    real = json.loads((good / "result.json").read_text("utf-8"))
+    real["camera"]["make"] = "Canon"
+    (good / "result.json").write_text(json.dumps(real), "utf-8")
+    before = state(good)
+    assert cli.main(["demo", "-o", str(good)]) == 2
+    assert "holds a result that is no demo's" in capsys.readouterr().err
+    for name in ("result.json", "ssf.csv", "report.html"):
+        assert cli.main(["export", str(good.parent / "other.json"), "--to", "csv", "-o", str(good / name)]) == 2
+        assert "belongs to the result in" in capsys.readouterr().err
+    assert state(good) == before
+
+
+URL = "s3://bucket/x"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["calibrate", URL],
+        ["calibrate", "CHART", "--lamp", URL],
+        ["calibrate", "CHART", "--lamp", "D55", "--white", URL],
+        ["calibrate", "CHART", "--lamp", "D55", "--dark", URL],
+        ["calibrate", "CHART", "--lamp", "D55", "--chart", URL],
+        ["calibrate", "CHART", "--lamp", "D55", "--chart", f"classic24:{URL}"],
+        ["calibrate", "CHART", "--lamp", "D55", "--corners", f"{URL}.json"],
+        ["calibrate", "CHART", "--lamp", "D55", "-o", URL],
+        ["patches", URL],
+        ["simulate", "--lamp", "D55", "-o", URL],
+        ["simulate", "--camera", f"{URL}.csv", "--lamp", "D55", "-o", "out"],
+        ["simulate", "--camera", f"{URL}.csv:Canon", "--lamp", "D55", "-o", "out"],
+        ["demo", "-o", URL],
+        ["batch", URL],
+        ["batch", "m.csv", "-o", URL],
+        ["batch", "m.csv", "--basis", URL],
+        ["batch", "m.csv", "--registry", URL],
+        ["batch", "m.csv", "--registry", "r", "-o", URL],
+        ["batch", "m.csv", "--registry", "r", "--basis", URL],
+        ["batch", URL, "--registry", "r"],
+        ["solve", URL],
+        ["validate", URL],
+        ["validate", "RESULT", "--truth", URL],
+        ["report", URL],
+        ["report", "RESULT", "-o", URL],
+        ["report", "RESULT", "--photo", URL],
+        ["report", "RESULT", "--compare", URL],
+        ["report", "RESULT", "--passport", URL],
+        ["export", URL, "-o", "x.csv"],
+        ["export", "RESULT", "-o", URL],
+        ["export", "RESULT", "--to", "icc", "--lamp", URL, "-o", "x.icc"],
+        ["colour", URL, "CHART", "--region", "9,9,9,9", "--white-region", "9,9,9,9"],
+        ["colour", "RESULT", URL, "--region", "9,9,9,9", "--white-region", "9,9,9,9"],
+        ["colour", "RESULT", "CHART", "--region", "9,9,9,9", "--white-region", "9,9,9,9", "--dark", URL],
+        ["colour", "--from", URL, "--to", "RESULT"],
+        ["direct", URL],
+        ["direct", f"{URL}.csv", f"{URL}.csv"],
+        ["direct", "sweep.csv", "-o", URL],
+        ["parity", URL, "CHART"],
+        ["parity", "RESULT", URL],
+        ["cameras", "--nearest", URL],
+        ["passport", "key", "-o", URL],
+        ["passport", "sign", "RESULT", "--key", URL, "-o", "x.jws"],
+        ["passport", "verify", URL, "--key", "k.pem"],
+        ["registry", "add", URL, "RESULT"],
+        ["registry", "add", "r", URL],
+        ["registry", "list", URL],
+        ["registry", "compare", URL, "--model", "x"],
+        ["registry", "learn", URL, "-o", "x.npz"],
+        ["registry", "export", URL, "-o", "x.csv"],
+    ],
+    ids=" ".join,
+)
+def test_a_url_is_refused_by_name(
+    words: list[str],
+    shots: Path,
+    result: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.csv").write_text("name,photo,lamp\na,x.dng,D55\n")
+    before = state(tmp_path)
+    places = {"CHART": str(shots / "chart.dng"), "RESULT": str(result / "result.json")}
+    assert cli.main([places.get(word, word) for word in words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"invalid_argument: {URL}") or f":{URL}" in err
+    assert "is a URL; camssf reads and writes local files only" in err
+    assert state(tmp_path) == before
+
+
+def test_a_url_in_a_manifest_is_its_row_s_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    manifest = tmp_path / "m.csv"
+    rows = [
+        f"{URL},D55,,,",
+        f"x.dng,{URL},,,",
+        f"x.dng,D55,{URL},,",
+        f"x.dng,D55,,{URL},",
+        f"x.dng,D55,,,nano24:{URL}",
+    ]
+    lines = [f"n{i},{row}" for i, row in enumerate(rows)]
+    manifest.write_text("\n".join(["name,photo,lamp,white,dark,chart", *lines]) + "\n")
+    assert cli.main(["batch", str(manifest), "-o", str(tmp_path / "out"), "--jobs", "1"]) == cli.BATCH_FAILED
+    summary = (tmp_path / "out" / "summary.csv").read_text("utf-8")
+    assert summary.count(f"{URL} is a URL; camssf reads and writes local files only.") == len(rows)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["summary.csv"]
 
 
 def test_a_refused_result_stays_refused_down_the_pipe(
@@ -511,6 +677,7 @@ def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[s
         (["calibrate", "x.dng", "--lamp", "D55", "--white-reflectance", "95%"], "not a number"),
         (["calibrate", "x.dng", "--lamp", "D55", "--lamp", "A"], "1 photo"),
         (["calibrate", "x.dng", "--lamp", "no-such-lamp"], "no-such-lamp"),
+        (["calibrate", "x.dng", "--lamp", "tungstn"], "No lamp is called 'tungstn'.\n  Did you mean tungsten"),
         (["simulate", "--lamp", "D55", "--size", "big", "-o", "x"], "not a size"),
         (["simulate", "-o", "x"], "lamp"),
         (["solve", "no-such-file.json"], "no-such-file.json"),
@@ -725,7 +892,82 @@ def test_an_output_folder_that_is_a_file(
     (tmp_path / "out").write_text("mine")
     assert cli.main(["calibrate", *triple, "-o", str(tmp_path / "out")]) == 2
     assert (tmp_path / "out").read_text() == "mine"
-    assert "invalid_argument: " in capsys.readouterr().err
+    _, err = capsys.readouterr()
+    assert err == f"invalid_argument: {tmp_path / 'out'} is a file; a folder is needed here.\n  Name a folder.\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["solve", "DNG"],
+        ["validate", "DNG"],
+        ["report", "DNG"],
+        ["report", "RESULT", "--compare", "DNG"],
+        ["export", "DNG", "-o", "x.csv"],
+        ["colour", "DNG", "DNG", "--region", "9,9,9,9", "--white-region", "9,9,9,9"],
+        ["parity", "DNG", "DNG"],
+        ["cameras", "--nearest", "DNG"],
+        ["batch", "DNG"],
+        ["batch", "DNG", "--registry", "r"],
+        ["direct", "DNG"],
+        ["calibrate", "DNG", "--lamp", "DNG"],
+        ["calibrate", "DNG", "--lamp", "D55", "--chart", "DNG"],
+        ["validate", "RESULT", "--truth", "DNG"],
+        ["registry", "add", "r", "DNG"],
+    ],
+    ids=" ".join,
+)
+def test_a_photo_in_another_file_s_place_is_named(
+    words: list[str],
+    shots: Path,
+    result: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(shots / "white.dng", "photo.dng")
+    places = {"DNG": "photo.dng", "RESULT": str(result / "result.json")}
+    assert cli.main([places.get(word, word) for word in words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("invalid_argument: photo.dng is a photo (DNG or TIFF), no")
+    assert "codec" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["photo.dng"]
+
+
+def test_a_batch_says_how_to_resume(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "m.csv").write_text("name,photo,lamp\na,typo.dng,D55\n")
+    call = ["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    assert cli.main(call) == cli.BATCH_FAILED
+    assert "run the same command again: what is done is not done again" in capsys.readouterr().err
+    monkeypatch.setattr(import_module("camssf.fleet.run"), "run_batch", raising(KeyboardInterrupt()))
+    assert cli.main(call) == 130
+    assert "Run the same command again to resume" in capsys.readouterr().err
+
+
+def test_the_reasons_of_a_batch_are_those_of_jobs_without_curves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An accepted result needs no reason; a failed one has no code, but is named."""
+    pytest.importorskip("duckdb", reason="duckdb is not here")
+    from camssf.fleet import stream
+
+    found = stream.Summary()
+    for status, code, count in (("accepted", "", 10), ("refused", "overexposed", 2), ("failed", "", 1)):
+        for _ in range(count):
+            found.count(status, code, "Phone" if status == "accepted" else "")
+    monkeypatch.setattr(stream, "run_stream", lambda *_, **__: found)
+    (tmp_path / "m.csv").write_text("name,photo,lamp\na,typo.dng,D55\n")
+    call = ["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--registry", str(tmp_path / "r")]
+    assert cli.main(call) == cli.BATCH_FAILED
+    lines = [line.strip() for line in capsys.readouterr().err.splitlines()]
+    assert lines[:4] == [
+        "10 Phone: 10 accepted", "3 of an unknown model: 2 refused, 1 failed", "2 overexposed",
+        "1 failed: a process died, or a fault of camssf",
+    ]  # fmt: skip
 
 
 # Arguments

@@ -14,9 +14,9 @@ from scipy.optimize import nnls
 from scipy.stats import multivariate_normal
 
 from camssf.curves import finish as walking
-from camssf.curves.code import soft, solve
+from camssf.curves.code import solve
 from camssf.curves.finish import PROVEN, SETTLED, finish, finish_steps
-from camssf.curves.layers import DEPTH, RELAXATION, ista, splitting
+from camssf.curves.layers import DEPTH, RELAXATION, ista, soft, splitting
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.proof import prove
 from camssf.curves.sensing import Sensing

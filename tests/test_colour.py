@@ -569,7 +569,8 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str
     from camssf.calibration import attempt
     from camssf.documents.report import document_bytes
     from camssf.options import Options
-    from camssf.simulation.frames import Scene, simulate
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
 
     folder = tmp_path_factory.mktemp("colour")
     scene = simulate("Nikon 5100 (NPL)", ["D55", "A"], folder, scene=Scene(size=(900, 675)), seed=3)

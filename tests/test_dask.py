@@ -5,7 +5,10 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from test_stream import Desk, slow, templates
 from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.fleet import pools
+from camssf.fleet.manifest import Manifest
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
@@ -40,6 +44,107 @@ def cluster() -> Iterator[Any]:
             yield found
     finally:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
+
+
+class Returned:
+    """A future as a busy cluster gives it back: cancelled, lost, or with an answer that never arrives."""
+
+    def __init__(self, status: str, answer: Any) -> None:
+        self.status, self._answer = status, answer
+
+    def result(self, timeout: float) -> Any:
+        assert self.status != "lost", "result() would wait"
+        if isinstance(self._answer, BaseException):
+            raise self._answer
+        return self._answer
+
+
+class Client:
+    """A cluster that drops each job so many times before it does it."""
+
+    def __init__(self, drops: int, returned: tuple[str, Any], marks: Path) -> None:
+        self.drops, self.returned, self.marks = drops, returned, marks
+        self.handed_out: Counter[str] = Counter()
+        self.cancelled: list[Any] = []
+
+    def nthreads(self) -> dict[str, int]:
+        return {"w": 1}
+
+    def as_current(self) -> Any:
+        return nullcontext()
+
+    def cancel(self, futures: list[Any], force: bool) -> None:
+        self.cancelled += futures
+
+    def submit(self, task: Any, item: Any, key: str, pure: bool) -> Returned:
+        self.handed_out[item.job.name] += 1
+        if self.handed_out[item.job.name] <= self.drops:
+            (self.marks / item.task).write_bytes(b".")  # a worker had begun it
+            return Returned(*self.returned)
+        return Returned("finished", task(item))
+
+
+def done_at_once(item: Any) -> pools.Done:
+    return pools.Done("accepted", reason=item.job.name)
+
+
+DROPS = {
+    "cancelled": ("cancelled", CancelledError("key")),
+    "lost": ("lost", None),
+    "no answer": ("finished", TimeoutError()),
+    "cancelled while asked": ("finished", CancelledError("key")),
+}
+
+
+def hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drops: int, returned: tuple[str, Any]) -> Any:
+    def wait(futures: list[Any], **_: Any) -> None:
+        if any(each.status == "cancelled" for each in futures):
+            raise CancelledError("as distributed.wait does")
+
+    class Ends:
+        def take(self, item: Any, done: pools.Done, *, deaths: int = 0) -> None:
+            ends.append((item.job.name, done.status, done.reason, deaths))
+
+        def flush(self, *, if_due: bool = False) -> None:
+            pass
+
+    monkeypatch.setattr(distributed, "wait", wait)
+    (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\nb,y,D55\n")
+    first, *rest = Manifest(tmp_path / "m.csv", {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"})
+    client = Client(drops, returned, tmp_path)
+    ends: list[Any] = []
+    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends(), lambda: None)
+    return client, sorted(ends)
+
+
+@pytest.mark.parametrize("drop", DROPS)
+@pytest.mark.parametrize("drops", [1, pools.AGAIN])
+def test_what_a_busy_cluster_drops_is_handed_out_again(
+    drop: str, drops: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, ends = hand_out(tmp_path, monkeypatch, drops, DROPS[drop])
+    assert ends == [("a", "accepted", "a", 0), ("b", "accepted", "b", 0)]
+    assert client.handed_out == {"a": drops + 1, "b": drops + 1}
+    assert len(client.cancelled) == 2 * drops
+
+
+@pytest.mark.parametrize("drop", DROPS)
+def test_not_for_ever(drop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no job's fault: the next run tries it again."""
+    client, ends = hand_out(tmp_path, monkeypatch, 10**6, DROPS[drop])
+    assert client.handed_out == {"a": pools.AGAIN + 1, "b": pools.AGAIN + 1}
+    words = f"The Dask cluster lost it {pools.AGAIN + 1} times. Run the same command again to do it."
+    assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
+
+
+def test_a_client_that_closed_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(*_: Any, **__: Any) -> None:
+        raise distributed.client.ClosedClientError("Can't perform action on a closed client")
+
+    monkeypatch.setattr(Client, "submit", closed)
+    with pytest.raises(InvalidArgument, match="The Dask cluster was lost") as caught:
+        hand_out(tmp_path, monkeypatch, 0, DROPS["lost"])
+    assert "the same command" in caught.value.advice
 
 
 @pytest.fixture
@@ -89,6 +194,32 @@ def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
     visits = desk.visits()
     assert max(visits.values()) <= 2
     assert sum(visits.values()) <= 17  # what was under way alone is done again
+
+
+def under_way(dask_scheduler: Any) -> list[str]:
+    return [key for key, task in dask_scheduler.tasks.items() if task.state != "memory"]
+
+
+def test_cancelled_by_somebody_else_nothing_is_lost(desk: Desk, cluster: Any) -> None:
+    names = [f"c{i}" for i in range(8)]
+    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    cancelled: list[str] = []
+
+    def meddle() -> None:
+        deadline = time.monotonic() + 60
+        while sum(desk.visits().values()) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+            cancelled.extend(key for key in client.run_on_scheduler(under_way) if key.startswith("camssf-"))
+            client.cancel([distributed.Future(key, client) for key in cancelled], force=True)
+
+    other = threading.Thread(target=meddle)
+    other.start()
+    found = desk.run(dask=cluster.scheduler_address, work=slow)
+    other.join()
+    assert cancelled
+    assert found.by_status == {"doubtful": 8}
+    assert [each["name"] for each in desk.rows()] == sorted(names)
 
 
 def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:

@@ -26,7 +26,7 @@ from camssf.errors import (
 )
 from camssf.evidence.scores import rmse
 from camssf.grid import WAVELENGTHS
-from camssf.simulation.frames import Sensor
+from camssf.simulation.camera import Sensor
 from camssf.spectra import CameraCurves, read_camera, read_lamp
 
 NIKON = "Nikon 5100 (NPL)"
@@ -410,12 +410,22 @@ def test_a_folder_that_cannot_be_written_gets_no_half(tmp_path: Path) -> None:
     nm = np.arange(380.0, 725.0, 5.0)
     found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(InvalidArgument, match="cannot be written to"):
+    with pytest.raises(InvalidArgument, match="out is a file"):
         found.save(tmp_path / "out")
     (tmp_path / "folder" / "ssf.csv").mkdir(parents=True)
     with pytest.raises(InvalidArgument, match=r"ssf\.csv is a folder"):
         found.save(tmp_path / "folder")
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["ssf.csv"]
+
+
+def test_a_calibration_s_curves_are_not_replaced(tmp_path: Path) -> None:
+    nm = np.arange(380.0, 725.0, 5.0)
+    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
+    for name in ("result.json", "ssf.csv"):
+        (tmp_path / name).write_text("calibrated")
+    with pytest.raises(InvalidArgument, match="holds the result of a calibration"):
+        found.save(tmp_path)
+    assert (tmp_path / "ssf.csv").read_text() == "calibrated"
 
 
 @pytest.mark.slow

@@ -22,7 +22,14 @@ CASES: dict[str, dict[str, Any]] = {
     for path in sorted((ROOT / "cases" / "mosaic").glob("*.json"))
     if (case := read_case(path))["expect"] == "success"
 }
-BY_LIBRAW = [name for name, case in CASES.items() if not LACKING & set(case["requires"])]
+WRONG = {
+    "deflate", "deflate-differences", "deflate-packed", "deflate-tiles-wide", "jpeg-point-transform",
+    "jpeg-restart-predictor-6", "jpeg-strips", "jpeg-tiles-wide", "strips-backwards",
+}  # fmt: skip
+"""Files that LibRaw decodes wrongly or not at all."""
+OWN = {"jpeg-tiles-wide"}
+"""Files that tifffile decodes wrongly, too: here the judge is Kotlin's reader, in the golden stage `mosaic`."""
+BY_LIBRAW = [name for name, case in CASES.items() if not LACKING & set(case["requires"]) and name not in WRONG]
 
 
 def digest(samples: np.ndarray) -> str:
@@ -55,7 +62,7 @@ def test_libraw_finds_the_same_samples(name: str) -> None:
     assert found == CASES[name]["outputs"]["samples_sha256"]
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in BY_LIBRAW])
+@pytest.mark.parametrize("name", [name for name in CASES if name not in {*BY_LIBRAW, *OWN}])
 def test_tifffile_finds_the_same_samples(name: str) -> None:
     """What LibRaw does not decode: tifffile with imagecodecs does."""
     pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")

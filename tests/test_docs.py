@@ -19,7 +19,7 @@ from test_report import document
 
 import camssf
 from camssf import recover
-from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, app, main
+from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.curves.evidence import Evidence
 from camssf.documents.report import document_bytes
 from camssf.errors import CalibrationError, LampUnfit
@@ -268,7 +268,7 @@ def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
     kinds = [CalibrationError]
     for kind in kinds:
         kinds.extend(kind.__subclasses__())
-    expected: dict[int, set[str]] = {0: set(), BATCH_FAILED: set(), BUG: set(), INTERRUPTED: set()}
+    expected: dict[int, set[str]] = {0: set(), BATCH_FAILED: set(), UNDECIDED: set(), BUG: set(), INTERRUPTED: set()}
     for kind in kinds:
         if not kind.__subclasses__():
             expected.setdefault(kind.exit_status, set()).add(kind.code)

@@ -21,7 +21,8 @@ from camssf.exports import export
 from camssf.fleet.run import run_batch
 from camssf.grid import WAVELENGTHS
 from camssf.photo.raw import read_raw
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import camera_names, read_camera
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
@@ -109,7 +110,6 @@ def workshop(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(folder / f"{old}.dng", folder / f"{new}.dng")
     calibrate(folder / "photo.dng", "D55", white=folder / "white.dng").save(folder / "phone.json")
     (folder / "manifest.csv").write_text("name,photo,lamp,white,dark\nday,photo.dng,D55,white.dng,dark.dng\n")
-    (folder / "revoked.txt").write_text("")
     nm = np.arange(400.0, 701.0, 10.0)
     rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in camera("Canon EOS 5D").T), nm**0])
     np.savetxt(folder / "sweep.csv", rows, delimiter=",", header="wavelength_nm,red,green,blue,power", comments="")

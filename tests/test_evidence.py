@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import camssf
-from camssf.curves import Evidence, explain, predict, recover
+from camssf.curves import Evidence, recover
 from camssf.errors import InvalidArgument
 from tests.problems import chart_and_lamp, theory, toy_camera
 
@@ -64,19 +63,3 @@ def test_wrong_evidence_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words) as refusal:
         Evidence(**told() | change)
     assert refusal.value.advice
-
-
-def test_the_calls_before_evidence_still_serve() -> None:
-    given = told()
-    y, reflectance, lamp = given["signals"], given["reflectance"], given["lamp"]
-    answer = recover(Evidence(**given))
-    with pytest.warns(DeprecationWarning, match="recover.Evidence"):
-        assert (recover(y, reflectance, lamp, standard_error=given["standard_error"]).values == answer.values).all()
-    with pytest.warns(DeprecationWarning, match="recover.Evidence"):
-        assert (camssf.recover(**given).values == answer.values).all()
-    with pytest.warns(DeprecationWarning, match="explain.Evidence"):
-        assert explain(**given)["noise"] == pytest.approx(explain(Evidence(**given))["noise"])
-    with pytest.warns(DeprecationWarning, match="predict.Evidence"):
-        assert (predict(answer, **given).std == predict(answer, Evidence(**given)).std).all()
-    with pytest.raises(TypeError, match="says it all"):
-        recover(Evidence(**given), reflectance)

@@ -16,8 +16,12 @@ from camssf.calibration import calibrate
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.mosaic import read_dng
+from camssf.simulation.camera import Sensor
 from camssf.simulation.faults import FAULTS, SEVERITIES, strike
-from camssf.simulation.frames import Frames, Scene, Sensor, Setup, Simulation, simulate, take, true_pose
+from camssf.simulation.frames import Simulation, simulate
+from camssf.simulation.scene import Scene, true_pose
+from camssf.simulation.setup import Setup
+from camssf.simulation.shot import Frames, take
 from camssf.spectra import read_camera, read_chart, read_lamp
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from camssf.errors import InvalidArgument
-from camssf.files import write_file, write_files
+from camssf.files import local, local_folder, write_file, write_files
 
 pytestmark = pytest.mark.requirement("R-WHOLE-FILES")
 
@@ -54,6 +54,59 @@ def test_a_disk_that_takes_less_at_a_time_still_gets_it_all(tmp_path: Path, monk
     write_file(tmp_path / "file", bytes(range(100)))
     monkeypatch.undo()
     assert (tmp_path / "file").read_bytes() == bytes(range(100))
+
+
+URLS = ["s3://bucket/x", "gs://bucket/x", "http://host/x", "HTTPS://host/x", "file:///x", "az+blob://x", " s3://x"]
+
+
+@pytest.mark.parametrize("url", URLS)
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_url_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str, kind: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    for call in (local, local_folder, lambda path: write_file(path, b""), lambda path: write_files(path, {"a": b""})):
+        with pytest.raises(InvalidArgument, match="camssf reads and writes local files only") as caught:
+            call(kind(url))
+        assert url.strip() in caught.value.message
+        assert "Copy it here first" in caught.value.advice
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "path", ["s3", "a/s3:/x", "C:/photos", "C:\\photos", "D:5500", "nano24:/abs/mine.csv", "./x://y"]
+)
+def test_what_looks_like_a_url_only_from_afar(path: str) -> None:
+    assert local(path) == Path(path)
+
+
+def test_a_file_where_a_folder_should_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    for call in (
+        lambda: write_files(tmp_path / "file", {"a": b""}),
+        lambda: write_files(tmp_path / "file" / "below" / "it", {"a": b""}),
+        lambda: write_file(tmp_path / "file" / "a", b""),
+    ):
+        with pytest.raises(InvalidArgument, match="file is a file") as caught:
+            call()
+        assert "Name a folder" in caught.value.advice
+        assert "space" not in caught.value.advice
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_the_advice_fits_the_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InvalidArgument, match="it is a folder") as caught:
+        write_file(tmp_path / "folder", b"")
+    assert "Name a file" in caught.value.advice
+    for number, advice in ((errno.ENOSPC, "Free some space"), (errno.EROFS, "that you may write to")):
+
+        def failing(*_: Any, number: int = number) -> None:
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr(os, "fsync", failing)
+        for call in (lambda: write_file(tmp_path / "a", b""), lambda: write_files(tmp_path, {"a": b""})):
+            with pytest.raises(InvalidArgument) as caught:
+                call()
+            assert advice in caught.value.advice
 
 
 @pytest.mark.parametrize("place", ["missing/file", "folder", "a\0b"])

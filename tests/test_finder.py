@@ -18,9 +18,15 @@ from camssf.photo.finder.picture import codes_of_bytes, codes_of_light, codes_of
 from camssf.photo.mosaic import read_dng
 from camssf.photo.pose import find_chart
 from camssf.photo.search import Match
+from camssf.simulation.camera import Sensor
 from camssf.tools import kinds as tool
+from golden.finders import keys_beside
+from golden.poses import draw, turned
 from tests.scenes import mosaic, table
 from tests.test_chart import DNG, SCENES, edge, photo_of
+
+GOLDEN = Sensor(black=256, white_level=15000)
+"""Of the golden drawings."""
 
 
 def off(found: Floats, centres: Floats) -> float:
@@ -88,6 +94,19 @@ def test_two_charts_are_said_to_be_two() -> None:
     found = find_sightings(codes_of_bytes(np.hstack([left, right])))
     assert found.findings == ("two_charts",)
     assert len(found.sightings) == 2
+
+
+def test_two_charts_in_one_raster_are_two() -> None:
+    """Each keeps its own patches: the larger of the two is not taken twice, and the other not lost."""
+    row = np.concatenate([draw(turned(24, 0, margin=36)) for _ in range(2)], axis=1)
+    found = find_sightings(codes_of_mosaic(mosaic(row, GOLDEN)))
+    assert found.findings == ("two_charts",)
+
+
+def test_a_keyboard_that_reaches_the_board_does_not_hide_the_chart() -> None:
+    """Growth runs from a key into the patches; those that the keys' lattice then leaves out are free again."""
+    found = find_sightings(codes_of_mosaic(mosaic(keys_beside(), GOLDEN)))
+    assert [(sighting.kind, sighting.seen > 20) for sighting in found.sightings] == [("classic24", True)]
 
 
 def test_a_chart_of_other_colours_is_none() -> None:

@@ -14,7 +14,7 @@ from test_report import document
 
 import camssf
 from camssf.errors import InvalidArgument, LampUnfit
-from camssf.exports import export
+from camssf.exports import export, read_result
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import (
     CameraLike,
@@ -97,10 +97,50 @@ def test_an_uneven_tm27_file_is_read_to_its_digits() -> None:
     wavelengths, values = read_spectrum(path)
     assert np.array_equal(wavelengths, judge.wavelengths)
     assert np.array_equal(values, judge.values)
-    with pytest.raises(
-        LampUnfit, match="only"
-    ):  # its lines leave gaps of more than 20 nm: no lamp to calibrate under
+    with pytest.raises(LampUnfit, match=r"a gap of 34\.2 nm: nothing from 714\.2 to 748\.4 nm"):  # lines alone
         read_lamp(str(path))
+
+
+def test_a_gap_is_named_where_it_is(tmp_path: Path) -> None:
+    def without(*left_out: int) -> str:
+        return re.sub(rf'<SpectralData wavelength="({"|".join(map(str, left_out))})">[^<]*</SpectralData>', "", SPDX)
+
+    with pytest.raises(LampUnfit, match="a gap of 25 nm: nothing from 515 to 540 nm") as caught:
+        read_lamp(write(tmp_path / "x.spdx", without(520, 525, 530, 535)))
+    assert (caught.value.value, caught.value.threshold) == (25.0, 20.0)
+    read_lamp(write(tmp_path / "x.spdx", without(520, 525, 530)))  # 20 nm will do
+    beyond = '<SpectralData wavelength="790">1</SpectralData></SpectralDistribution>'
+    beyond = SPDX.replace("</SpectralDistribution>", beyond)
+    read_lamp(write(tmp_path / "x.spdx", beyond))  # of no matter beyond 720 nm
+
+
+DEVIATION = 0.01 * POWER
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+@pytest.mark.parametrize("head", [None, "wavelength_nm{0}power{0}std", "nm{0}W/m2{0}power_sigma", "nm{0}I{0}Error"])
+def test_a_lamp_of_three_columns_is_read_without_its_deviation(head: str | None, mark: str, tmp_path: Path) -> None:
+    rows = [f"{nm}{mark}{p!r}{mark}{s!r}" for nm, p, s in zip(NM, POWER.tolist(), DEVIATION.tolist(), strict=True)]
+    path = write(tmp_path / "lamp.csv", "\n".join(([] if head is None else [head.format(mark)]) + rows) + "\n")
+    same_lamp(read_lamp(path), NM, POWER)
+
+
+@pytest.mark.parametrize(
+    ("head", "third"),
+    [
+        (None, POWER[::-1]),
+        (None, -DEVIATION),
+        (None, 0.3 * POWER),
+        ("nm,lamp A,lamp B", DEVIATION),
+        (None, POWER * np.nan),
+    ],
+)
+def test_a_file_of_two_lamps_is_refused(head: str | None, third: Floats, tmp_path: Path) -> None:
+    rows = [f"{nm},{p},{s}" for nm, p, s in zip(NM, POWER, third, strict=True)]
+    with pytest.raises(InvalidArgument, match="no standard deviation"):
+        read_lamp(write(tmp_path / "lamp.csv", "\n".join(([head] if head else []) + rows)))
+    with pytest.raises(InvalidArgument, match="no table of one spectrum"):  # one line with a column more
+        read_lamp(write(tmp_path / "lamp.csv", "\n".join([*(f"{nm},1" for nm in NM), "740,1,0.01"])))
 
 
 def test_what_a_file_holds_is_seen_from_its_content(tmp_path: Path) -> None:
@@ -298,15 +338,122 @@ def test_a_result_is_told_how_to_become_a_camera(tmp_path: Path) -> None:
     assert "camssf export --to rawtoaces" in caught.value.advice
 
 
-@pytest.mark.parametrize("to", ["rawtoaces", "spectacle", "csv", "colour"])
+@pytest.mark.parametrize("to", ["rawtoaces", "spectacle", "csv", "colour", "dcamprof"])
 def test_our_own_exports_are_cameras(to: str, tmp_path: Path) -> None:
     given = document("D55")
     path = tmp_path / "export"
     path.write_bytes(export(given, to))
-    expected = np.array([given["ssf"][name] for name in ("red", "green", "blue")]).T
+    expected = read_result(given).own
     camera = read_camera(str(path))
-    step = {"rawtoaces": 10, "spectacle": 2}.get(to, 1)
+    step = {"rawtoaces": 10, "dcamprof": 10, "spectacle": 2}.get(to, 1)
     np.testing.assert_allclose(camera.values[::step], expected[::step], atol=1e-12)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", "  "])
+def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> None:
+    nm = np.arange(400, 701, 10)
+    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+    rows = [mark.join(map(repr, [int(w), *row])) for w, row in zip(nm, curves.tolist(), strict=True)]
+    name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.csv", "\n".join(["# measured", *rows]))), None)
+    assert name == "mine"
+    assert np.array_equal(wavelengths, nm)
+    assert np.array_equal(found, curves)
+    for broken, words in (([*rows, "710,1,2"], "four numbers"), ([*rows, "710,1,2,x"], "row of numbers")):
+        broken = [line.replace(",", mark) for line in broken]
+        with pytest.raises(InvalidArgument, match=words):
+            read_camera(write(tmp_path / "x.csv", "\n".join(broken)))
+    five = [f"{row}{mark}1" for row in rows]  # which of the five is which, nobody knows
+    with pytest.raises(InvalidArgument, match="first line must read"):
+        read_camera(write(tmp_path / "x.csv", "\n".join(five)))
+
+
+def cmf(sets: int = 3, kind: str | None = None) -> tuple[str, Floats, Floats]:
+    """As Argyll writes a .cmf: its .sp with the word CMF and three sets."""
+    nm = np.linspace(380.0, 730.0, 106)
+    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460, 440)[:sets]])
+    fields = " ".join(f"SPEC_{round(each)}" for each in nm)
+    rows = "\n".join(" ".join(f"{each:.9f}" for each in row) for row in curves)
+    told = "" if kind is None else f'MEAS_TYPE "{kind}"\n'
+    text = (
+        f'CMF  \n\nORIGINATOR "Argyll CMS"\n{told}SPECTRAL_BANDS "106"\nSPECTRAL_START_NM "380.000000"\n'
+        f'SPECTRAL_END_NM "730.000000"\nSPECTRAL_NORM "1.000000"\nNUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\n'
+        f"END_DATA_FORMAT\n\nNUMBER_OF_SETS {sets}\nBEGIN_DATA\n{rows}\nEND_DATA\n"
+    )
+    return text, nm, curves.T
+
+
+def test_argyll_s_cmf_is_a_camera(tmp_path: Path) -> None:
+    text, nm, curves = cmf()
+    name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.cmf", text)), None)
+    assert name == "mine"
+    assert np.abs(wavelengths - nm).max() < 1e-12
+    assert np.abs(found - curves).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("sets", "kind", "words"), [(1, None, "1 spectra"), (4, None, "4 spectra"), (3, "REFLECTIVE", "surf")]
+)
+def test_other_cgats_is_no_camera(sets: int, kind: str | None, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        read_camera(write(tmp_path / "x.cmf", cmf(sets, kind)[0]))
+
+
+DCAMPROF = """// a camera's own file, as DCamProf's example lays it out
+{
+  // camera name, see http://example.org/names
+  "camera_name": "Maker \\"One\\" // 7",
+  /* bands in nanometres */
+  "ssf_bands": [ 400, 720, 10 ], // 400 nm to 720 nm
+  "red_ssf": [%s],
+  "green_ssf": [%s],
+  "blue_ssf": [%s]
+}
+"""
+DCAMPROF_NM = np.arange(400, 721, 10)
+DCAMPROF_CURVES = np.stack([np.exp(-(((DCAMPROF_NM - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+DCAMPROF_TEXT = DCAMPROF % tuple(", ".join(map(repr, curve.tolist())) for curve in DCAMPROF_CURVES.T)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_dcamprof_s_camera_is_read(listed: bool, tmp_path: Path) -> None:
+    """With its comments; bands as [first, last, step] or every wavelength. The channels keep their scale."""
+    text = DCAMPROF_TEXT
+    if listed:
+        text = text.replace("[ 400, 720, 10 ]", str(DCAMPROF_NM.tolist()))
+    name, nm, curves = read_curves(Path(write(tmp_path / "camera.json", text)), None)
+    assert name == 'Maker "One" // 7'
+    assert np.array_equal(nm, DCAMPROF_NM)
+    assert np.array_equal(curves, DCAMPROF_CURVES)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("400, 720, 10", "400, 720, 7"),
+        ("400, 720, 10", "400, 720, 0"),
+        ("400, 720, 10", "720, 400, 10"),
+        ("400, 720, 10", "400, 720, 1e-7"),
+        ("400, 720, 10", "400, 1e308, 1e-300"),
+        ("400, 720, 10", "400, 720, true"),
+        ("400, 720, 10", "400, 720"),
+        ('"red_ssf": [', '"red_ssf": [1.0, '),
+        ('"red_ssf": [', '"red_ssf": ["1.0", '),
+        ('"red_ssf": [', '"green_ssf": ['),
+        ('"blue_ssf"', '"blau_ssf"'),
+        ('"camera_name": "', '"camera_name": 7, "x": "'),
+        ("/* bands in nanometres */", "/* bands in nanometres"),
+        ("}", ""),
+    ],
+)
+def test_a_broken_file_of_dcamprof_is_refused(old: str, new: str, tmp_path: Path) -> None:
+    assert old in DCAMPROF_TEXT
+    with pytest.raises(InvalidArgument, match="DCamProf"):
+        read_camera(write(tmp_path / "camera.json", DCAMPROF_TEXT.replace(old, new)))
+
+
+def test_a_file_of_unended_comments_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="DCamProf"):
+        read_camera(write(tmp_path / "x.json", '{"ssf_bands"' + "/*" * 2_000_000))
 
 
 SPECTACLE = """

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from camssf.curves.basis import interpolate, read_basis
-from camssf.curves.code import DEPTH
 from camssf.curves.engine import SHIPPED, load_model
+from camssf.curves.layers import DEPTH
 from camssf.curves.sensing import anchor
 from camssf.grid import WAVELENGTHS
 from camssf.spectra import read_lamp
-from golden import compare, generate, poses, reading, running
+from golden import compare, generate, poses, reading
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
 from golden.running import ABILITIES, by_model, findings, judge, problem, run
 
@@ -24,7 +24,6 @@ Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 SOUND = [name for name, case in CASES.items() if case["expect"] == "success"]
 RUNNABLE = [name for name in SOUND if set(CASES[name]["requires"]) <= set(ABILITIES)]
-LACKING = {name: set(case["requires"]) - set(ABILITIES) for name, case in CASES.items()}
 SOLVED = [name for name in SOUND if CASES[name]["oracle"]]
 MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 
@@ -180,21 +179,11 @@ def test_what_the_issue_lists_is_there() -> None:
 # -- truth --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if not LACKING[name]])
+@pytest.mark.parametrize("name", CASES)
 def test_the_reference_keeps_every_limit(name: str) -> None:
     found = findings(CASES[name])
     assert found
     assert not [finding for finding in found if not finding.holds or finding.skipped not in ("", "needs metadata")]
-
-
-def test_cases_that_only_others_read() -> None:
-    """One skip that names them all. Kotlin's tests read most of them."""
-    left = {name: lacking for name, lacking in LACKING.items() if lacking}
-    # "metadata" is asked of single limits, not of whole cases
-    assert {ability for lacking in left.values() for ability in lacking} == running.LACKING - {"metadata"}
-    if left:
-        cases = ", ".join(f"{name} ({' '.join(sorted(lacking))})" for name, lacking in left.items())
-        pytest.skip(f"Python's reader lacks what {len(left)} golden cases require: {cases}")
 
 
 @pytest.mark.parametrize("name", SOLVED)

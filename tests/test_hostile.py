@@ -19,7 +19,8 @@ from camssf import cli
 from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
 from camssf.fleet import run as batch
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 
 pytestmark = pytest.mark.requirement("R-HOSTILE")
 
@@ -149,7 +150,7 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
         read_document(large)
     assert cli.main(["solve", str(large)]) == InvalidArgument.exit_status
     from camssf.direct import sweep
-    from camssf.tools.learn import read_curves
+    from camssf.tools.training import read_curves
 
     with large.open("r+b") as file:
         file.truncate(500_000_000)

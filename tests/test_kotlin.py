@@ -5,6 +5,7 @@ Where either is missing the whole file is one skip, which says so.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -18,16 +19,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.calibration import calibrate
+from benchmarks.fuzz import damaged
+from camssf.calibration import attempt
 from camssf.cli import main
 from camssf.documents.fields import fields_apart
 from camssf.documents.report import check_document
-from camssf.documents.result import Json
+from camssf.documents.result import Calibration, Json
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
 from camssf.parity import STAGES, first, parity
-from camssf.simulation.frames import Scene, SimulatedShot, simulate
+from camssf.photo.mosaic import read_dng
+from camssf.simulation.frames import SimulatedShot, simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves
 from golden.reading import resolve
 from golden.scenes import PHONE
@@ -114,17 +118,17 @@ def python(case: Case) -> Json:
     """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
     said = {"corners": case.corners, **case.options}
     chart = said.pop("chart", "classic24")
-    try:
-        return calibrate(
-            [shot.chart for shot in case.shots],
-            case.lamps,
-            white=[shot.white for shot in case.shots] if case.white else None,
-            dark=[shot.dark for shot in case.shots] if case.dark else None,
-            chart=chart,
-            options=Options(**said),
-        ).document()
-    except CalibrationError as error:
-        document = error.evidence or {}
+    found = attempt(
+        [shot.chart for shot in case.shots],
+        case.lamps,
+        white=[shot.white for shot in case.shots] if case.white else None,
+        dark=[shot.dark for shot in case.shots] if case.dark else None,
+        chart=chart,
+        options=Options(**said),
+    )
+    document = found.document()
+    if isinstance(found, Calibration):
+        return document
     for reason in document["verdict"]["reasons"]:
         for shot in case.shots:
             for path in filter(None, (shot.chart, shot.white, shot.dark)):
@@ -401,3 +405,34 @@ def test_report_and_validate_read_it(
     assert "D55" in page
     truth = shots[0].chart.parent / "truth.csv"
     assert main(["validate", str(place), "--truth", str(truth)]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.requirement("R-HOSTILE")
+def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
+    """Both read the same samples and levels, or refuse with the same code."""
+    paths = [tmp_path / f"{seed}.dng" for seed in range(400)]
+    for seed, path in enumerate(paths):
+        path.write_bytes(damaged("dng", seed)[1])
+    classes = os.pathsep.join([*map(str, _jars()), (GOLDEN / "classpath.txt").read_text().strip()])
+    done = subprocess.run(
+        ["java", "-Xmx512m", "-XX:TieredStopAtLevel=1", "-cp", classes, "org.camssf.golden.Codes"],
+        input="\n".join(map(str, paths)), capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    theirs = [line.split("\t") for line in done.stdout.splitlines()]
+    apart = []
+    for path, (code, *said) in zip(paths, theirs, strict=True):
+        try:
+            mosaic = read_dng(path)
+        except CalibrationError as error:
+            if error.code != code:
+                apart.append((path.name, error.code, error.message, code, said))
+            continue
+        samples = hashlib.sha256(mosaic.samples.astype("<u2").tobytes()).hexdigest()
+        levels = [mosaic.white, *mosaic.black.ravel()]
+        if [code, *said[:2]] != ["read", samples, mosaic.cfa] or not np.allclose(
+            levels, [float(v) for v in said[2:]], rtol=1e-12, atol=0
+        ):
+            apart.append((path.name, "read", samples, code, said))
+    assert apart == []
+    assert {code for code, *_ in theirs} >= {"read", "unreadable_raw", "unsupported_raw"}

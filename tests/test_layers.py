@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from camssf.curves.basis import read_basis
-from camssf.curves.code import DEPTH
 from camssf.curves.evidence import Evidence
 from camssf.curves.finish import finish, finish_steps
-from camssf.curves.layers import RELAXATION, Layer, ista, soft, splitting
+from camssf.curves.layers import DEPTH, RELAXATION, Layer, ista, soft, splitting
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.sensing import sense
 from camssf.grid import STEP, Floats

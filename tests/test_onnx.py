@@ -21,7 +21,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
-from golden.running import arrays, by_model, findings, judge, layers, problem, run
+from golden.running import arrays, by_model, findings, judge, layers, model_inputs, problem, run
 from tests.problems import chart_and_lamp, recovered, theory, told, toy_camera, whiten_in_80_bits
 
 EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -154,7 +154,8 @@ def modes_told(model: Model, evidence: Evidence, prior_scale: float = 1.0) -> tu
              "lamp_tolerance")  # fmt: skip
     found = model.run({
         "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "lamp_modes": modes, "l2": np.array(1.0),
-        "gamma": np.array(0.05), "prior_scale": np.array(prior_scale),
+        "gain_modes": np.zeros((len(y), 1, y.shape[1])), "gain_own": np.array(0.0), "gamma": np.array(0.05),
+        "nonnegative": np.array(0.0), "prior_scale": np.array(prior_scale),
     } | {name: np.asarray(getattr(evidence, name), float) for name in names})  # fmt: skip
     return found["mode_estimate"], found["mode_covariance"]
 
@@ -271,13 +272,7 @@ def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
     given, reference = arrays(CASES[name]), problem(CASES[name])
     basis = given["basis"]
-    modes = given["lamp_modes"] if given["lamp_modes"].shape[1] else np.zeros((len(given["lamp"]), 1, 681))
-    inputs = {i.name: np.asarray(given[i.name], float) for i in load_model(basis).session.get_inputs()
-              if i.name in given and i.name not in ("lamp_modes", "nonnegative")}  # fmt: skip
-    inputs |= {"lamp_modes": modes, "nonnegative": np.array(float(given["nonnegative"]))}
-    k, n, _ = given["chart"].shape
-    inputs = {"gain_modes": np.zeros((k, 1, n))} | inputs
-    own = row_reader(basis).run(["rows", "target"], inputs)
+    own = row_reader(basis).run(["rows", "target"], model_inputs(load_model(basis), given))
     assert rows_apart(own, reference) <= 1e-11
     assert rows_apart(own, replace(reference, covariance=reference.covariance * (1 + 1e-9))) > 1e-10
 
@@ -362,14 +357,22 @@ def test_the_same_call_gives_the_same_bits(basis: str) -> None:
     assert recovered(**a).values.tobytes() == recovered(**a).values.tobytes()
 
 
-def test_nonnegative_is_optional_and_defaults_by_basis() -> None:
-    """A caller that knows only the documented inputs gets x ≥ 0 on the paper's basis, signed codes else."""
-    for basis in SHIPPED:
-        model, fed = load_model(basis), inputs_of(basis)
-        code = model.run(fed)["code"]
-        explicit = model.run(fed | {"nonnegative": np.array(float(basis == "gaussian"))})["code"]
-        assert code.tobytes() == explicit.tobytes()
-        assert (code >= 0).all() == (basis == "gaussian")
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_every_input_must_be_given(basis: str) -> None:
+    """No input has a default: ONNX Runtime for Java takes no value for one that has."""
+    model, given = load_model(basis), inputs_of(basis)
+    assert model.session.get_overridable_initializers() == []
+    assert {each.name for each in model.session.get_inputs()} == set(given)
+    for name in given:
+        with pytest.raises(ValueError, match=name):
+            model.run({other: value for other, value in given.items() if other != name})
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_codes_are_nonnegative_where_the_call_says_so(basis: str) -> None:
+    model, given = load_model(basis), inputs_of(basis)
+    assert (model.run(given | {"nonnegative": np.array(1.0)})["code"] >= 0).all()
+    assert (model.run(given | {"nonnegative": np.array(0.0)})["code"] < 0).any()
 
 
 def inputs_of(basis: str) -> dict[str, Floats]:
@@ -380,8 +383,9 @@ def inputs_of(basis: str) -> dict[str, Floats]:
         "chart": a["signals"], "white": ones, "dark": 0 * ones, "standard_error": a["standard_error"],
         "reflectance": a["reflectance"], "chart_tolerance": np.full(n, 0.0),
         "white_reflectance": np.ones(681), "white_tolerance": np.array(0.01), "lamp": a["lamp"],
-        "lamp_tolerance": np.zeros(k), "lamp_modes": np.zeros((k, 1, 681)), "l2": np.array(1.0),
-        "gamma": np.array(0.05),
+        "lamp_tolerance": np.zeros(k), "lamp_modes": np.zeros((k, 1, 681)), "gain_modes": np.zeros((k, 1, n)),
+        "gain_own": np.array(0.0), "l2": np.array(1.0), "gamma": np.array(0.05), "nonnegative": np.array(0.0),
+        "prior_scale": np.array(1.0),
     }  # fmt: skip
 
 

@@ -23,8 +23,8 @@ ROOMS = {
     "fonts": set(),
     "libraries": {"errors"},
     "spectra": {"errors", "grid", "files", "fonts"},
-    "photo": {"errors", "grid", "rules", "options", "spectra"},
-    "curves": {"errors", "grid", "rules", "spectra"},
+    "photo": {"errors", "grid", "files", "rules", "options", "spectra"},
+    "curves": {"errors", "grid", "files", "rules", "spectra"},
     "colour": {"errors", "grid", "files", "spectra", "photo", "curves"},
     "evidence": {"errors", "grid", "rules", "options", "spectra", "photo", "curves"},
     "documents": {
@@ -131,7 +131,6 @@ def test_public_names_are_verbs_however_they_are_reached() -> None:
         "assert callable(calibrate) and callable(validate)\n"
     )
     fresh(code)
-    fresh("import camssf.calibration, camssf.validate\n" + code)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
@@ -214,37 +213,7 @@ def test_no_module_reaches_itself() -> None:
 
 
 def test_every_module_is_in_a_room() -> None:
-    assert {name.partition(".")[0] for name in MODULES} - set(ROOMS) == {"__init__", "__main__", "_former"}
-
-
-def former_names() -> dict[str, str]:
-    return dict(import_module("camssf._former").FORMER)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(former_names()))
-def test_a_former_name_still_imports(name: str) -> None:
-    code = (
-        "import warnings, importlib\n"
-        "with warnings.catch_warnings(record=True) as said:\n"
-        "    warnings.simplefilter('always')\n"
-        f"    before = importlib.import_module('camssf.{name}')\n"
-        f"now = importlib.import_module('camssf.{former_names()[name]}')\n"
-        "assert now.__spec__.name == now.__name__, now.__spec__\n"
-        f"assert any('camssf.{former_names()[name]}' in str(w.message) for w in said), said\n"
-        "names = [n for n in vars(now) if not n.startswith('__')]\n"
-        "assert names and all(getattr(before, n) is getattr(now, n) for n in names)\n"
-    )
-    fresh(code)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["learn", "tabulate"])
-def test_a_former_command_still_runs(name: str) -> None:
-    assert f"camssf.tools.{name}" in fresh(
-        f"import runpy, sys, warnings; sys.argv = ['x', '--help']; warnings.simplefilter('ignore')\n"
-        f"runpy.run_module('camssf.{name}', run_name='__main__')"
-    )
+    assert {name.partition(".")[0] for name in MODULES} - set(ROOMS) == {"__init__", "__main__"}
 
 
 def test_typed() -> None:
@@ -349,48 +318,3 @@ def test_nothing_but_the_two_packages_is_importable() -> None:
         if (path / "__init__.py").is_file() or path.suffix == ".py"
     }
     assert found == {"camssf", "camssf_onnx"}
-
-
-SIMULATE_OF_0_1 = (
-    "CFA_ORDERS", "FOCAL", "FRAME", "FRAME_WIDTH", "LARGEST", "SURROUNDS", "Change", "Frames", "Light", "Plan",
-    "Samples", "Scene", "Sensor", "SimulatedShot", "Simulation", "Told", "View", "homography", "photograph",
-    "render_mosaic", "simulate", "sites", "take", "true_pose",
-)  # fmt: skip
-CHART_OF_0_1 = (
-    "ACCEPT", "ACCEPT_BY_HAND", "ATTEMPTS", "LAYOUTS", "LOCKED", "NEAR", "SMALLEST", "WINDOWS", "WINDOWS_BY_HAND",
-    "WORTH", "ChartLayout", "Pose", "agreement", "block_corners", "find_chart", "map_points", "patch_corners",
-    "plain_signals", "refine_corners",
-)  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "also"),
-    [
-        ("ssf", ("LARGEST_GAP", "ENGINES", "SMALLEST_GAMMA", "L2", "explain", "predict")),
-        ("sensing", ("CHART_CORRELATION", "LAMP_CORRELATION", "INDEPENDENT_SHARE", "smooth_errors", "sense")),
-        ("unrolled", ("GOLDEN", "RELAXATION", "PIVOT_FLOOR", "RIDGE", "DEPTH", "solve", "whiten")),
-        ("calibrate", ("compare", "calibrate", "solve", "Calibration", "WHITE_TOLERANCE", "FOLDS")),
-    ],
-)
-def test_a_former_module_that_was_divided_has_all_its_names(name: str, also: tuple[str, ...]) -> None:
-    fresh(
-        f"import warnings; warnings.simplefilter('ignore'); from camssf.{name} import {', '.join(also)}\n"
-        f"import camssf.{name}\ntry: camssf.{name}.nothing\nexcept AttributeError as e: assert 'camssf.' in str(e)\n"
-        "else: raise SystemExit(1)"
-    )
-
-
-MOSAIC_OF_0_1 = (
-    "CFA_ORDERS", "CONVERT", "COPY_AGAIN", "MAX_DEPTH", "MAX_DIRECTORIES", "MAX_SAMPLES", "MAX_SIDE", "RAW_MODE",
-    "Mosaic", "read_dng", "shading",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "names"), [("simulate", SIMULATE_OF_0_1), ("chart", CHART_OF_0_1), ("mosaic", MOSAIC_OF_0_1)]
-)
-def test_the_names_in_a_former_module_are_there(name: str, names: tuple[str, ...]) -> None:
-    now = import_module(f"camssf.{former_names()[name]}")
-    assert not [each for each in names if not hasattr(now, each)]
-    assert set(names) <= set(now.__all__)

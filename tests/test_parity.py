@@ -324,8 +324,6 @@ def test_frames_are_asked_for(result: Json, shots: Path) -> None:
             compared(result, shots, **more)
     with pytest.raises(InvalidArgument, match="2 photo"):
         parity(result, [shots / "chart.dng"] * 2)
-    with pytest.warns(DeprecationWarning, match="fit"), pytest.raises(InvalidArgument, match="2 photo"):
-        parity(result, [shots / "chart.dng"] * 2, fit=[1])
     with pytest.raises(InvalidArgument, match="2 lamps"):
         compared(result, shots, lamps=["D55", "A"])
     with pytest.raises(InvalidArgument, match="cannot be read"):

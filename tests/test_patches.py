@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from camssf.errors import ChartNotFound, FramesDiffer
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.mosaic import CFA_ORDERS, Mosaic
 from camssf.photo.patches import measure_patches
 from camssf.photo.pose import Pose
-from camssf.simulation.frames import CFA_ORDERS, Scene, Sensor
+from camssf.simulation.camera import Sensor
+from camssf.simulation.scene import Scene
 from tests.scenes import SIZE, mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

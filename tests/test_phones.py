@@ -19,7 +19,8 @@ from benchmarks.accuracy import Setting
 from benchmarks.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
 from camssf.curves.basis import NODES, read_basis
 from camssf.grid import Floats
-from camssf.tools.learn import HANDFUL, Enlargement, Statistics, learn, main, maker_of, read_curves, training_set_of
+from camssf.tools.learn import learn, main
+from camssf.tools.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
 from tests.problems import toy_camera
 from tests.test_basis import write_curves
 

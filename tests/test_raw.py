@@ -28,7 +28,8 @@ from camssf.photo.sidecar import photo_hash
 from camssf.photo.unit import read_unit
 from camssf.rules import rules
 from camssf.simulation.camera import Sensor
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 
 rawpy = pytest.importorskip("rawpy")
 tifffile = pytest.importorskip("tifffile")

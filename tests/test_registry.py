@@ -24,6 +24,7 @@ from camssf.photo.unit import Unit
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
 from camssf.fleet import compare, registry
+from camssf.fleet.drift import FALSE_ALARMS, FEATURES, drift_of, drifts, features
 from camssf.fleet.registry import MARK, Registry, Wanted
 from camssf.fleet.rows import CHANNELS, STRIDE, Origin, Row, Task, columns, row
 
@@ -98,7 +99,7 @@ def test_nothing_of_nothing(one: Registry) -> None:
     assert not one.folder.exists()
     one.note([])
     one.gather()
-    with pytest.raises(InvalidArgument, match="no registry"):
+    with pytest.raises(InvalidArgument, match="There is no folder"):
         Registry(one.folder)
     one.note([Task("t", "", START, "name", "failed", "", "", "")])
     assert Registry(one.folder).listing() == []
@@ -197,7 +198,7 @@ def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
         told = "SELECT filename FROM read_parquet(?, filename = true) WHERE key = ?"
         (place,) = con.execute(told, [f"{one.folder}/results/*.parquet", f"{77:064x}"]).fetchone()
     for attempt in (
-        lambda: compare.spread(one, "Model"), lambda: compare.drift(one, "A1"), lambda: compare.nearest(one, bells())
+        lambda: compare.spread(one, "Model"), lambda: drift_of(one, "A1"), lambda: compare.nearest(one, bells())
     ):  # fmt: skip
         with pytest.raises(InvalidArgument, match=f"{Path(place).name} is damaged: of the result 00000000000"):
             attempt()
@@ -243,8 +244,10 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / MARK).write_text('{"format": "camssf-registry/9"}')
     with pytest.raises(InvalidArgument, match="no registry"):
         Registry(tmp_path, new=True)
-    with pytest.raises(InvalidArgument, match="no registry"):
+    with pytest.raises(InvalidArgument, match=r"letter\.txt is a file"):
         Registry(tmp_path / "letter.txt", new=True)
+    with pytest.raises(InvalidArgument, match="There is no folder"):
+        Registry(tmp_path / "missing")
 
 
 def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -425,8 +428,8 @@ def history(count: int, drift: float, step: float = 0.0, noise: float = 0.3, see
 @pytest.mark.parametrize(("drift", "step", "alarm"), [(0, 0, ""), (6, 0, "trend"), (-6, 0, "trend"), (0, 5, "step")])
 def test_a_drift_raises_an_alarm(one: Registry, drift: float, step: float, alarm: str) -> None:
     one.add(history(13, drift, step))
-    found = {each.feature: each for each in compare.drift(one, "A1")}
-    assert set(found) == set(compare.FEATURES)
+    found = {each.feature: each for each in drift_of(one, "A1").features}
+    assert set(found) == set(FEATURES)
     assert found["red centre"].alarm == alarm
     assert not [each for name, each in found.items() if each.alarm and name != "red centre"]
     red = found["red centre"]
@@ -442,33 +445,35 @@ def test_false_alarms_are_as_rare_as_they_say() -> None:
     dice, days = np.random.default_rng(5), np.arange(8) * 30.0
     alarms = 0
     for _ in range(2000):
-        values = 500 + 20 * dice.standard_normal((8, len(compare.FEATURES)))  # so loud that no limit hides one
-        alarms += any(each.alarm for each in compare.drifts(days, values))
-    assert 0 < alarms / 2000 <= 1.5 * compare.FALSE_ALARMS
+        values = 500 + 20 * dice.standard_normal((8, len(FEATURES)))  # so loud that no limit hides one
+        alarms += any(each.alarm for each in drifts(days, values))
+    assert 0 < alarms / 2000 <= 1.5 * FALSE_ALARMS
 
 
 def test_a_drift_that_is_certain_and_small_is_no_alarm() -> None:
     days = np.arange(10) * 36.5
     values = np.outer(days / 365, [0.5] * 6) + 500
-    for each in compare.drifts(days, values):
+    for each in drifts(days, values):
         assert each.p_trend < 1e-6
         assert not each.alarm
-    still = compare.drifts(days, np.full((10, 6), 500.0))
+    still = drifts(days, np.full((10, 6), 500.0))
     assert [(each.change, each.p_trend, each.p_step, each.alarm) for each in still] == [(0, 1, 1, "")] * 6
-    at_once = compare.drifts(np.zeros(5), np.arange(30.0).reshape(5, 6))
+    at_once = drifts(np.zeros(5), np.arange(30.0).reshape(5, 6))
     assert all(each.slope == 0 for each in at_once)
 
 
 def test_what_a_drift_needs(one: Registry) -> None:
     one.add([*history(3, 0), made(90, bells(), captured=None)])
-    with pytest.raises(InvalidArgument, match="3 results of the unit A1 have a time"):
-        compare.drift(one, "A1")
-    with pytest.raises(InvalidArgument, match="0 results"):
-        compare.drift(one, "none")
+    with pytest.raises(
+        InvalidArgument, match=r"3 accepted results of the unit A1 have a time; a drift needs 4\. Left out: 1 no time"
+    ):
+        drift_of(one, "A1")
+    with pytest.raises(InvalidArgument, match="no result of a unit with the serial number none"):
+        drift_of(one, "none")
     one.add([replace(each, key=f"{i:064d}", model="Other") for i, each in enumerate(history(4, 0), 10)])
     with pytest.raises(InvalidArgument, match="Several units"):
-        compare.drift(one, "A1")
-    assert len(compare.drift(one, "A1", model="Other")) == 6
+        drift_of(one, "A1")
+    assert len(drift_of(one, "A1", model="Other").features) == 6
 
 
 def test_a_unit_is_one_however_much_its_rows_say(one: Registry) -> None:
@@ -490,12 +495,12 @@ def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None
     both = [replace(each, key=f"{i:064d}", lens="24mm") for i, each in enumerate(rows, 10)]
     one.add([replace(each, lens="50mm") for each in rows] + both)
     with pytest.raises(InvalidArgument, match="lens '24mm', '50mm'") as caught:
-        compare.drift(one, "A1", model="Model", make="Maker")
+        drift_of(one, "A1", model="Model", make="Maker")
     assert caught.value.advice == "Name one by --lens."
-    assert compare.drift(one, "A1", lens="24mm")[0].results == 4
+    assert drift_of(one, "A1", lens="24mm").features[0].results == 4
     one.add([replace(each, key=f"{i:064d}", make="Other", lens="24mm") for i, each in enumerate(rows, 20)])
     with pytest.raises(InvalidArgument, match=r"make 'Maker', 'Other'; lens") as caught:
-        compare.drift(one, "A1")
+        drift_of(one, "A1")
     assert caught.value.advice == "Name one by --make or --lens."
     assert run("compare", one.folder, "--serial", "A1", "--make", "Other") == 0
     assert run("compare", one.folder, "--serial", "A1", "--lens", "24mm") == InvalidArgument.exit_status
@@ -503,7 +508,7 @@ def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None
 
 
 def test_features_are_centres_and_widths() -> None:
-    found = compare.features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
+    found = features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
     assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
 
 
@@ -601,7 +606,8 @@ def test_what_is_added_is_called_what_it_is(
 def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cryptography", reason="cryptography is not here")
     from camssf.documents.keys import PUBLIC, make_key, read_private
-    from camssf.documents.passport import Said, draw_up, sign
+    from camssf.documents.passport import Said, as_document, draw_up, sign
+    from camssf.documents.revocations import sign_revocations
 
     make_key(tmp_path)
     drawn = draw_up(report(document()).result_json, Said(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC))
@@ -609,14 +615,29 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     file.write_bytes(sign(drawn, read_private(tmp_path / "passport-key.pem")))
     assert run("add", folder, file) == 2
     assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--serial", "x") == 2
-    (tmp_path / "revoked").write_text(drawn.id)
+    lists = sign_revocations([drawn.id], read_private(tmp_path / "passport-key.pem"))
+    (tmp_path / "revoked").write_bytes(lists)
     assert run("add", folder, file, "--key", tmp_path / PUBLIC, "--revoked", tmp_path / "revoked") == 10
     assert not folder.exists()
+    capsys.readouterr()
     assert run("add", folder, file, "--key", tmp_path / PUBLIC) == 0
+    assert "without its covariance" in capsys.readouterr().err
     (found,) = Registry(folder).query("SELECT * FROM rows")
     assert (found["passport"], found["serial"], found["key"]) == (drawn.id, "S", drawn.result_sha256)
     assert found["captured"] == datetime(2026, 1, 2)
+    assert not found["code_covariance"]
+    # With the whole result, or with what `passport verify` printed: the same row, and nothing of it is lost.
+    (tmp_path / "y.json").write_text(json.dumps(as_document(file.read_bytes(), drawn)), "utf-8")
+    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    assert run("add", folder, tmp_path / "y.json") == 2  # a passport wants a key, in this form, too
     capsys.readouterr()
+    assert run("add", folder, tmp_path / "result.json", tmp_path / "y.json", "--key", tmp_path / PUBLIC) == 0
+    told = capsys.readouterr().err
+    assert "1 result added" in told
+    assert "covariance" not in told
+    (found,) = Registry(folder).query("SELECT * FROM rows")
+    assert (found["passport"], found["serial"], found["key"]) == (drawn.id, "S", drawn.result_sha256)
+    assert list(found["code_covariance"]) == pytest.approx(document()["code_covariance"], abs=1e-6)
 
 
 def test_a_drift_on_the_command_line_ends_with_1(
@@ -632,6 +653,116 @@ def test_a_drift_on_the_command_line_ends_with_1(
     assert json.loads(out)["alarm"] is False
     assert run("compare", one.folder, "--model", "Model") == 0
     assert validated(json.loads(capsys.readouterr().out), "camssf-spread/1")["units"] == 2
+
+
+def last(**more: Any) -> Row:
+    """A result of the unit of `history`, newer than its first five; so far off that it is doubtful."""
+    row_ = made(50, bells(np.array([0.0, 0.0, 12.0])), captured=START + timedelta(days=200), status="doubtful")
+    row_ = replace(row_, inputs=("b" * 64,))
+    return replace(row_, **{"code": "lamp_unfit", "reason": "The photo fits D:4300 better."} | more)
+
+
+def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, capsys: pytest.CaptureFixture[str]) -> None:
+    one.add([*history(5, 0), last()])
+    assert run("compare", one.folder, "--serial", "A1") == cli.UNDECIDED
+    out, err = capsys.readouterr()
+    found = validated(json.loads(out), "camssf-drift/1")
+    assert (found["outcome"], found["alarm"], found["doubtful"]) == ("undecided", False, 0)
+    (left,) = found["left_out"]
+    assert (left["key"], left["captured"], left["why"]) == (f"{50:064x}", "2026-07-20T00:00:00Z", "doubtful")
+    assert left["newest"]
+    assert left["steps"]["blue centre"] == pytest.approx(11, abs=2)
+    err = " ".join(err.split())
+    for words in ("2026-07-20T00:00:00Z, doubtful (lamp_unfit: The photo fits", "blue centre +1", "undecided"):
+        assert words in err
+    assert run("compare", one.folder, "--serial", "A1", "--doubtful") == cli.PARTED
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert (found["outcome"], found["doubtful"], found["left_out"]) == ("drift", 1, [])
+    assert "6 results, 1 of them doubtful," in err
+    one.add([replace(each, key=f"f{each.key[1:]}", serial="B2") for each in history(3, 0)])
+    assert run("compare", one.folder, "--serial", "B2") == InvalidArgument.exit_status
+
+
+@pytest.mark.parametrize(
+    ("more", "outcome", "why"),
+    [
+        ({"captured": START + timedelta(days=45)}, "no_drift", "doubtful"),
+        ({"red": (), "green": (), "blue": (), "status": "refused"}, "undecided", "no curves"),
+        ({"captured": None, "status": "accepted"}, "no_drift", "no time"),  # it was added before the last photo
+        ({"captured": None, "status": "accepted", "added": START + timedelta(days=300)}, "undecided", "no time"),
+        ({"camera_id": "1", "lens": "", "status": "accepted"}, "undecided", "unit not certain"),
+        ({"lens": "24mm"}, "no_drift", None),  # of another unit
+        ({"inputs": ("a" * 64,)}, "no_drift", "doubtful"),  # the same photos count, in another result
+        ({"model": "Other"}, "no_drift", None),
+    ],
+)
+def test_what_is_left_out_of_a_drift_is_named(
+    one: Registry, more: dict[str, Any], outcome: str, why: str | None
+) -> None:
+    rows = [replace(each, camera_id="1", lens="50mm") for each in history(5, 0)]
+    rows[-1] = replace(rows[-1], inputs=("a" * 64,))
+    other = [replace(rows[0], key="e" * 64, lens="35mm")] if why == "unit not certain" else []
+    one.add([*rows, *other, last(**{"camera_id": "1", "lens": "50mm"} | more)])
+    found = drift_of(one, "A1", lens="50mm", **({"model": "Model"} if "model" in more else {}))
+    assert (found.outcome, [each.why for each in found.left_out]) == (outcome, [] if why is None else [why])
+    assert all((each.steps is None) == (why == "no curves") for each in found.left_out)
+    assert found.features[0].results == 5
+
+
+def test_what_a_spread_and_the_nearest_leave_out_is_counted(
+    one: Registry, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    fleet(one, units=3, repeats=1, between=0.03, within=0.0)
+    one.add([last(serial="r"), last(key="a" * 64, status="refused", red=(), green=(), blue=())])
+    assert run("compare", one.folder, "--model", "Model") == 0
+    out, err = capsys.readouterr()
+    assert validated(json.loads(out), "camssf-spread/1")["left_out"] == {"doubtful": 1, "refused": 1}
+    assert "left out: 1 doubtful, 1 refused" in err
+    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    assert run("compare", one.folder, "--result", tmp_path / "result.json") == 0
+    out, err = capsys.readouterr()
+    assert validated(json.loads(out), "camssf-registry-nearest/1")["left_out"] == {"doubtful": 1, "refused": 1}
+    assert "left out: 1 doubtful, 1 refused" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["list", "missing"], "missing is no registry: there is no such folder. Name the folder that"),
+        (["list", "else"], "else is no registry: it holds no registry.json."),
+        (["add", "else", "result.json"], "Name a new or an empty folder."),
+        (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),
+        (["list", "phones", "--status", "bad"], "'bad' is no status of a result. Use one of accepted, doubtful,"),
+        (["compare", "phones"], "It is not said what to compare. Give --model to compare its units, --serial to"),
+        (
+            ["compare", "phones", "--serial", "none"],
+            "The registry has no result of a unit with the serial number none.",
+        ),
+        (
+            ["compare", "phones", "--model", "Model"],
+            "There is 1 unit of Model with a serial number and accepted results",
+        ),
+        (["learn", "phones", "-o", "x.npz", "--leave", "day"], "--leave takes model or maker; got 'day'."),
+        (["learn", "phones", "-o", "x.txt"], "The basis file x.txt does not end in .npz."),
+        (["export", "phones", "-o", "x.txt"], "x.txt ends in neither .parquet nor .csv."),
+    ],
+)
+def test_messages_say_what_is_wrong_and_what_to_do(
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Registry("phones", new=True).add([made(1, bells())])
+    Path("result.json").write_bytes(report(document()).result_json)
+    for folder, mark in (("else", "letter.txt"), ("newer", MARK)):
+        Path(folder).mkdir()
+        (Path(folder) / mark).write_text('{"format": "camssf-registry/9"}')
+    assert run(*words) == InvalidArgument.exit_status
+    assert message in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from schemas import check_schema
 from test_report import document
 
 import camssf
-import camssf.tools.learn
+import camssf.tools.training
 from camssf import cli
 from camssf.curves.basis import Basis, read_basis
 from camssf.curves.choice import recover
@@ -33,7 +33,7 @@ from camssf.tools.training import training_set_of
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet.learn import FOLDS, Asked, learn_basis
+from camssf.fleet.learn import FOLDS, Asked, Judgement, judge_gains, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
@@ -210,7 +210,7 @@ def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> Non
     lesson.save(tmp_path / "own.npz")
     kept = read_basis(str(tmp_path / "own.npz"))
     assert kept.mean[:, ::10] == pytest.approx(lesson.mean)
-    assert "20 results of 20 units of acme P1" in kept.source
+    assert "20 results of 20 units of acme P1, and from " in kept.source
     with np.load(tmp_path / "own.npz") as content:
         assert json.loads(str(content["registry"])) == lesson.document()
         assert len(content["registry_results"]) == 20
@@ -246,7 +246,7 @@ def test_measured_tables_count_beside_results(registry: Registry, tmp_path: Path
     assert [each["name"] for each in document_["tables"]] == ["Tester One", "Tester Two"]
     shares = [document_["weight_of_basis"], *(each["weight"] for each in document_["tables"] + document_["models"])]
     assert sum(shares) == pytest.approx(1.0)
-    nodes, _ = (camssf.tools.learn.read_curves(tmp_path / "mine.csv"), None)
+    nodes, _ = (camssf.tools.training.read_curves(tmp_path / "mine.csv"), None)
     target = nodes["Tester Two"].T / nodes["Tester Two"].sum(axis=0)[:, None]
     near, far = (np.abs(each.mean / each.mean.sum(axis=1)[:, None] - target).sum() for each in (found, without))
     assert near < far
@@ -273,6 +273,17 @@ def test_tables_as_results_would_have_it() -> None:
     assert gram == pytest.approx(gram * np.eye(24), abs=1e-9)
 
 
+def test_two_groups_have_one_degree_of_freedom() -> None:
+    """4 ± 1 nats of two groups: ± 12.7 standard errors, so nobody can tell; of five, ± 2.78, and it helps."""
+    two, five = judge_gains("model", np.array([3.0, 5.0])), judge_gains("model", np.array([1.0, 5.0, 4.0, 5.0, 5.0]))
+    assert (two.groups, two.nats, two.error, two.helps) == (2, 4.0, pytest.approx(1.0), None)
+    assert (two.low, two.high) == (pytest.approx(4 - 12.7062, abs=1e-3), pytest.approx(4 + 12.7062, abs=1e-3))
+    assert five.low == pytest.approx(4 - 2.77645 * five.error, abs=1e-4)  # type: ignore[operator]
+    assert five.helps is True
+    assert judge_gains("unit", -np.array([4.0, 4.1, 4.2])).helps is False
+    assert judge_gains("unit", np.array([4.0])) == Judgement("unit", 1, None, None, None, None, None)
+
+
 def test_what_does_not_count_is_said(tmp_path: Path) -> None:
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]
@@ -288,7 +299,8 @@ def test_what_does_not_count_is_said(tmp_path: Path) -> None:
     one.add([good, replace(good, key="b" * 64, onnx="", software=camssf.__version__)])
     found = learn_basis(one)
     assert len(found.keys) == 2
-    assert sum(found.left_aside.values()) == 6
+    assert sum(found.left_aside.values()) == 7
+    assert found.left_aside["doubtful"] == 1
     assert found.left_aside["another release's phones"] == 2
     assert found.judgement.helps is None
     assert len(learn_basis(one, Asked(statuses=("accepted", "doubtful"))).keys) == 3
@@ -313,8 +325,8 @@ def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (Asked(basis="gaussian"), "cameras, phones"), (Asked(basis="cameras"), "on cameras"),
-        (Asked(leave="unit"), "none of"), (Asked(model="P9"), "No result of P9"),
+        (Asked(basis="gaussian"), "--basis takes cameras or phones"), (Asked(basis="cameras"), "on cameras"),
+        (Asked(leave="unit"), "--leave takes model or maker; got 'unit'"), (Asked(model="P9"), "No result of P9"),
         (Asked(model="P1", make="Other"), "No result of P1"),
         (Asked(table=Path("none.csv")), "cannot be read"),
     ],
@@ -329,6 +341,10 @@ def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
     (good, *_) = fleet()[0]
     one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(FOLDS + 3)])
     assert learn_basis(one).judgement.groups == FOLDS + 3
+    one.add([replace(good, key=f"{i:064d}", model="m0", serial=str(i)) for i in range(100, 131)])
+    (reason,) = (found := learn_basis(one)).left_aside
+    assert "older than the newest 30 of their model" in reason
+    assert found.left_aside[reason] == 2
 
 
 # The row
@@ -378,7 +394,9 @@ def test_the_command(registry: Registry, tmp_path: Path, capsys: pytest.CaptureF
     assert run("learn", registry.folder, "-o", tmp_path / "ours.npz") == 0
     out, err = capsys.readouterr()
     schema.validate(json.loads(out))
-    assert "nats a photo" in err
+    words = " ".join(err.split())
+    assert "nats a photo, 95 % interval" in words
+    assert "from 4 models, each left out in turn (Student's t, 3 degrees of freedom)" in words
     assert run("learn", registry.folder, "-o", tmp_path / "own.npz", "--model", "P2") == 0
     schema.validate(json.loads(capsys.readouterr().out))
     assert run("learn", registry.folder, "-o", tmp_path / "own.txt") == InvalidArgument.exit_status

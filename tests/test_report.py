@@ -26,21 +26,28 @@ from hypothesis import strategies as st
 from scipy.stats import truncnorm
 
 import camssf
+from camssf.curves.basis import read_basis
+from camssf.curves.evidence import Evidence
+from camssf.curves.ssf import answer
 from camssf.documents import report as report_module
 from camssf.documents import schema as schema_module
-from camssf.documents.beside import Beside, Signature, belonging, taken
-from camssf.documents.passport import Passport
+from camssf.documents.beside import Beside, Signature, taken
+from camssf.documents.excerpt import excerpt
+from camssf.documents.passport import Passport, check_belongs
 from camssf.documents.report import NAMES, Report, read_document, report
-from camssf.documents.view import certificate, plots, story
+from camssf.documents.view import certificate, plots
 from camssf.documents.view import patches as patch_view
 from camssf.documents.view import photos as photo_view
 from camssf.documents.view.bands import possible
+from camssf.documents.view.comparison import LIMIT, comparison_of, worst_of
 from camssf.documents.view.curves import curves_of
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.grid import WAVELENGTHS
 from camssf.photo.unit import Unit, read_unit
 from camssf.rules import rules
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
+from camssf.spectra import read_chart, read_lamp
 
 jsonschema = pytest.importorskip("jsonschema")
 
@@ -348,7 +355,7 @@ def passport(made: Document) -> Passport:
         lamp_serials=("L-1",) * len(made["shots"]),
         software="0.1.0",
         result_sha256="5e" * 32,
-        result=made,
+        result=excerpt(made),
     )
 
 
@@ -1076,9 +1083,9 @@ def test_a_passport_of_another_result_is_refused() -> None:
     made = document()
     data = report(made).result_json
     own = replace(passport(made), result_sha256=hashlib.sha256(data).hexdigest())
-    assert belonging(Signature(own, "K" * 43, False), data).passport is own
+    check_belongs(own, data)
     with pytest.raises(PassportInvalid, match="of another result"):
-        belonging(Signature(own, "K" * 43, False), data + b" ")
+        check_belongs(own, data + b" ")
 
 
 # Bands
@@ -1279,13 +1286,13 @@ def test_the_scale_of_residuals_fits_the_data() -> None:
 def test_another_result_is_compared() -> None:
     made = document()
     other = document("A")
-    shift = 20  # steps of 0.5 nm
+    shift = 40  # steps of 0.5 nm
     other["ssf"]["green"] = np.roll(other["ssf"]["green"], shift).tolist()
     page = Page(report(made, beside=Beside(other=other, other_name="2025/result.json")).html)
     for words in ("Compared with another result", "2025/result.json", "NIKON D5100; doubtful, A, basis cameras"):
         assert words in page.text
     assert "another camera" not in page.text
-    found = story.comparison_of(made, other, "x")
+    found = comparison_of(made, other, "x")
     assert found is not None
     rows = {name: [float(cell.replace("\u2212", "-").rstrip(" %")) for cell in cells] for name, cells in found.rows}
     off = np.array(made["ssf"]["green"]) - np.array(other["ssf"]["green"])
@@ -1294,18 +1301,64 @@ def test_another_result_is_compared() -> None:
     assert rows["Root mean square, 400 to 700 nm, peak = 1"] == pytest.approx([0, rms, 0], rel=0.05)
     assert rows["Peak moved by, nm"] == [0, -shift / 2, 0]
     assert abs(rows["Largest difference, peak = 1"][1]) == pytest.approx(np.abs(off[seen]).max(), rel=0.05)
-    half = 1.96 * np.sqrt(2) * np.array(made["ssf_std"]["green"])
-    agree = float((np.abs(off) <= half)[seen].mean())
-    assert rows["Wavelengths that agree"] == pytest.approx([100, 100 * agree, 100], abs=0.51)
-    assert found.within == pytest.approx((2 + agree) / 3)
+    std = np.sqrt(2) * np.array(made["ssf_std"]["green"])
+    within = float((np.abs(off) <= 1.96 * std)[seen].mean())
+    assert rows["Inside the 95 % interval"] == pytest.approx([100, 100 * within, 100], abs=0.51)
+    assert (2 + within) / 3 > 0.75  # of all wavelengths; the headline follows the worst all the same
+    worst = float((np.abs(off) / std)[seen].max())
+    assert rows["Worst, standard deviations"] == pytest.approx([0, worst, 0], rel=0.05)
+    assert found.headline == "The curves agree in red and blue and differ in green."
+    (green,) = (words for words in found.channels if words.startswith("Green"))
+    assert green.startswith("Green differs: ")
+    assert f"{worst:.1f} standard deviations" in green
+    assert green.endswith("its peak moved by \u221220.0 nm.")
+    assert "The curves agree in red and blue and differ in green." in page.text
     other["camera"]["model"] = "D70"
     assert "It names another camera." in report(made, beside=Beside(other=other)).html
-    assert story.comparison_of(made, None, "") is None
-    assert story.comparison_of(refused(), other, "") is None
+    assert comparison_of(made, None, "") is None
+    assert comparison_of(refused(), other, "") is None
     other["ssf_std"] = None
-    bandless = story.comparison_of(made, other, "")
+    bandless = comparison_of(made, other, "")
     assert bandless is not None
-    assert bandless.within is None
+    assert "cannot be said" in bandless.headline
+    assert not [words for words in bandless.channels if "agree" in words]
+
+
+@pytest.mark.parametrize("lamps", [("D55", "D55"), ("D55", "A")])
+def test_two_results_of_one_camera_agree_in_95_of_100_cases(lamps: tuple[str, str]) -> None:
+    """Cameras drawn from the prior, and errors of chart, lamp and noise drawn anew for each photo of the two.
+
+    With the code's prior N(0, I) and posterior covariances C and D the difference of the two codes has the covariance
+    C + D - C D - D C: what no photo sees is wrong in both alike.
+    """
+    basis, rng = read_basis("cameras"), np.random.default_rng(4)
+    mean = basis.mean.T
+    first, second = (code_covariance(lamp) for lamp in lamps)
+
+    def drawn(covariance: np.ndarray, count: int) -> np.ndarray:
+        """Curves' errors (count, 681, 3), peak = 1."""
+        codes = rng.multivariate_normal(np.zeros(72), covariance, size=count).reshape(-1, 3, 24)
+        off = np.einsum("cmr,ncr->nmc", basis.dictionary, codes) / mean.max(axis=0)
+        at_peak = off[:, mean.argmax(axis=0), range(3)]
+        return np.asarray(off - at_peak[:, None] * mean / mean.max(axis=0))
+
+    std = np.hypot(drawn(first, 500).std(axis=0), drawn(second, 500).std(axis=0))
+    std[std < 1e-9] = np.inf  # at the peaks
+    off = drawn(first + second - first @ second - second @ first, 500)
+    agree = np.mean([worst_of(each, std)[0].max() <= LIMIT for each in off])
+    assert 0.93 <= agree <= 0.99
+
+
+def code_covariance(lamp: str) -> np.ndarray:
+    """Of a photo of the 24 patches, on `cameras`."""
+    mean = read_basis("cameras").mean.T
+    chart, light = read_chart("classic24").values, read_lamp(lamp).values
+    signals = (light * chart) @ mean / (light @ mean)
+    noise = np.hypot(0.003 * signals, 6e-4)
+    evidence = Evidence(signals, chart, light, standard_error=noise, chart_tolerance=0.02, lamp_tolerance=0.01)
+    found = answer(evidence, "cameras", engine="onnx").code_covariance
+    assert found is not None
+    return np.asarray(found)
 
 
 def test_templates_escape_whatever_they_are_given() -> None:
@@ -1373,12 +1426,28 @@ def test_save_leaves_four_files(tmp_path: Path) -> None:
     assert state(tmp_path / "a" / "b")["result.json"] == second.result_json
 
 
-def test_a_refused_result_takes_older_curves_away(tmp_path: Path) -> None:
-    first, _, refusal = results()
+def test_a_refused_result_replaces_no_curves(tmp_path: Path) -> None:
+    """It goes to a folder of its own; there, and where nothing else stands, a later one replaces it."""
+    first, second, refusal = results()
     first.save(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
-    assert [path.name for path in refusal.save(tmp_path)] == ["result.json", "report.html"]
-    assert sorted(state(tmp_path)) == ["notes.txt", "report.html", "result.json"]
+    before = state(tmp_path)
+    for _ in range(2):
+        written = refusal.save(tmp_path)
+        assert written == [tmp_path / "refused" / "result.json", tmp_path / "refused" / "report.html"]
+    assert {name: content for name, content in state(tmp_path).items() if not name.startswith("refused")} == before
+    assert refusal.save(tmp_path / "refused") == written
+    assert [path.parent for path in second.save(tmp_path / "refused")] == [tmp_path / "refused"] * 4
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("content", ["", "[]", '{"verdict": 1}', '{"verdict": {"status": "doubtful"}}'])
+def test_a_refused_result_replaces_no_file_that_it_does_not_know(tmp_path: Path, name: str, content: str) -> None:
+    _, _, refusal = results()
+    (tmp_path / name).write_text(content)
+    refusal.save(tmp_path)
+    assert (tmp_path / name).read_text() == content
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, "refused"])
 
 
 @pytest.mark.parametrize("earlier", [False, True])

@@ -19,7 +19,8 @@ from camssf.photo.capture import Capture, measure
 from camssf.photo.mosaic import Mosaic, read_dng, shading
 from camssf.photo.patches import measure_patches
 from camssf.photo.pose import Pose
-from camssf.simulation.frames import Scene, Sensor
+from camssf.simulation.camera import Sensor
+from camssf.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
 from tests.scenes import SIZE, mosaic, shoot
 

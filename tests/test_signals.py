@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camssf.errors import InvalidArgument, Overexposed, Underexposed
+from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexposed
+from camssf.photo.mosaic import CFA_ORDERS
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.pose import find_chart
 from camssf.photo.signals import Signals, normalise
-from camssf.simulation.frames import CFA_ORDERS, Scene, Sensor
+from camssf.simulation.camera import Sensor
+from camssf.simulation.scene import Scene
 from tests.scenes import SIZE, mosaic, shoot, table
 
 QUIET = Sensor(noise=False)
@@ -181,6 +183,22 @@ def test_white_that_is_dark(level: float) -> None:
     with pytest.raises(Underexposed, match="above dark") as refusal:
         normalise([replace(SHOT, white=means(np.array([9000, 9000, level])))], CLASSIC)
     assert refusal.value.threshold == 0.005
+
+
+@pytest.mark.parametrize("values", [(9000, 12000, 8000), (650, 650, 650), (9000, 12000, 500)])
+def test_white_and_dark_swapped(values: tuple[float, float, float]) -> None:
+    swapped = replace(SHOT, white=means(514.0, 3), dark=means(np.array(values, dtype=float), 20))
+    with pytest.raises(
+        FramesDiffer, match="Shot 2: the dark frame is brighter than the white frame: they look swapped"
+    ):
+        normalise([SHOT, swapped], CLASSIC)
+
+
+def test_two_dark_frames_are_not_called_swapped() -> None:
+    """A dark frame that is brighter by less than the range's 0.5 %, or in one channel alone, is no white one."""
+    for dark in (np.full(3, 580.0), np.array([9000.0, 500, 500])):
+        with pytest.raises(Underexposed, match="above dark"):
+            normalise([replace(SHOT, white=means(514.0, 3), dark=means(dark, 3))], CLASSIC)
 
 
 def test_white_that_is_noise() -> None:

@@ -12,7 +12,8 @@ import pytest
 from packaging.requirements import Requirement
 
 from benchmarks import startup
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 from camssf.spectra import read_camera
 
 ROOT = Path(__file__).parents[1]

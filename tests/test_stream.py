@@ -23,9 +23,10 @@ pytest.importorskip("duckdb", reason="duckdb is not here")
 from camssf.fleet import manifest, pools, stream
 from camssf.fleet.inputs import basis_hash, file_hash
 from camssf.fleet.manifest import Item, Manifest
+from camssf.fleet.pools import Done
 from camssf.fleet.registry import Registry, connection
 from camssf.fleet.rows import Task
-from camssf.fleet.stream import Done, Summary, run_stream
+from camssf.fleet.stream import Summary, run_stream
 
 OPTIONS = {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"}
 HEADER = "name,photo,lamp,white,dark,chart,serial,site"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.pose import LAYOUTS
+from camssf.photo.layouts import LAYOUTS
 from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
 from camssf.spectra.families import FAMILIES, Kind, logarithm

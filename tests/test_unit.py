@@ -17,7 +17,8 @@ from camssf.photo.capture import Capture, check_shots, measure
 from camssf.photo.mosaic import read_dng
 from camssf.photo.patches import measure_patches
 from camssf.photo.unit import Unit, check_unit
-from camssf.simulation.frames import Scene, simulate
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
 
 WIDE = Unit("Maker", "Phone", "0", "S1", "Phone wide 6.8 mm", 6.81, 1.85)
 AREA = (0, 0, 3000, 4000)

@@ -1,1 +1,1 @@
-"""What a release shows of itself: the trace of its requirements, its SOUP sheet, its SBOM. None of it ships."""
+"""What a release shows of itself: requirements, SOUP, SBOM; and what users get, kept. None of it ships."""

@@ -46,12 +46,13 @@ INPUTS: dict[str, list[str | int]] = {
     "lamp_tolerance": ["k"],
     "lamp_modes": ["k", "q", M],
     "gain_modes": ["k", "g", "n"],
+    "gain_own": [],
     "l2": [],
     "gamma": [],
+    "nonnegative": [],
+    "prior_scale": [],
 }
-DEFAULTS = {"gain_own": 0.0, "nonnegative": 0.0, "prior_scale": 1.0}
-"""Inputs that may be left out: what part of the gain modes each channel has for itself; x ≥ 0 where above ½ (1 on a
-basis without a mean unless told); how much wider than its basis the prior is taken."""
+"""Shapes of the inputs, each of which a call must give: an input with a default cannot be set from Java."""
 
 
 def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:
@@ -69,13 +70,14 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     g = Graph(f"camssf-{basis.name}")
     given = {name: Value(g, name) for name in INPUTS}
-    given["gain_own"], nonnegative, prior_scale = (Value(g, name) for name in DEFAULTS)
     r = basis.dictionary.shape[2]
     p, R = (1, 3 * r) if basis.prior else (3, r)
 
     rows = Rows(g, given)
-    whitened, curves = learned_rows(g, rows, basis, prior_scale) if basis.prior else paper_rows(g, rows, basis)
-    problem = pose((whitened.A, whitened.b), (given["l2"], given["gamma"]), nonnegative, (p, R))
+    whitened, curves = (
+        learned_rows(g, rows, basis, given["prior_scale"]) if basis.prior else paper_rows(g, rows, basis)
+    )
+    problem = pose((whitened.A, whitened.b), (given["l2"], given["gamma"]), given["nonnegative"], (p, R))
     one = g.constant(np.eye(R))
     # The layers' weight and the code's posterior covariance in one go.
     wanted = [problem.H + one] if basis.prior else []
@@ -159,14 +161,12 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
     }
     for name in shapes:
         g.nodes.append(helper.make_node("Identity", [outputs[name].name], [name]))
-    defaults = dict(DEFAULTS, nonnegative=0.0 if basis.prior else 1.0)
     graph = helper.make_graph(
         g.nodes,
         g.name,
-        [helper.make_tensor_value_info(name, D, shape) for name, shape in INPUTS.items()]
-        + [helper.make_tensor_value_info(name, D, []) for name in defaults],
+        [helper.make_tensor_value_info(name, D, shape) for name, shape in INPUTS.items()],
         [helper.make_tensor_value_info(name, D, shape) for name, shape in shapes.items()],
-        [*g.initializers, *(helper.make_tensor(name, D, [], [value]) for name, value in defaults.items())],
+        g.initializers,
         doc_string="RAW patch statistics of a ColorChecker in, camera spectral sensitivities and their proof out.",
     )
     model = helper.make_model(

@@ -8,8 +8,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from camssf._former import install
-
 if TYPE_CHECKING:
     from camssf.calibration import calibrate as calibrate
     from camssf.curves.choice import recover as recover
@@ -65,6 +63,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
-
-
-install()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from camssf.documents.result import Calibration, Refusal
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.evidence.assumptions import assume
 from camssf.evidence.budget import budget
 from camssf.evidence.problem import pose_problem
+from camssf.evidence.reasons import refusal
 from camssf.evidence.rivals import weigh
 from camssf.evidence.unseen import foretell, score
-from camssf.evidence.verdict import refusal
-from camssf.options import DEFAULTS, Options, with_former
+from camssf.options import DEFAULTS, Options
 from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
 from camssf.spectra import CameraLike, ChartLike, LightLike, read_camera
 
@@ -30,7 +30,6 @@ def calibrate(
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
     progress: Progress | None = None,
-    **former: Any,
 ) -> Calibration:
     """From RAW photos to the camera's spectral sensitivity: `attempt`, with a refusal raised.
 
@@ -44,17 +43,14 @@ def calibrate(
         options: all else that can be said.
         truth: measured curves of this camera, as `read_camera` takes them, to compare with.
         progress: called with a stage in words and the part done, 0 to 1.
-        former: an option as an argument of its own, as in version 0.1; goes with the release after the next.
 
     Raises:
-        CalibrationError: refused; `evidence` on it is a result document without curves.
+        CalibrationError: refused; `attempt` gives the refusal with its document instead.
     """
-    options = with_former("calibrate", options, former)
     found = attempt(
         photos, lamps, white=white, dark=dark, chart=chart, options=options, truth=truth, progress=progress
     )
-    if isinstance(found, Refusal):  # on the error for one more release: `attempt` gives it as a product
-        found.error.evidence, found.error.previews = found.document(), found.previews
+    if isinstance(found, Refusal):
         raise found.error
     return found
 

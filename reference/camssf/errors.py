@@ -21,7 +21,7 @@ CalibrationError
 ├── NotConverged           not_converged       7   the solver's own proof failed
 ├── CameraUnusual          camera_unusual      8   no basis knows such a camera
 ├── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
-├── PassportInvalid        passport_invalid   10   a signed result that is not to be trusted
+├── PassportInvalid        passport_invalid   10   a signed document that is not to be trusted
 └── OutOfMemory            out_of_memory      11   the photo is too large for the memory that is left
 
 The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
@@ -41,8 +41,6 @@ class CalibrationError(Exception):
         message: what is wrong, with the file or patch it is about.
         advice: what to do next.
         value, threshold: the number that decided and the bound it broke, where there is one.
-        evidence, previews: of `camssf.calibrate`, for one more release: the document and the previews of its
-            `Refusal`, which `camssf.calibration.attempt` gives without an error.
         reasons, checks: of a verdict that refused; empty where a stage did.
     """
 
@@ -57,8 +55,6 @@ class CalibrationError(Exception):
         self.advice = advice
         self.value = value
         self.threshold = threshold
-        self.evidence: dict[str, Any] | None = None
-        self.previews: tuple[bytes | None, ...] = ()
         self.reasons: tuple[Any, ...] = ()
         self.checks: tuple[Any, ...] = ()
 
@@ -189,7 +185,7 @@ class ColourOutOfReach(CalibrationError):
 
 
 class PassportInvalid(CalibrationError):
-    """A passport that is not what its signer wrote, has ended, was called back, or is signed by nobody trusted."""
+    """A passport, or a list of what was called back, that is changed, has ended, or is signed by nobody trusted."""
 
     code = "passport_invalid"
     exit_status = 10

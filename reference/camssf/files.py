@@ -1,4 +1,4 @@
-"""Files whole or not at all: written beside their places, then put there."""
+"""Local paths, and files whole or not at all: written beside their places, then put there."""
 
 from __future__ import annotations
 
@@ -8,9 +8,22 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import suppress
+from pathlib import Path, PurePath
 
 from camssf.errors import InvalidArgument
+
+PHOTO = (b"II*\0", b"MM\0*")
+KINDS = dict.fromkeys(PHOTO, "a photo (DNG or TIFF)") | {
+    b"\x89PNG": "a picture (PNG)", b"\xff\xd8\xff": "a picture (JPEG)", b"PK\x03\x04": "an archive (.npz or .zip)",
+    b"PAR1": "Parquet", b"%PDF": "a PDF", b"-----BEGIN": "a key (PEM)", b"<": "a page",
+}  # fmt: skip
+"""Of a file, by its begin."""
+
+
+def kind_of(data: bytes) -> str | None:
+    """What a file is, in words, where it was given in another's place; None where its begin says nothing."""
+    return next((words for begin, words in KINDS.items() if data.startswith(begin)), None)
 
 
 def readable(text: str) -> str:
@@ -21,14 +34,77 @@ def readable(text: str) -> str:
     return re.sub("[\ud800-\udfff]", "\ufffd", text)
 
 
+_URL = re.compile(r"\s*([A-Za-z][A-Za-z0-9+.-]+):(//|[/\\])")
+"""The scheme of a URL: two letters or more, so that no drive of Windows is one. A Path holds one / of its two."""
+
+
+def local(path: str | os.PathLike[str]) -> Path:
+    """The path, which is that of a local file or folder. Every function that takes a path calls it.
+
+    Raises:
+        InvalidArgument: it is a URL.
+    """
+    check_local(path)
+    return Path(path)
+
+
+def check_local(words: str | os.PathLike[str]) -> None:
+    """The same for words that need be no path: a lamp's name, or `nano24:mine.csv`.
+
+    Raises:
+        InvalidArgument: they are a URL.
+    """
+    text = str(words)
+    found = _URL.match(text)
+    if found is None or (found[2] != "//" and not isinstance(words, PurePath)):
+        return
+    url = text if found[2] == "//" else f"{found[1]}:{'///' if found[1] == 'file' else '//'}{text[found.end() :]}"
+    raise InvalidArgument(
+        f"{url.strip()} is a URL; camssf reads and writes local files only.",
+        "Copy it here first, or write into a local folder and copy the results from there.",
+    )
+
+
+def local_folder(path: str | os.PathLike[str]) -> Path:
+    """The path of a folder to write into, which need not be there yet.
+
+    Raises:
+        InvalidArgument: it is a URL, or a file stands in its place or in that of a folder above it.
+    """
+    folder = local(path)
+    for each in (folder, *folder.parents):
+        with suppress(OSError, ValueError):
+            if each.exists() and not each.is_dir():
+                raise InvalidArgument(f"{each} is a file; a folder is needed here.", "Name a folder.")
+    return folder
+
+
+def _in_words(error: OSError | ValueError) -> str:
+    return getattr(error, "strerror", None) or str(error)
+
+
+def _advice(error: OSError | ValueError) -> str:
+    """What helps against a failure to write."""
+    if isinstance(error, IsADirectoryError):
+        return "Name a file"
+    if isinstance(error, FileNotFoundError):
+        return "Make its folder first, or name another"
+    if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "Free some space, or choose another place"
+    return "Choose a place that you may write to"
+
+
 def write_file(path: Path | str, content: bytes | str) -> None:
     """Write one file; text as UTF-8. On any failure, Ctrl-C included, what stood there stays.
 
     Raises:
         InvalidArgument: it cannot be written there.
     """
-    path = Path(path)
+    path = local(path)
+    local_folder(path.parent)
     try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
         handle, aside = tempfile.mkstemp(prefix=".camssf-", dir=path.absolute().parent)
         try:
             with os.fdopen(handle, "wb") as stream:
@@ -40,8 +116,7 @@ def write_file(path: Path | str, content: bytes | str) -> None:
             raise
     except (OSError, ValueError) as error:
         raise InvalidArgument(
-            f"{path} cannot be written ({getattr(error, 'strerror', None) or error}).",
-            "Free some space, or choose a place that you may write to; nothing was changed.",
+            f"{path} cannot be written ({_in_words(error)}).", f"{_advice(error)}; nothing was changed."
         ) from error
 
 
@@ -58,7 +133,7 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
     Raises:
         InvalidArgument: the folder cannot be written to.
     """
-    folder = Path(folder)
+    folder = local_folder(folder)
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -69,8 +144,8 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
                 path.rmdir()
         if isinstance(error, (OSError, ValueError)):
             raise InvalidArgument(
-                f"{folder} cannot be written to ({getattr(error, 'strerror', None) or error}).",
-                "Free some space or choose another output folder; nothing was left behind.",
+                f"{folder} cannot be written to ({_in_words(error)}).",
+                f"{_advice(error)}; nothing was left behind.",
             ) from error
         raise
     return [folder / name for name, content in contents.items() if content is not None]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -52,24 +51,3 @@ class Options:
 
 
 DEFAULTS = Options()
-
-
-def with_former(verb: str, options: Options, former: Mapping[str, Any]) -> Options:
-    """The options with those that were given the former way, each as an argument of its own.
-
-    Raises:
-        TypeError: a name that is no option, as Python says it of any function.
-    """
-    unknown = former.keys() - {each.name for each in fields(Options)}
-    if unknown:
-        raise TypeError(f"{verb}() got an unexpected keyword argument {min(unknown)!r}")
-    if not former:
-        return options
-    given = ", ".join(f"{name}=..." for name in former)
-    warnings.warn(
-        f"{verb}({given}) has become {verb}(options=Options({given})); the former way goes with the release after "
-        "the next.",
-        DeprecationWarning,
-        stacklevel=3,
-    )
-    return replace(options, **former)

@@ -34,7 +34,7 @@ from camssf.documents.fields import WORDS, Field, fields_apart
 from camssf.documents.light import lights_apart
 from camssf.documents.result import compare
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.options import DEFAULTS, Options, with_former
+from camssf.options import DEFAULTS, Options
 from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
 from camssf.photo.mosaic import Mosaic
 from camssf.photo.patches import LENS_SHADING, measure_patches
@@ -114,7 +114,6 @@ def parity(
     chart: str | None = None,
     options: Options = DEFAULTS,
     progress: Progress | None = None,
-    **former: Any,
 ) -> tuple[Finding, ...]:
     """Compare a "camssf-result/1" document with what Python makes of the same photos, every field of it.
 
@@ -131,7 +130,6 @@ def parity(
         lamps, chart: instead of the document's, where those are files that lie elsewhere here.
         options: white_reflectance, fit, nonnegative and light_per_patch; the others are as the document has them.
         progress: called with a stage in words and the part done, 0 to 1.
-        former: an option as an argument of its own, as in `calibrate`.
 
     Returns:
         A finding for each stage that could be compared, in order.
@@ -140,7 +138,6 @@ def parity(
         InvalidArgument: not the photos and frames that the document asks for, or an unknown lamp or chart.
         RawError: a file cannot be read.
     """
-    options = with_former("parity", options, former)
     tell = progress or (lambda stage, part: None)
     files = [photos] if isinstance(photos, str | Path) else list(photos)
     shots = document["shots"]

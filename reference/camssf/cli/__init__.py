@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from camssf.cli.commands import app, main
-from camssf.cli.terminal import BATCH_FAILED, BUG, INTERRUPTED, PARTED
+from camssf.cli.terminal import BATCH_FAILED, BUG, INTERRUPTED, PARTED, UNDECIDED
 
-__all__ = ["BATCH_FAILED", "BUG", "INTERRUPTED", "PARTED", "app", "main"]
+__all__ = ["BATCH_FAILED", "BUG", "INTERRUPTED", "PARTED", "UNDECIDED", "app", "main"]

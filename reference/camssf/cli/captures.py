@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -39,6 +41,7 @@ from camssf.cli.reading import (
 )
 from camssf.cli.terminal import BATCH_FAILED, emit, finish, literal, product_of, progress_bar, say, stderr, summarise
 from camssf.errors import InvalidArgument
+from camssf.files import local_folder
 
 FAULTS = (
     "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
@@ -46,9 +49,13 @@ FAULTS = (
     "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
 )
 """Those of `camssf.simulation.faults`, which is not loaded to print the help."""
+AGAIN = "Once the causes are mended, run the same command again: what is done is not done again."
+STOPPED = "Run the same command again to resume: what is done is not done again."
 MOST_MODELS = 20
 """Of a batch's summary on the terminal; the JSON has all."""
 DEMO_SIZE = (1800, 1350)
+SIMULATED = "camssf"
+"""The maker that a simulated camera names."""
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
 
@@ -64,9 +71,10 @@ def demo(
     from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.options import Options
-    from camssf.simulation.frames import Scene
     from camssf.simulation.frames import simulate as photograph
+    from camssf.simulation.scene import Scene
 
+    _check_demo(out)
     with progress_bar() as progress:
         progress("simulating", 0.0)
         before = Scene(size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
@@ -87,8 +95,22 @@ def demo(
         document = result.document()
         progress("writing the report", 0.95)
         report(document, result.previews, beside=taken([shot.chart])).save(out)
-    summarise(document, out)
+    summarise(document, out / "report.html")
     finish(document)
+
+
+def _check_demo(out: Path) -> None:
+    """Raise where a demo would replace the result of a real capture."""
+    from camssf.documents.report import holds_result, read_document
+
+    if not holds_result(local_folder(out)):
+        return
+    with suppress(InvalidArgument):
+        if read_document(out / "result.json")["camera"]["make"] == SIMULATED:
+            return
+    raise InvalidArgument(
+        f"{out} holds a result that is no demo's, and would be replaced.", "Give the demo another folder by -o."
+    )
 
 
 def calibrate(
@@ -117,6 +139,8 @@ def calibrate(
     from camssf.documents.report import report
     from camssf.options import Options
 
+    if out is not None:
+        local_folder(out)
     with progress_bar() as progress:
         result = product_of(
             attempt(
@@ -150,7 +174,7 @@ def calibrate(
         else:
             progress("writing the report", 0.95)
             report(document, result.previews, beside=taken(photos)).save(out)
-    summarise(document, out)
+    summarise(document, None if out is None else out / "report.html")
     finish(document)
 
 
@@ -208,7 +232,7 @@ def batch(
             "Without a registry every job has its pages, and is done here.",
             f"Leave {'--pages' if pages else '--dask'} out, or name a --registry.",
         )
-    with progress_bar() as progress:
+    with _resumable(), progress_bar() as progress:
         outcomes = run_batch(
             manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
         )
@@ -221,7 +245,18 @@ def batch(
     failed = sum(not outcome.ok for outcome in outcomes)
     say("", f"{len(outcomes) - failed} of {len(outcomes)} calibrated; summary in {out / 'summary.csv'}")
     if failed:
+        say("", AGAIN)
         raise typer.Exit(BATCH_FAILED)
+
+
+@contextmanager
+def _resumable() -> Iterator[None]:
+    """Say after Ctrl-C that a batch resumes."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say("", STOPPED)
+        raise
 
 
 def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], **how: Any) -> None:
@@ -230,7 +265,7 @@ def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], 
     from camssf.fleet.registry import Registry
     from camssf.fleet.stream import run_stream, summary_json
 
-    with progress_bar() as progress:
+    with _resumable(), progress_bar() as progress:
         found = run_stream(
             Manifest(manifest, options),
             out,
@@ -242,14 +277,18 @@ def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], 
     models = sorted(found.by_model.items(), key=lambda each: (-each[1].total(), each[0]))
     for model, counts in models[:MOST_MODELS]:
         each = ", ".join(f"{count} {word}" for word, count in counts.items())
-        say("", f"{counts.total():>8} {model or 'of no known model'}: {each}")
+        say("", f"{counts.total():>8} {model or 'of an unknown model'}: {each}")
     if len(models) > MOST_MODELS:
         say("", f"         and {len(models) - MOST_MODELS} more models")
     for code, count in found.by_code.most_common():
-        say("", f"{count:>8} {code or 'without a reason'}")
+        if code:
+            say("", f"{count:>8} {code}")
+    if crashed := found.by_status["failed"]:
+        say("", f"{crashed:>8} failed: a process died, or a fault of camssf")
     rest = f"{found.resumed} from before, {found.duplicates} duplicates"
     say("", f"{found.total - found.failed} of {found.total} calibrated ({rest}); rows in {registry}")
     if found.failed:
+        say("", AGAIN)
         raise typer.Exit(BATCH_FAILED)
 
 
@@ -287,9 +326,10 @@ def simulate(
 
     For each lamp a chart, a white and a dark frame; and truth.csv and corners.json.
     """
+    from camssf.simulation.camera import Sensor
     from camssf.simulation.faults import strike
-    from camssf.simulation.frames import Scene, Sensor
     from camssf.simulation.frames import simulate as photograph
+    from camssf.simulation.scene import Scene
 
     if fault is None and severity is not None:
         raise InvalidArgument("A severity is of a fault, and none is named.", "Add --fault NAME.")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from camssf.cli.options import LensShading
-from camssf.cli.reading import parse_rectangle, parse_share, parse_signal, read_result
+from camssf.cli.reading import name_of, parse_rectangle, parse_share, parse_signal, read_result
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
 
@@ -133,7 +133,7 @@ def _standard(document: str, asked: _Asked, lamp: str | None, observer: str, ada
 
     if not asked.regions or asked.white_region is None:
         raise _no_region()
-    view, result = View(observer, adapt), read_result(document)
+    view, result = View(observer, adapt), _read(document)
     camera, curves = camera_of_result(result), read_curves(result)
     found = _measured(asked, result["camera"], curves.camera)
     told = curves.lamps[0] if lamp is None else lamp
@@ -167,7 +167,7 @@ def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str |
     given = [parse_signal(text) for text in signal]
     if source == to == "-":
         raise InvalidArgument("Standard input holds one result.", "Name a file for --from or for --to.")
-    results = [read_result(each) for each in (source, to)]
+    results = [_read(each) for each in (source, to)]
     ours, theirs = (camera_of_result(result) for result in results)
     one, other = (read_curves(result) for result in results)
     found = _measured(asked, results[0]["camera"], one.camera) if asked.photo else None
@@ -197,6 +197,18 @@ def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str |
             )
             say("", f"signal {number}: {words}")
     check_reach(converted.reach)
+
+
+def _read(source: str) -> dict[str, Any]:
+    """A result, or the excerpt that a passport holds, whose errors are known less well."""
+    result = read_result(source, excerpt=True)
+    if "excerpt" in result:
+        say(
+            "[yellow]without its covariance[/]",
+            f": {name_of(source)} is the excerpt that a passport holds; colours look about twice as uncertain "
+            "as with the whole result.json",
+        )
+    return result
 
 
 def _no_region() -> InvalidArgument:

@@ -11,7 +11,7 @@ from camssf.cli.options import Document
 from camssf.cli.reading import read_result, spare
 from camssf.cli.terminal import say
 
-FORMATS = "rawtoaces, spectacle, csv, dcp, icc, clf, colour"
+FORMATS = "rawtoaces, dcamprof, spectacle, csv, dcp, icc, clf, colour"
 """Those of `camssf.exports.formats`, which is not loaded to print the help."""
 
 
@@ -44,5 +44,5 @@ def export(
         raise InvalidArgument("No file was named to export to.", "Add -o FILE.")
     told = UNSTATED if licence is None else licence
     light = MATRIX_LAMP if lamp is None else lamp
-    write_file(spare(out, document), write(read_result(document), to, licence=told, lamp=light))
+    write_file(spare(out, document), write(read_result(document, excerpt=True), to, licence=told, lamp=light))
     say("", f"{FORMATS[to].what}: {out}")

@@ -10,6 +10,7 @@ from camssf.cli.options import Darks, Fit, LightPerPatch, Out, Photos, Signed, T
 from camssf.cli.reading import given_frames, given_paths, parse_patches, parse_percent, parse_share, read_result
 from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
+from camssf.files import local_folder
 
 
 def direct(
@@ -46,6 +47,8 @@ def direct(
     from camssf.direct import divide, sweep
 
     paths = given_paths("FRAME", frames)
+    if out is not None:
+        local_folder(out)
     known = None
     if truth is not None:
         from camssf.spectra import read_camera
@@ -188,7 +191,7 @@ def cameras(
     from camssf.documents.nearest import nearest, nearest_document
     from camssf.exports import read_result as read_curves
 
-    document = read_result(result)
+    document = read_result(result, excerpt=True)
     found, curves = nearest(document)[:count], read_curves(document)
     emit(nearest_document(found, curves.about))
     for each in found:

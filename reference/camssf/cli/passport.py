@@ -1,4 +1,4 @@
-"""Signed results: camssf passport key, sign, verify, show."""
+"""Signed results: camssf passport key, sign, verify, show, revoke."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from camssf.cli.options import CameraId, Captured, Document, Lens
-from camssf.cli.reading import given_paths, parse_time, read_bytes, spare
+from camssf.cli.reading import given_paths, parse_time, read_bytes, read_list, read_received, spare
 from camssf.cli.terminal import emit, say
-from camssf.errors import InvalidArgument
+from camssf.errors import InvalidArgument, PassportInvalid
 
 if TYPE_CHECKING:
     from camssf.documents.passport import Passport
@@ -25,6 +25,9 @@ passport = typer.Typer(
 )
 
 Received: TypeAlias = Annotated[str, typer.Argument(metavar="JWS", help="A passport: a file, or - for stdin.")]
+Private: TypeAlias = Annotated[
+    Path, typer.Option(metavar="PEM", help="The private key, which nobody but its owner may read.")
+]
 Passphrase: TypeAlias = Annotated[
     Path | None,
     typer.Option(metavar="FILE", show_default=False, help="File whose first line is the private key's passphrase."),
@@ -53,7 +56,7 @@ def key(
 )
 def sign(
     result: Document,
-    key: Annotated[Path, typer.Option(metavar="PEM", help="The private key.")],
+    key: Private,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Where the passport goes.")],
     passphrase: Passphrase = None,
     photo: Annotated[
@@ -78,7 +81,11 @@ def sign(
         str | None, typer.Option("--from", metavar="TIME", show_default="now", help="From when on, ISO 8601.")
     ] = None,
 ) -> None:
-    """Sign a result."""
+    """Sign a result.
+
+    The passport holds an excerpt: curves, bands and verdict, not the single patches. Send the result.json along for
+    whoever needs all of it; its SHA-256 is signed.
+    """
     from camssf.documents.keys import read_private
     from camssf.documents.passport import Said, draw_up
     from camssf.documents.passport import sign as signed
@@ -108,36 +115,81 @@ def verify(
     key: Annotated[list[Path], typer.Option(metavar="PEM", help="A public key that is trusted; may be repeated.")],
     revoked: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="What was called back: ids of passports or keys, one a line."
-        ),
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of what was called back."),
     ] = None,
     at: Annotated[
         str | None, typer.Option(metavar="TIME", show_default="now", help="At what time, ISO 8601.")
     ] = None,
     result: Annotated[
-        str | None, typer.Option(metavar="JSON", show_default=False, help="The result.json that it shall belong to.")
+        str | None,
+        typer.Option(metavar="JSON", show_default=False, help="The whole result.json that it shall belong to."),
     ] = None,
 ) -> None:
     """Verify a passport, offline.
 
-    The result goes to stdout if all is well, and nothing if not: exit status 10.
+    The excerpt of the result goes to stdout if all is well, and nothing if not: exit status 10. It holds the
+    passport, so what was printed can be verified again.
     """
-    from camssf.documents.keys import read_public, read_revoked
-    from camssf.documents.passport import LARGEST_PASSPORT
+    from camssf.documents.keys import read_public
+    from camssf.documents.passport import as_document
     from camssf.documents.passport import verify as verified
     from camssf.documents.report import LARGEST_DOCUMENT
 
+    data, trusted, now = read_received(received), read_public(key), parse_time(at)
     found = verified(
-        read_bytes(received, LARGEST_PASSPORT),
-        read_public(key),
-        revoked=frozenset() if revoked is None else read_revoked(revoked),
-        now=parse_time(at),
+        data,
+        trusted,
+        revoked=read_list(revoked, trusted, now),
+        now=now,
         result=None if result is None else read_bytes(result, LARGEST_DOCUMENT),
     )
-    emit(found.result)
+    emit(as_document(data, found))
     _tell(found)
-    say("[green]verified[/]", "")
+    say("[green]verified[/]", "" if result is None else f", and {result} is the result that was signed")
+    if result is None:
+        say("", f"the whole result was not checked: its SHA-256 is {found.result_sha256}; give it by --result")
+
+
+@passport.command(
+    epilog="Example: camssf passport revoke ID --key passport-key.pem --list revoked.jws -o revoked.jws"
+)
+def revoke(
+    key: Private,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Where the signed list goes.")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME...", help="Ids of passports, or names of keys, which calls back all they signed."
+        ),
+    ] = None,
+    old: Annotated[
+        Path | None,
+        typer.Option(
+            "--list", metavar="JWS", show_default=False, help="The list so far, by this key: it is renewed."
+        ),
+    ] = None,
+    passphrase: Passphrase = None,
+    days: Annotated[float, typer.Option(help="How long the list is good; then it must be renewed.")] = 30.0,
+) -> None:
+    """Sign the list of what was called back, or renew it.
+
+    Without a name, --list is only dated anew.
+    """
+    from camssf.documents.keys import key_name, read_private
+    from camssf.documents.revocations import LARGEST_LIST, names_of, sign_revocations
+    from camssf.files import write_file
+
+    signer = read_private(key, _passphrase(passphrase))
+    public = signer.public_key()
+    called = set(names or ())
+    if old is not None:
+        called |= names_of(read_bytes(str(old), LARGEST_LIST, PassportInvalid), {key_name(public): public})
+    elif not called:
+        raise InvalidArgument("Nothing is called back.", "Name passports or keys, or renew a list by --list.")
+    if out.exists() and (old is None or not out.samefile(old)):
+        raise InvalidArgument(f"{out} is there, and its names would be lost.", f"Renew it: --list {out}.")
+    write_file(spare(out, key), sign_revocations(called, signer, days=days))
+    say("", f"{len(called)} called back, good for {days:g} days: {out}")
 
 
 @passport.command(epilog="Example: camssf passport show camera.jws")
@@ -146,9 +198,9 @@ def show(received: Received) -> None:
 
     Nothing is verified.
     """
-    from camssf.documents.passport import LARGEST_PASSPORT, read
+    from camssf.documents.passport import read
 
-    found, name = read(read_bytes(received, LARGEST_PASSPORT))
+    found, name = read(read_received(received))
     claims = found.claims()
     verdict = found.result.get("verdict")
     emit(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from camssf.errors import InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
+from camssf.files import check_local, local
 
 if TYPE_CHECKING:
     from camssf.documents.beside import Signature
@@ -27,15 +28,21 @@ def given_paths(word: str, paths: list[str]) -> list[str]:
     """Paths, none of them empty; `word` is what the command line calls them."""
     if not all(path.strip() for path in paths):  # "" would mean this folder: often a shell variable that is not set
         raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
+    for path in paths:
+        check_local(path)
     return paths
 
 
 def spare(out: Path, *sources: str | Path) -> Path:
-    """The file to write, which is none of those that are read.
+    """The file to write, which is none of those that are read, and belongs to no result in its folder.
 
     Raises:
-        InvalidArgument: it is one of them.
+        InvalidArgument: it is one of them, or does.
     """
+    from camssf.documents.report import NAMES
+
+    if out.name in NAMES and (out.parent / NAMES[0]).is_file():
+        raise InvalidArgument(f"{out} belongs to the result in {out.parent}.", "Give -o another name.")
     for source in sources:
         try:
             same = str(source) != "-" and out.samefile(source)
@@ -74,7 +81,7 @@ def _corners(text: str, photo: str) -> Any:
 def _stored(path: str, photo: str) -> list[list[float]]:
     """The corners of a photo in a file that `simulate` wrote, or an app in its form."""
     try:
-        with open(path, "rb") as stream:
+        with open(local(path), "rb") as stream:
             content = stream.read(LARGEST_CORNERS + 1)
     except OSError as error:
         raise InvalidArgument(
@@ -186,8 +193,8 @@ def parse_size(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def read_bytes(source: str, most: int) -> bytes:
-    """What lies in a file or comes on stdin, at most so many bytes."""
+def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidArgument) -> bytes:
+    """What lies in a file or comes on stdin; `fault` is raised where it is nothing, or more than so many bytes."""
     name = name_of(source)
     try:
         if source == "-":
@@ -195,16 +202,16 @@ def read_bytes(source: str, most: int) -> bytes:
                 raise InvalidArgument("Standard input is closed.", "Name a file, or put a camssf command before.")
             data = sys.stdin.buffer.read(most + 1)
         else:
-            with open(source, "rb") as file:
+            with open(local(source), "rb") as file:
                 data = file.read(most + 1)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise InvalidArgument(
             f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."
         ) from None
     if len(data) > most:
-        raise InvalidArgument(f"{name} is larger than {most} bytes.", "Give what camssf wrote.")
+        raise fault(f"{name} is larger than {most} bytes.", "Give what camssf wrote.")
     if not data.strip():
-        raise InvalidArgument(f"{name} is empty.", "See what the command before the pipe said.")
+        raise fault(f"{name} is empty.", "See what the command before the pipe said.")
     return data
 
 
@@ -233,17 +240,17 @@ def _refused(document: dict[str, Any]) -> bool:
     return isinstance(verdict, dict) and verdict.get("status") == "refused"
 
 
-def read_result(source: str) -> dict[str, Any]:
-    """A result document, checked against its form."""
-    return read_result_bytes(source)[0]
+def read_result(source: str, *, excerpt: bool = False) -> dict[str, Any]:
+    """A result document, checked against its form; if that will do, the excerpt that a passport holds."""
+    return read_result_bytes(source, excerpt=excerpt)[0]
 
 
-def read_result_bytes(source: str) -> tuple[dict[str, Any], bytes]:
+def read_result_bytes(source: str, *, excerpt: bool = False) -> tuple[dict[str, Any], bytes]:
     """A result document, checked against its form, and the very bytes that hold it."""
     from camssf.documents.report import LARGEST_DOCUMENT, check_document
 
     data, name = read_bytes(source, LARGEST_DOCUMENT), name_of(source)
-    return check_document(_document(data, name, RESULT), name), data
+    return check_document(_document(data, name, RESULT), name, excerpt=excerpt), data
 
 
 def name_of(source: str) -> str:
@@ -284,18 +291,35 @@ def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | Non
 
 def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Path | None) -> Signature:
     """The passport of that result: verified by the keys, or, where there are none, only read."""
-    from camssf.documents.beside import Signature, belonging
-    from camssf.documents.keys import read_public, read_revoked
-    from camssf.documents.passport import LARGEST_PASSPORT, read, verify
+    from camssf.documents.beside import Signature
+    from camssf.documents.keys import read_public
+    from camssf.documents.passport import check_belongs, read, verify
 
-    data = read_bytes(source, LARGEST_PASSPORT)
+    data = read_received(source)
     passport, key = read(data)
     if not keys and revoked is not None:
         raise InvalidArgument(
             "Whether a passport was called back is asked of one whose signature is verified.", "Add --key PEM."
         )
     if not keys:
-        return belonging(Signature(passport, key, False), result)
-    called_back = frozenset[str]() if revoked is None else read_revoked(revoked)
-    verify(data, read_public(keys), revoked=called_back, result=result)
+        check_belongs(passport, result)
+        return Signature(passport, key, False)
+    trusted = read_public(keys)
+    verify(data, trusted, revoked=read_list(revoked, trusted), result=result)
     return Signature(passport, key, True)
+
+
+def read_received(source: str) -> bytes:
+    """A passport, or what was printed of one; what cannot be one is `passport_invalid`."""
+    from camssf.documents.passport import LARGEST_PRINTED
+
+    return read_bytes(source, LARGEST_PRINTED, PassportInvalid)
+
+
+def read_list(source: Path | None, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
+    """What a signed list calls back; nothing without a list."""
+    from camssf.documents.revocations import LARGEST_LIST, read_revoked
+
+    if source is None:
+        return frozenset()
+    return read_revoked(read_bytes(str(source), LARGEST_LIST, PassportInvalid), trusted, now)

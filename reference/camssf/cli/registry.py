@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import math
 import re
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 from camssf import __version__
 from camssf.cli.options import CameraId, Captured, Lens
-from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_result
-from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
+from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_list, read_result
+from camssf.cli.terminal import PARTED, UNDECIDED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from camssf.fleet.drift import UnitDrift
+    from camssf.fleet.learn import Judgement
 
 STATUSES = ("accepted", "doubtful", "refused")
 """Of results; what failed has none."""
-KINDS = {
-    b"II*\0": "a photo (DNG or TIFF)", b"MM\0*": "a photo (DNG or TIFF)", b"\x89PNG": "a picture (PNG)",
-    b"\xff\xd8\xff": "a picture (JPEG)", b"PK\x03\x04": "an archive (.npz or .zip)", b"PAR1": "Parquet",
-    b"%PDF": "a PDF", b"-----BEGIN": "a key (PEM)", b"<": "a page",
-}  # fmt: skip
-"""Of a file, by its begin."""
 
 registry = typer.Typer(
     name="registry",
@@ -37,9 +36,9 @@ registry = typer.Typer(
 )
 
 Folder: TypeAlias = Annotated[Path, typer.Argument(metavar="REGISTRY", help="The registry's folder.")]
-Make: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera.")]
-Model: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera.")]
-Serial: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the unit.")]
+Make: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's make.")]
+Model: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's model.")]
+Serial: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The unit's serial number.")]
 Doubtful: TypeAlias = Annotated[bool, typer.Option("--doubtful", help="Count doubtful results, too.")]
 
 
@@ -55,62 +54,91 @@ def add(
     captured: Captured = "",
     key: Annotated[
         list[Path] | None,
-        typer.Option(metavar="PEM", show_default=False, help="A public key that is trusted, for passports."),
+        typer.Option(metavar="PEM", show_default=False, help="For passports: a public key that you trust."),
     ] = None,
     revoked: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", show_default=False, help="Passports and keys that were called back."),
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of what was called back."),
     ] = None,
 ) -> None:
-    """Add results to a registry, which is made where it is missing."""
+    """Add results; a registry that is missing is made."""
     from camssf.documents.report import LARGEST_DOCUMENT, check_document, parse_json
+    from camssf.fleet.compare import many
     from camssf.fleet.registry import MANY_FILES, Registry
     from camssf.fleet.rows import Origin, row
     from camssf.photo.unit import Unit
 
     parse_time(captured or None)
-    found, rows = Registry(folder, new=True), []
+    found, rows, read, passports = Registry(folder, new=True), [], [], []
     for path in given_paths("RESULT", results):
-        data = read_bytes(path, 3 * LARGEST_DOCUMENT)
+        data = read_bytes(path, LARGEST_DOCUMENT)
         if data.lstrip()[:1] == b"{":
-            if len(data) > LARGEST_DOCUMENT:
-                raise InvalidArgument(f"{name_of(path)} is larger than {LARGEST_DOCUMENT} bytes.", "Give a result.")
-            document = check_document(parse_json(data, name_of(path), "Give a result."), name_of(path))
-            unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
-            rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+            document = parse_json(data, name_of(path), "Give a result.")
+            if isinstance(document, dict) and "excerpt" in document:
+                passports.append((path, data))
+            else:
+                read.append((path, data, check_document(document, name_of(path))))
         elif not re.fullmatch(rb"[!-~]+", data.strip()) or data.count(b".") != 2:
             what = f"{_kind_of(data)}, no result and no passport"
             raise InvalidArgument(f"{name_of(path)} is {what}.", "Give a result.json, or a passport (.jws).")
         else:
-            if any((serial, camera_id, lens, captured)):
-                raise InvalidArgument(f"{name_of(path)} is a passport, which says its unit.", "Leave the unit out.")
-            rows.append(_from_passport(data, folder, path, key or [], revoked))
+            passports.append((path, data))
+    if passports and any((serial, camera_id, lens, captured)):
+        raise InvalidArgument(
+            f"{name_of(passports[0][0])} is a passport, which names its unit and time itself.",
+            "Leave out --serial, --camera-id, --lens and --captured.",
+        )
+    whole = {hashlib.sha256(data).hexdigest(): (data, document) for _, data, document in read}
+    signed = {}
+    for path, data in passports:
+        added = _from_passport(data, folder, path, (key or [], revoked), whole)
+        signed[added.key] = added
+    for path, data, document in read:
+        if hashlib.sha256(data).hexdigest() not in signed:  # else its passport says the same, and more
+            unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
+            rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+    rows += signed.values()
     found.add(rows)
     if found.files() > MANY_FILES:
         found.gather()
-    say("", f"{len(rows)} added to {folder}")
+    say("", f"{many(len(rows), 'result')} added to {folder}")
 
 
 def _kind_of(data: bytes) -> str:
     """A file that was given in a result's place, in words."""
-    for begin, word in KINDS.items():
-        if data.startswith(begin):
-            return word
-    return "text" if data.isascii() and b"\0" not in data else "a binary file"
+    from camssf.files import kind_of
+
+    return kind_of(data) or ("text" if data.isascii() and b"\0" not in data else "a binary file")
 
 
-def _from_passport(data: bytes, folder: Path, path: str, keys: list[Path], revoked: Path | None) -> Any:
-    from camssf.documents.keys import read_public, read_revoked
-    from camssf.documents.passport import verify
-    from camssf.documents.report import check_document
+def _from_passport(
+    data: bytes,
+    folder: Path,
+    path: str,
+    trust: tuple[list[Path], Path | None],
+    whole: dict[str, tuple[bytes, dict[str, Any]]],
+) -> Any:
+    """The row of a passport: of the whole result, if that is given too, else of the excerpt in it."""
+    from camssf.documents.keys import read_public
+    from camssf.documents.passport import check_belongs, verify
     from camssf.fleet.rows import Origin, row
 
+    keys, revoked = trust
     if not keys:
         raise InvalidArgument(f"{name_of(path)} is a passport.", "Give the signer's public key by --key.")
-    called = frozenset() if revoked is None else read_revoked(revoked)
-    found = verify(data, read_public(keys), revoked=called)
+    trusted = read_public(keys)
+    found = verify(data, trusted, revoked=read_list(revoked, trusted))
+    document = found.result
+    if found.result_sha256 in whole:
+        result, document = whole[found.result_sha256]
+        check_belongs(found, result)
+    else:
+        say(
+            "[yellow]without its covariance[/]",
+            f": {name_of(path)} holds an excerpt; `registry learn` needs the whole result.json, added with it",
+        )
     origin = Origin(found.unit, found.captured, passport=found.id, place=_place(folder, path))
-    return row(found.result_sha256, check_document(found.result, name_of(path)), origin)
+    return row(found.result_sha256, document, origin)
 
 
 def _place(folder: Path, path: str) -> str:
@@ -126,17 +154,21 @@ def list_results(
     model: Model = "",
     serial: Serial = "",
     status: Annotated[
-        list[str] | None, typer.Option(metavar="WORD", show_default=False, help="accepted, doubtful, refused.")
+        list[str] | None,
+        typer.Option(
+            metavar="WORD", show_default=False, help="Only these: accepted, doubtful or refused; may be repeated."
+        ),
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, show_default=False, help="At most so many.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, show_default=False, help="The newest so many.")] = None,
 ) -> None:
     """List results as CSV, the newest first."""
+    from camssf.fleet.compare import many
     from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
     from camssf.fleet.run import cell
 
     for word in status or ():
         if word not in STATUSES:
-            raise InvalidArgument(f"No result is {word!r}.", f"The words are {', '.join(STATUSES)}.")
+            raise InvalidArgument(f"{word!r} is no status of a result.", f"Use one of {', '.join(STATUSES)}.")
     found = Registry(folder).listing(Wanted(make, model, serial, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -147,7 +179,8 @@ def list_results(
         writer.writerow(["" if value is None else cell(str(value)) for value in values.values()])
     put(text.getvalue().rstrip("\n"))
     count = Counter(str(each["status"]) for each in found)
-    say("", ", ".join(f"{n} {word}" for word, n in sorted(count.items())) or "no results")
+    words = ", ".join(f"{n} {word}" for word, n in sorted(count.items()))
+    say("", f"{many(len(found), 'result')}: {words}" if found else "no results")
 
 
 @registry.command(epilog="Example: camssf registry compare phones/ --serial A1B2")
@@ -159,16 +192,20 @@ def compare(
     camera_id: CameraId = "",
     lens: Lens = "",
     result: Annotated[
-        str | None, typer.Option(metavar="JSON", show_default=False, help="A result: which models are nearest?")
+        str | None, typer.Option(metavar="JSON", show_default=False, help="A result whose nearest models are wanted.")
     ] = None,
     doubtful: Doubtful = False,
 ) -> None:
-    """Compare: the units of a --model, a unit over time by its --serial, or a --result with all models.
+    """Compare units of a model, or follow one unit.
 
-    JSON on stdout; exits with 1 where a unit drifts.
+    The units of a --model, one unit over time by its --serial, or a --result with the models of the registry.
+
+    JSON on stdout. A unit over time exits with 1 where it drifts, and with 12 where nobody can tell because its
+    newest result was left out.
     """
     from camssf.fleet import compare as comparing
-    from camssf.fleet.registry import Registry
+    from camssf.fleet.drift import drift_of
+    from camssf.fleet.registry import Registry, Wanted
 
     found = Registry(folder)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
@@ -177,31 +214,27 @@ def compare(
         unused = ", ".join(option for option, word in which.items() if word)
         raise InvalidArgument("A --result is compared with all models.", f"Leave {unused} out.")
     if result is None and not (serial or model):
-        raise InvalidArgument("What shall be compared?", "Name a --model, a unit by --serial, or a --result.")
+        raise InvalidArgument(
+            "It is not said what to compare.",
+            "Give --model to compare its units, --serial to follow one unit, or --result to find the nearest models.",
+        )
     if result is not None:
-        document = read_result(result)
+        document = read_result(result, excerpt=True)
         if "ssf" not in document:
             raise InvalidArgument("The result was refused: it has no curves.", "Give one with curves.")
         near = comparing.nearest(found, comparing.curves_of(document), statuses=statuses)
-        emit(_document("registry-nearest") | {"models": [vars(one) for one in near]})
+        left_out = comparing.other_statuses(found, Wanted(), statuses)
+        emit(_document("registry-nearest") | {"models": [vars(one) for one in near], "left_out": left_out})
+        say("", "root mean square difference, parts of the peak" if near else "no model to compare with")
         for one in near:
-            say("", f"{one.distance:.4f}  {one.make} {one.model} ({one.results})")
+            say("", f"{one.distance:.4f}  {one.make} {one.model} ({comparing.many(one.results, 'result')})")
+        _say_left_out(left_out)
     elif serial:
-        drifts = comparing.drift(
-            found, serial, make=make, model=model, camera_id=camera_id, lens=lens, statuses=statuses
-        )
-        alarms = [each for each in drifts if each.alarm]
-        emit(
-            _document("drift")
-            | {"serial": serial, "alarm": bool(alarms)}
-            | {"features": [{name: _finite(value) for name, value in vars(each).items()} for each in drifts]}
-        )
-        for each in alarms:
-            moved = each.change if each.alarm == "trend" else each.step
-            say("[bold red]drift[/]: ", f"{each.feature} {moved:+.2f} nm ({each.alarm})")
-        if alarms:
-            raise typer.Exit(PARTED)
-        say("", f"no drift in {drifts[0].results} results over {drifts[0].days:.0f} days")
+        drift = drift_of(found, serial, make=make, model=model, camera_id=camera_id, lens=lens, statuses=statuses)
+        emit(_drift_document(serial, drift))
+        _say_drift(drift)
+        if drift.outcome != "no_drift":
+            raise typer.Exit(PARTED if drift.alarms else UNDECIDED)
     else:
         spread = comparing.spread(found, model, make=make, camera_id=camera_id, lens=lens, statuses=statuses)
         emit(
@@ -209,9 +242,70 @@ def compare(
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}
         )
         size = spread.seen if spread.between is None else spread.between
+        what = "units and calibrations together" if spread.between is None else "unit to unit"
+        say("", f"standard deviation from {what}, parts of the peak (95 % interval)")
         for colour, s, low, high in zip(("red", "green", "blue"), size, spread.low, spread.high, strict=True):
-            say("", f"{colour:<6} {s:.4f} of the peak ({low:.4f} to {high:.4f})")
-        say("", f"{spread.units} units, {spread.results} results; {spread.without_serial} name no unit")
+            say("", f"{colour:<6} {s:.4f} ({low:.4f} to {high:.4f})")
+        say("", f"{spread.units} units, {comparing.many(spread.results, 'result')}")
+        if spread.without_serial:
+            say("", f"left out: {comparing.many(spread.without_serial, 'result')} of which the unit is not certain")
+        _say_left_out(spread.left_out)
+
+
+def _say_left_out(left_out: dict[str, int]) -> None:
+    """Results whose status does not count."""
+    from camssf.fleet.compare import counts_in_words
+
+    if left_out:
+        more = " (--doubtful counts the doubtful ones, too)" if "doubtful" in left_out else ""
+        say("", f"left out: {counts_in_words(left_out)}{more}")
+
+
+def _drift_document(serial: str, drift: UnitDrift) -> dict[str, Any]:
+    from camssf.fleet.drift import FEATURES
+
+    return _document("drift") | {
+        "serial": serial,
+        "outcome": drift.outcome,
+        "alarm": bool(drift.alarms),
+        "doubtful": drift.doubtful,
+        "features": [{name: _finite(value) for name, value in vars(each).items()} for each in drift.features],
+        "left_out": [
+            vars(each) | {"steps": None if each.steps is None else dict(zip(FEATURES, each.steps, strict=True))}
+            for each in drift.left_out
+        ],
+    }
+
+
+def _say_drift(drift: UnitDrift) -> None:
+    """The outcome, the features that drift, and each result that was left out."""
+    from camssf.fleet.drift import ADVICE, FEATURES, NO_UNIT
+
+    first = drift.features[0]
+    doubtful = f", {drift.doubtful} of them doubtful," if drift.doubtful else ""
+    counted = f"{first.results} results{doubtful} over {first.days:.0f} days"
+    for each in drift.alarms:
+        moved, words = (each.change, "trend from the first to the last") if each.alarm == "trend" else (
+            each.step, "the last against the mean of those before")  # fmt: skip
+        say("[bold red]drift[/]: ", f"{each.feature} {moved:+.2f} nm ({words})")
+    for result in drift.left_out:
+        words = f"{result.captured or 'no time'}, {result.status}"
+        if result.code:
+            words += f" ({result.code}: {result.reason})"
+        if result.why == NO_UNIT:
+            words += f", {result.why}"
+        if result.steps is not None:
+            feature, step = max(zip(FEATURES, result.steps, strict=True), key=lambda each: abs(each[1]))
+            words += f"; {feature} {step:+.2f} nm from the mean of the others"
+        say("[yellow]left out[/]: ", f"{words}; result {result.key[:12]}")
+    if drift.alarms:
+        say("", f"drift in {counted}")
+    elif drift.outcome == "no_drift":
+        say("", f"no drift in {counted}")
+    else:
+        say("[bold yellow]undecided[/]: ", f"no drift in {counted}, but the newest result was left out.")
+        why = {each.why for each in drift.left_out if each.newest}
+        say("", f"  {' '.join(ADVICE[each] for each in sorted(why))}")
 
 
 @registry.command(epilog="Example: camssf registry learn phones/ -o ours.npz")
@@ -219,37 +313,43 @@ def learn(
     folder: Folder,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="The basis, .npz.")],
     basis: Annotated[
-        str, typer.Option(metavar="NAME", help="Whose results count, and what is departed from: phones or cameras.")
+        str,
+        typer.Option(metavar="NAME", help="Learn from results on this basis, and start from it: phones or cameras."),
     ] = "phones",
     make: Make = "",
     model: Annotated[
-        str, typer.Option(metavar="TEXT", show_default=False, help="A basis of this model's units alone.")
+        str,
+        typer.Option(metavar="TEXT", show_default=False, help="Make the basis of this model alone; default: of all."),
     ] = "",
     camera_id: CameraId = "",
     table: Annotated[
         Path | None,
         typer.Option(
-            metavar="CSV", show_default=False, help="Measured cameras beside them: camera,wavelength_nm,R,G,B."
+            metavar="CSV",
+            show_default=False,
+            help="Measured curves to learn from as well: camera,wavelength_nm,R,G,B.",
         ),
     ] = None,
     licence: Annotated[
-        str, typer.Option(metavar="TEXT", help="Of these curves, kept in the file.")
+        str, typer.Option(metavar="TEXT", help="Licence of the --table, kept in the file.")
     ] = "that of the curves",
     leave: Annotated[
-        str, typer.Option(metavar="WORD", help="Left out for the judgement: model or maker; a unit with --model.")
+        str,
+        typer.Option(metavar="WORD", help="What is left out in turn: model or maker; with --model always a unit."),
     ] = "model",
     doubtful: Doubtful = False,
 ) -> None:
-    """Make a basis of the results, and say by leaving out whether it would have helped.
+    """Learn a basis from the results.
 
-    JSON on stdout; `--basis FILE` of calibrate takes the file.
+    Each model, maker or unit is left out in turn, which says whether the basis helps with cameras that it has not
+    seen. JSON on stdout; `camssf calibrate --basis FILE` takes the file.
     """
     from camssf.fleet.compare import ACCEPTED
     from camssf.fleet.learn import Asked, learn_basis
     from camssf.fleet.registry import Registry
 
     if out.suffix != ".npz":
-        raise InvalidArgument(f"{out} is no .npz.", "Name the basis file like that.")
+        raise InvalidArgument(f"The basis file {out} does not end in .npz.", "Give it this ending.")
     statuses = ("accepted", "doubtful") if doubtful else ACCEPTED
     asked = Asked(basis, make, model, camera_id, statuses, table, licence, leave)
     with progress_bar() as progress:
@@ -257,19 +357,23 @@ def learn(
     lesson.save(out)
     emit(lesson.document())
     for reason, count in lesson.left_aside.items():
-        say("", f"{count:>8} left aside: {reason}")
+        say("", f"left out: {count} {reason}")
     say("", lesson.source)
-    found = lesson.judgement
-    if found.nats is None or found.error is None:
-        say("", f"of one {found.left_out} alone nobody can tell whether it helps")
-    else:
-        word = {True: "it helps", False: "[bold red]it harms[/]", None: "whether it helps is not clear yet"}[
-            found.helps
-        ]
-        say(
-            f"{word}: ", f"{found.nats:+.1f} ± {found.error:.1f} nats a photo, each {found.left_out} left out in turn"
-        )
+    _say_judgement(lesson.judgement)
     say("", f"basis: {out}")
+
+
+def _say_judgement(found: Judgement) -> None:
+    """Whether the basis would have helped, with its interval and what that rests on."""
+    if found.nats is None:
+        say("whether it helps is unknown: ", f"it needs results of at least 2 {found.left_out}s, and there is 1")
+        return
+    words = {True: "it helps", False: "[bold red]it harms[/]", None: "whether it helps is not clear yet"}[found.helps]
+    say(
+        f"{words}: ",
+        f"{found.nats:+.1f} nats a photo, 95 % interval {found.low:+.1f} to {found.high:+.1f}, from {found.groups} "
+        f"{found.left_out}s, each left out in turn (Student's t, {found.groups - 1} degrees of freedom)",
+    )
 
 
 @registry.command(epilog="Example: camssf registry export phones/ -o phones.parquet")

@@ -45,8 +45,9 @@ from camssf.cli.reading import (
     read_result_bytes,
     read_signature,
 )
-from camssf.cli.terminal import emit, finish, pass_on, product_of, progress_bar, summarise
+from camssf.cli.terminal import emit, finish, kept_in, pass_on, product_of, progress_bar, say, summarise
 from camssf.errors import InvalidArgument
+from camssf.files import local_folder
 
 
 def patches(
@@ -181,7 +182,7 @@ def report(
     revoked: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", show_default=False, help="What was called back: ids of passports or keys, one a line."
+            metavar="JWS", show_default=False, help="Signed list of the passports and keys that were called back."
         ),
     ] = None,
 ) -> None:
@@ -189,6 +190,7 @@ def report(
     from camssf.documents.beside import taken
     from camssf.documents.report import report as render
 
+    local_folder(out)
     if passport is None and (key or revoked):
         raise InvalidArgument("A key verifies a passport, and none is given.", "Add --passport JWS.")
     with progress_bar() as progress:
@@ -203,6 +205,8 @@ def report(
         if beside.other is not None and "ssf" not in beside.other:
             raise InvalidArgument(f"{compare} was refused: it has no curves.", "Compare with a result that has some.")
         progress("writing the report", 0.5)
-        render(result, previews, beside=beside).save(out)
-    summarise(result, out)
+        written = render(result, previews, beside=beside).save(out)
+    summarise(result, written[-1])
+    if kept := kept_in(out, written):
+        say("", kept.rstrip())
     finish(result)

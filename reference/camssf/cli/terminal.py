@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument, RawError
 from camssf.files import readable
 
 if TYPE_CHECKING:
@@ -25,10 +25,11 @@ if TYPE_CHECKING:
 Product = TypeVar("Product")
 
 BATCH_FAILED = PARTED = 1
+UNDECIDED = 12
 INTERRUPTED = 130
 BUG = 70
-"""Exit statuses beside those of `camssf.errors`: a batch with failures or two results that differ, Ctrl-C, and
-sysexits' EX_SOFTWARE."""
+"""Exit statuses beside those of `camssf.errors`: a batch with failures or two results that differ, a drift that
+nobody can tell because the newest result was left out, Ctrl-C, and sysexits' EX_SOFTWARE."""
 
 PROGRESS_AFTER = 2.0
 """Seconds of silence before a progress bar appears."""
@@ -82,7 +83,10 @@ def pass_on(document: dict[str, Any]) -> None:
 
 
 def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str] = ()) -> Product:
-    """The product; a refusal leaves what it knows, as files or on stdout, and is raised."""
+    """The product; a refusal leaves what it knows, as files or on stdout, and is raised.
+
+    Where a file is missing or is no RAW nothing is known, and no file is written.
+    """
     from camssf.documents.beside import taken
     from camssf.documents.report import report
     from camssf.documents.result import Refusal
@@ -92,16 +96,23 @@ def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str]
     try:
         if out is None:
             emit(found.document())
+        elif isinstance(found.error, RawError):
+            say("", f"Nothing was written to {out}.")
         else:
-            report(found.document(), found.previews, beside=taken(photos)).save(out)
-            say("", f"What is known of this capture lies in {out / 'report.html'}")
+            written = report(found.document(), found.previews, beside=taken(photos)).save(out)
+            say("", f"{kept_in(out, written)}What is known of this capture lies in {written[-1]}")
     except InvalidArgument as lost:  # the refusal itself matters more
         say("", f"{lost.message} {lost.advice}")
     raise found.error
 
 
-def summarise(document: dict[str, Any], out: Path | None) -> None:
-    """A table of the result on stderr."""
+def kept_in(out: Path, written: Sequence[Path]) -> str:
+    """That an earlier result was kept, where a refused one was written below it; else nothing."""
+    return "" if written[0].parent == out else f"The result in {out} was kept as it is. "
+
+
+def summarise(document: dict[str, Any], page: Path | None) -> None:
+    """A table of the result on stderr; `page` is the report that was written."""
     from rich.table import Table
 
     from camssf.documents.choice import choice_of
@@ -124,12 +135,15 @@ def summarise(document: dict[str, Any], out: Path | None) -> None:
     if lights:
         several = len(document["shots"]) > 1
         say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
+    for j, shot in enumerate(document["shots"]):
+        for note in shot["pose"]["notes"] if shot["pose"] else ():
+            say(f"shot {j + 1}: ", note)
     colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
     say(f"verdict: [bold {colour}]{verdict['status']}[/]", "")
     for reason in verdict["reasons"]:
         say(f"  [bold]{reason['code']}[/]: ", f"{reason['message']} {reason['advice']}")
-    if out is not None:
-        say("", f"report: {out / 'report.html'}")
+    if page is not None:
+        say("", f"report: {page}")
 
 
 def _title(document: dict[str, Any]) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from camssf.colour.between import Conversion, Converted, convert
 from camssf.colour.camera import Camera, ColourCamera, camera_of_result, camera_of_ssf
 from camssf.colour.indices import Quality, quality_of
-from camssf.colour.spaces import adapt, lab, white_of
+from camssf.colour.spaces import adapt, white_of
 from camssf.colour.spread import Reference
 from camssf.colour.standard import PARTS, Colours, View, standard_colour
 from camssf.colour.transforms import KINDS, Transform, choose, fit
+from camssf.spectra.appearance import lab
 
 __all__ = [
     "KINDS",

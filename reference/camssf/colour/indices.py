@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.colour.spaces import lab, xyz_of
+from camssf.colour.spaces import xyz_of
 from camssf.colour.transforms import Transform, choose, fit, signals_of
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.appearance import lab
 from camssf.spectra.surfaces import observer
 
 SMI_LAMP = "D55"

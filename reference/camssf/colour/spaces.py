@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from camssf.grid import Floats
-from camssf.spectra.appearance import BEND, SLOPE, lab
+from camssf.spectra.appearance import BEND, SLOPE
 from camssf.spectra.surfaces import observer
-
-__all__ = ["CAT16", "adapt", "adaptation", "lab", "lab_slopes", "white_of", "xyz_of"]
 
 CAT16: Floats = np.array(
     [[0.401288, 0.650173, -0.051461], [-0.250268, 1.204414, 0.045854], [-0.002079, 0.048952, 0.953127]]
 )
 """XYZ to the sharpened cone signals of CAT16 (Li et al., Color Res. Appl. 2017, 42, 703)."""
-CAT16.setflags(write=False)
+BRADFORD: Floats = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+"""XYZ to the sharpened cone signals that ICC (ICC.1:2010, annex E) and DNG adapt in."""
+for _each in (CAT16, BRADFORD):
+    _each.setflags(write=False)
 
 
 def xyz_of(reflectance: Floats, lamp: Floats, functions: Floats) -> Floats:
@@ -39,10 +40,13 @@ def lab_slopes(xyz: Floats, white: Floats) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def adaptation(source: Floats, target: Floats) -> Floats:
-    """(..., 3, 3) matrix that takes XYZ seen under a white (..., 3) to another: CAT16, adapted wholly."""
-    scale = (np.asarray(target) @ CAT16.T) / (np.asarray(source) @ CAT16.T)
-    return np.asarray(np.linalg.inv(CAT16) @ (scale[..., :, None] * CAT16))
+def adaptation(source: Floats, target: Floats, cones: Floats = CAT16) -> Floats:
+    """(..., 3, 3) matrix that takes XYZ seen under a white (..., 3) to another, adapted wholly.
+
+    `cones`, (3, 3), takes XYZ to the cone signals that are scaled.
+    """
+    scale = (np.asarray(target) @ cones.T) / (np.asarray(source) @ cones.T)
+    return np.asarray(np.linalg.inv(cones) @ (scale[..., :, None] * cones))
 
 
 def adapt(xyz: Floats, source: Floats, target: Floats) -> Floats:

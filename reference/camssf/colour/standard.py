@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from camssf.colour.camera import Camera, ColourCamera, as_camera
 from camssf.colour.light import Light, see
 from camssf.colour.reach import distances
-from camssf.colour.spaces import adaptation, lab, lab_slopes, white_of, xyz_of
+from camssf.colour.spaces import adaptation, lab_slopes, white_of, xyz_of
 from camssf.colour.spread import Reference, checked_signals, metamers, of_reference, outer, signal_moves
 from camssf.colour.transforms import KINDS, Transform, choose, fit, terms
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import Floats
 from camssf.spectra import LampLike, read_lamp
+from camssf.spectra.appearance import lab
 from camssf.spectra.families import FAMILIES
 from camssf.spectra.surfaces import observer, surfaces
 

@@ -13,10 +13,10 @@ from functools import cache
 
 import numpy as np
 
-from camssf.colour.spaces import lab, xyz_of
+from camssf.colour.spaces import xyz_of
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.spectra.appearance import delta_e00
+from camssf.spectra.appearance import delta_e00, lab
 from camssf.spectra.surfaces import observer, surfaces
 
 KINDS = {"matrix": 3, "root-polynomial": 6}

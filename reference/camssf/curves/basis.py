@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import InvalidArgument
+from camssf.files import local
 from camssf.grid import WAVELENGTHS, Floats
 
 NODES: Floats = WAVELENGTHS[::10]
@@ -127,7 +128,7 @@ def fold(values: Floats) -> Floats:
 
 def basis_file(spec: str) -> Any:
     """Where the arrays of a learned basis lie: in the package, or a file."""
-    return resources.files("camssf") / "data" / f"{spec}.npz" if spec in LEARNED else Path(spec)
+    return resources.files("camssf") / "data" / f"{spec}.npz" if spec in LEARNED else local(spec)
 
 
 @lru_cache(maxsize=8)

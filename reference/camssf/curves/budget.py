@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.evidence import Evidence, evidence_of
+from camssf.curves.evidence import Evidence
 from camssf.curves.sensing import anchor, sense
 from camssf.curves.ssf import moves_of_peak_one
 from camssf.errors import InvalidArgument
@@ -14,23 +13,21 @@ from camssf.grid import Floats
 
 
 def explain(
-    evidence: Evidence | ArrayLike | None = None,
-    *former: ArrayLike,
+    evidence: Evidence,
+    *,
     basis: str | Basis = "cameras",
     prior_scale: float = 1.0,
-    **named: ArrayLike | None,
 ) -> dict[str, Floats]:
     """Uncertainty budget: each source's share in the curves' variance, (3,) a source; they add up to 1.
 
     The posterior mean is x = G b with G = (H + I)⁻¹ Aᵀ Σ⁻¹, so its covariance is the sum over the sources t of
     G Σ_t Gᵀ, and of (I - G A)(I - G A)ᵀ, what the prior leaves open and no patch has seen: "unseen". Each channel's
     shares are of the sum over the grid of the variances of the curve of peak 1. `basis` and `prior_scale` are
-    those of the answer. Former arguments as in `recover`.
+    those of the answer.
 
     Raises:
         InvalidArgument: as `recover`; also a basis without a prior, which has no variance to share.
     """
-    evidence = evidence_of("explain", evidence, former, named)
     basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.curves.basis import Basis
-from camssf.curves.evidence import Evidence, evidence_of
+from camssf.curves.evidence import Evidence
 from camssf.curves.ssf import Ssf, Weight, answer, respond
 from camssf.grid import STEP, Floats
 from camssf.rules import rules
@@ -32,8 +32,8 @@ CLEAR = rules().number("choice.clear")
 
 
 def recover(
-    evidence: Evidence | ArrayLike | None = None,
-    *former: ArrayLike,
+    evidence: Evidence,
+    *,
     basis: str | Basis = AUTO,
     l2: float | None = None,
     gamma: ArrayLike | None = None,
@@ -41,14 +41,11 @@ def recover(
     engine: str = "onnx",
     prior: Mapping[str, float] | None = None,
     prior_scale: float = 1.0,
-    **named: Any,
 ) -> Ssf:
     """The curves that explain the signals.
 
     Args:
         evidence: the signals, and what is known of chart, white and lamps.
-        former, named: `recover(signals, reflectance, lamp, standard_error=..., ...)`, the form before `Evidence`; it
-            goes with the release after the next.
         basis: "auto" lets the evidence choose among FAMILIES; else a name, a file, or a Basis.
         l2, gamma: the penalties λ₂ and γ. On a basis with a prior, whose channels are one problem, γ is one number,
             and they default to 1 and 0.05. On the paper's γ may be one a channel, and they default to 0 and to the
@@ -64,9 +61,8 @@ def recover(
 
     Raises:
         InvalidArgument: values or names that do not fit.
-        NotConverged: a relative duality gap above 1e-6.
+        NotConverged: a relative duality gap above 1e-9.
     """
-    evidence = evidence_of("recover", evidence, former, named)
     how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
     if basis != AUTO:
         return answer(evidence, basis, prior_scale=prior_scale, **how)

@@ -10,13 +10,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from camssf.curves.finish import SETTLED, finish_steps
 from camssf.curves.finish import finish as walk
-from camssf.curves.layers import DEPTH, LAYERS, soft
+from camssf.curves.layers import DEPTH, LAYERS
 from camssf.curves.problem import Problem, whiten
 from camssf.curves.proof import prove
 from camssf.curves.sensing import Sensing
 from camssf.grid import Floats
-
-__all__ = ["DEPTH", "Code", "finish_steps", "soft", "solve", "whiten"]
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,7 @@ class Model:
     metadata: dict[str, str]
 
     def run(self, inputs: dict[str, Floats]) -> dict[str, Floats]:
-        """Outputs by name; inputs as docs/architecture.md names them, float64; `gain_modes` may be left out."""
-        k, n, _ = inputs["chart"].shape
-        inputs = {"gain_modes": np.zeros((k, 1, n))} | inputs
+        """Outputs by name. Every input that docs/architecture.md names must be given, float64."""
         values = self.session.run(list(OUTPUTS), {name: np.asarray(value, float) for name, value in inputs.items()})
         return dict(zip(OUTPUTS, values, strict=True))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -243,22 +241,3 @@ def _modes(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
             f"`{name}` have shape {modes.shape}; ({k}, q, {size}) is needed.", "Give q modes a shot."
         )
     return modes
-
-
-def evidence_of(
-    verb: str, given: Evidence | ArrayLike | None, former: Sequence[Any], named: Mapping[str, Any]
-) -> Evidence:
-    """What a verb was given, also in the form before `Evidence`: signals, reflectance, lamp and the rest by name."""
-    if isinstance(given, Evidence):
-        if former or named:
-            extra = ", ".join(named) or f"{len(former)} more positional argument(s)"
-            raise TypeError(f"{verb}() takes an Evidence, which says it all; got also {extra}")
-        return given
-    warnings.warn(
-        f"{verb}(signals, reflectance, lamp, ...) has become {verb}(Evidence(signals, reflectance, lamp, ...)); the "
-        "former form goes with the release after the next.",
-        DeprecationWarning,
-        stacklevel=3,
-    )
-    known = {name: value for name, value in named.items() if value is not None}
-    return Evidence(*(() if given is None else (given, *former)), **known)

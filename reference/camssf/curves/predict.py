@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.evidence import Evidence, array_of, evidence_of, tolerance_of
+from camssf.curves.evidence import Evidence, array_of, tolerance_of
 from camssf.curves.sensing import levels, sense
 from camssf.curves.ssf import Ssf, respond
 from camssf.errors import InvalidArgument
@@ -30,13 +30,12 @@ class Prediction:
 
 def predict(
     ssf: Ssf,
-    evidence: Evidence | ArrayLike | None = None,
-    *former: ArrayLike,
+    evidence: Evidence,
+    *,
     of: ArrayLike | None = None,
     of_tolerance: ArrayLike = 0.0,
     of_gains: ArrayLike | None = None,
     basis: str | Basis | None = None,
-    **named: ArrayLike | None,
 ) -> Prediction:
     """The signals that the curves give of the patches they come from, then of other surfaces `of`, with their bands.
 
@@ -64,7 +63,6 @@ def predict(
     Raises:
         InvalidArgument: as `recover`; also a basis without a prior, which has no bands.
     """
-    evidence = evidence_of("predict", evidence, former, named)
     basis = basis if isinstance(basis, Basis) else read_basis(ssf.basis if basis is None else str(basis))
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")

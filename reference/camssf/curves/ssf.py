@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.code import Code, solve, whiten
+from camssf.curves.code import Code, solve
 from camssf.curves.engine import SHIPPED, Model, load_model
 from camssf.curves.evidence import Evidence
 from camssf.curves.penalties import penalties
+from camssf.curves.problem import whiten
 from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from camssf.errors import InvalidArgument
+from camssf.files import kind_of, local
 from camssf.grid import Floats
 
 PathLike: TypeAlias = str | Path
@@ -25,8 +26,10 @@ def read_columns(path: PathLike, names: tuple[str, ...]) -> tuple[Floats, ...]:
     """
     wanted = ",".join(names)
     try:
-        with open(path, "rb") as stream:
+        with open(local(path), "rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
+        if (kind := kind_of(data)) is not None:
+            raise InvalidArgument(f"{path} is {kind}, not a table.", f"Give a CSV of {wanted}.")
         if len(data) > LARGEST_FILE:
             raise InvalidArgument(f"{path} is larger than {LARGEST_FILE} bytes.", f"Give a table of {wanted}.")
         lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and line.lstrip()[0] != "#"]

@@ -13,6 +13,7 @@ from camssf.direct.columns import PathLike, read_columns
 from camssf.direct.extraction import Spectrum, extract
 from camssf.direct.result import CHANNELS
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, UnreadableRaw
+from camssf.files import local
 from camssf.grid import Floats
 from camssf.photo.mosaic import Mosaic, read_dng
 
@@ -24,7 +25,7 @@ DENSEST = 2000
 
 def read_spectrum(path: PathLike, dark: PathLike | None, channels: int) -> tuple[Spectrum, tuple[str, str]]:
     """The spectrum in a file, and the camera's make and model where it says so."""
-    name, kind = Path(path).name, Path(path).suffix.casefold()
+    name, kind = local(path).name, Path(path).suffix.casefold()
     if kind == ".csv":
         if dark is not None:
             raise InvalidArgument(f"{name} is a table; its dark frame has no use.", "Subtract it before extracting.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +15,8 @@ import numpy as np
 from camssf import __version__
 from camssf.direct.columns import PathLike
 from camssf.direct.dispersion import Dispersion
-from camssf.errors import Underexposed
-from camssf.files import write_files
+from camssf.errors import InvalidArgument, Underexposed
+from camssf.files import local, write_files
 from camssf.grid import WAVELENGTHS, Floats
 
 Json: TypeAlias = dict[str, Any]
@@ -93,8 +94,13 @@ class Direct:
         """Leave direct.json and ssf.csv (as `camssf calibrate` writes it) in `folder`, both or none.
 
         Raises:
-            InvalidArgument: the folder cannot be written to.
+            InvalidArgument: the folder cannot be written to, or holds the result of a calibration.
         """
+        if os.path.isfile(local(folder) / "result.json"):
+            raise InvalidArgument(
+                f"{folder} holds the result of a calibration, whose ssf.csv would be replaced.",
+                "Name another folder.",
+            )
         document = self.document()
         columns = [WAVELENGTHS, *(np.array(document["ssf"][c]) for c in CHANNELS)]
         head = ["wavelength_nm", *CHANNELS]

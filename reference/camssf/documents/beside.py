@@ -6,13 +6,12 @@ passport know them.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from camssf.errors import CalibrationError, PassportInvalid
+from camssf.errors import CalibrationError
 from camssf.photo.unit import Unit, read_unit
 
 if TYPE_CHECKING:
@@ -70,18 +69,3 @@ def taken(photos: Sequence[Path | str]) -> Beside:
         unit = unit.filled(found.unit)
         captured.append(found.time)
     return Beside(unit=unit, captured=tuple(captured))
-
-
-def belonging(signature: Signature, result: bytes) -> Signature:
-    """The signature, if it is of that result.
-
-    Args:
-        signature: as received.
-        result: the bytes of result.json.
-
-    Raises:
-        PassportInvalid: it is of another one.
-    """
-    if hashlib.sha256(result).hexdigest() != signature.passport.result_sha256:
-        raise PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
-    return signature

@@ -15,7 +15,8 @@ import numpy as np
 Json: TypeAlias = dict[str, Any]
 
 STAGE_OF = {
-    "/format": "inputs", "/generator": "inputs", "/camera": "photo", "/chart": "inputs", "/basis": "inputs",
+    "/format": "inputs", "/excerpt": "inputs",
+    "/generator": "inputs", "/camera": "photo", "/chart": "inputs", "/basis": "inputs",
     "/engine": "inputs", "/hashes": "inputs", "/ssf": "curve", "/channel_gain": "curve", "/gamma": "curve",
     "/l2": "curve", "/ssf_std": "band", "/code_covariance": "band", "/evidence": "band", "/prior_scale": "band",
     "/choice": "band", "/uncertainty": "band", "/gap": "gap", "/layers_gap": "gap", "/finish_steps": "gap",

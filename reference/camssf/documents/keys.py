@@ -1,4 +1,4 @@
-"""Keys of passports, P-256, in PEM files, and the list of what was called back.
+"""Keys of passports, P-256, in PEM files.
 
 A key's name is its thumbprint (RFC 7638, SHA-256), the same in every language. Private keys are read, used and
 forgotten: no message, no document and no log holds any of one.
@@ -11,17 +11,21 @@ import hashlib
 import json
 import os
 import re
+import shlex
+import stat
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from camssf.errors import InvalidArgument
+from camssf.files import local, local_folder
 from camssf.libraries import library
 
 PRIVATE, PUBLIC = "passport-key.pem", "passport-key.pub.pem"
 LARGEST_KEY = 64 * 1024
-LARGEST_LIST = 16 * 2**20
-PASSPORT_ID = re.compile(r"[0-9a-f]{32}")
+ROUNDS = 600_000
+"""Of PBKDF2 with HMAC-SHA-256, which makes a key of a passphrase (OWASP Password Storage Cheat Sheet, 2023)."""
 KEY_ID = re.compile(r"[A-Za-z0-9_-]{43}")
 
 _MAKE = "`camssf passport key -o FOLDER` makes a pair."
@@ -50,10 +54,9 @@ def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     key = ec.generate_private_key(ec.SECP256R1())
-    lock = form.BestAvailableEncryption(passphrase) if passphrase else form.NoEncryption()
-    private = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, lock)
+    private = _locked(key, passphrase) if passphrase else _open(key, form.Encoding.PEM)
     public = key.public_key().public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo)
-    folder = Path(folder)
+    folder = local_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if (folder / PUBLIC).exists():
@@ -68,6 +71,48 @@ def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
     return key_name(key.public_key())
 
 
+def _open(key: Any, encoding: Any) -> bytes:
+    from cryptography.hazmat.primitives.serialization import NoEncryption, PrivateFormat
+
+    return bytes(key.private_bytes(encoding, PrivateFormat.PKCS8, NoEncryption()))
+
+
+def _locked(key: Any, passphrase: bytes) -> bytes:
+    """An EncryptedPrivateKeyInfo in PEM: PBES2 (RFC 8018, appendix A) of PBKDF2, HMAC-SHA-256 and AES-256-CBC.
+
+    Written here because `cryptography` writes PKCS 8 with 20,000 rounds and lets nobody choose.
+    """
+    from cryptography.hazmat.primitives.ciphers import Cipher, algorithms, modes
+    from cryptography.hazmat.primitives.hashes import SHA256
+    from cryptography.hazmat.primitives.kdf.pbkdf2 import PBKDF2HMAC
+    from cryptography.hazmat.primitives.padding import PKCS7
+    from cryptography.hazmat.primitives.serialization import Encoding
+
+    salt, start = os.urandom(16), os.urandom(16)
+    secret = PBKDF2HMAC(SHA256(), 32, salt, ROUNDS).derive(passphrase)
+    padder, cipher = PKCS7(128).padder(), Cipher(algorithms.AES(secret), modes.CBC(start)).encryptor()
+    hidden = cipher.update(padder.update(_open(key, Encoding.DER)) + padder.finalize()) + cipher.finalize()
+
+    def sequence(*parts: bytes) -> bytes:
+        return _der(0x30, b"".join(parts))
+
+    # Object identifiers: id-hmacWithSHA256, id-PBKDF2, aes256-CBC-PAD, id-PBES2
+    hmac = sequence(bytes.fromhex("06082a864886f70d0209"), b"\x05\0")
+    rounds = _der(2, ROUNDS.to_bytes(4, "big").lstrip(b"\0"))
+    derivation = sequence(bytes.fromhex("06092a864886f70d01050c"), sequence(_der(4, salt), rounds, hmac))
+    encryption = sequence(bytes.fromhex("060960864801650304012a"), _der(4, start))
+    scheme = sequence(bytes.fromhex("06092a864886f70d01050d"), sequence(derivation, encryption))
+    body = base64.b64encode(sequence(scheme, _der(4, hidden))).decode()
+    name = "ENCRYPTED PRIVATE KEY-----"
+    return "\n".join(["-----BEGIN " + name, *textwrap.wrap(body, 64), "-----END " + name, ""]).encode()
+
+
+def _der(tag: int, content: bytes) -> bytes:
+    """One value of at most 255 bytes in DER (X.690)."""
+    size = len(content)
+    return bytes([tag, size] if size < 128 else [tag, 0x81, size]) + content
+
+
 def _create(path: Path, content: bytes, mode: int) -> None:
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
     with os.fdopen(handle, "wb") as stream:
@@ -80,14 +125,14 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
     """The key that signs.
 
     Raises:
-        InvalidArgument: it is none, or it is locked and `passphrase` does not open it.
+        InvalidArgument: it is none, others may read it, or it is locked and `passphrase` does not open it.
     """
     need_cryptography()
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-    data = _bytes(path, LARGEST_KEY)
+    data = _bytes(path, LARGEST_KEY, private=True)
     try:
         key = load_pem_private_key(data, passphrase)
     except (TypeError, ValueError, UnsupportedAlgorithm):  # without its words: they speak of what lies in the file
@@ -139,36 +184,20 @@ def unpadded(data: bytes) -> str:
     return base64.urlsafe_b64encode(data).rstrip(b"=").decode()
 
 
-def read_revoked(path: Path | str) -> frozenset[str]:
-    """Passports and keys that were called back: a text file, a name a line, # begins a comment.
-
-    Raises:
-        InvalidArgument: it cannot be read, or a line is no name. A list that is half understood protects nobody.
-    """
+def _bytes(path: Path | str, most: int, *, private: bool = False) -> bytes:
     try:
-        lines = _bytes(path, LARGEST_LIST).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise InvalidArgument(f"{path} is not text in UTF-8.", "Write one passport or key a line.") from None
-    names = set()
-    for number, line in enumerate(lines, 1):
-        name = line.partition("#")[0].strip()
-        if name and not (PASSPORT_ID.fullmatch(name) or KEY_ID.fullmatch(name)):
-            raise InvalidArgument(
-                f"{path}, line {number}: is neither a passport's id nor a key's name.",
-                "Write what `camssf passport show` says as id (32 hexadecimal digits) or key (43 characters).",
-            )
-        names.add(name)
-    return frozenset(names - {""})
-
-
-def _bytes(path: Path | str, most: int) -> bytes:
-    try:
-        with open(path, "rb") as stream:
+        with open(local(path), "rb") as stream:
+            mode = stat.S_IMODE(os.fstat(stream.fileno()).st_mode)
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         raise InvalidArgument(
             f"{path} cannot be read ({getattr(error, 'strerror', None) or error}).", "Check the path."
         ) from error
+    if private and os.name == "posix" and mode & 0o077:
+        raise InvalidArgument(
+            f"Others than its owner may read or change the private key {path} (mode {mode:03o}).",
+            f"Close it: chmod 600 {shlex.quote(str(path))}. If others could use this computer, make a new key.",
+        )
     if len(data) > most:
         raise InvalidArgument(f"{path} is larger than {most} bytes.", "Give the file that was meant.")
     return data

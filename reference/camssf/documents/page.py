@@ -13,14 +13,11 @@ from importlib.resources import files
 from typing import Any
 
 from camssf.documents.beside import NOTHING, Beside
-from camssf.documents.picture import picture
 from camssf.documents.view import certificate, details, patches, photos, plots, story, uneven
+from camssf.documents.view.comparison import LIMIT, comparison_of
 from camssf.documents.view.curves import Curves, curves_of
-from camssf.documents.view.photos import media_type
 from camssf.documents.view.text import CHANNELS, Json, brief, camera_name, finalize, number, words
 from camssf.grid import WAVELENGTHS
-
-__all__ = ["CHANNELS", "media_type", "page", "picture"]
 
 WITH_CURVES = (
     "curves", "curve_plots", "curve_rows", "big", "channels", "proof", "colour", "comparison", "linearity",
@@ -73,7 +70,8 @@ def page(document: Json, previews: Sequence[bytes | None], beside: Beside = NOTH
             "channels": certificate.channels_of(document),
             "proof": story.proof_of(document),
             "colour": story.colour_of(document),
-            "comparison": story.comparison_of(document, beside.other, beside.other_name),
+            "comparison": comparison_of(document, beside.other, beside.other_name),
+            "comparison_limit": LIMIT,
             "linearity": [plots.linearity_plot(shot["patches"], f"linearity-{j}") for j, shot in enumerate(shots, 1)],
         }
     return str(_environment().get_template("page.html.jinja").render(shown))

@@ -1,45 +1,38 @@
-"""A result document, signed: whose camera, when, until when, made from what, and by whom.
+"""The part of a result that can be carried, signed: whose camera, when, until when, made from what, and by whom.
 
-A passport is a compact JWS (RFC 7515) with ES256 (RFC 7518): `header.payload.signature`, nothing before or after it.
-What was received is what is verified: nothing is decoded and written anew in between, so no form of JSON has to be
-agreed on. One passport has one spelling. The unused bits at the end of each part are 0, and of the two signatures
-(r, s) and (r, n - s), which anybody can turn into each other, only the one with the smaller s counts; so no byte can
-be changed without a key.
+A passport is a compact JWS (`jws.py`). Its payload has the form data/passport.schema.json and holds an excerpt of the
+result (`excerpt.py`); the whole result.json stands outside, tied to it by its SHA-256.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
 import hashlib
-import json
-import re
 import secrets
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf import __version__
-from camssf.documents.keys import KEY_ID, PASSPORT_ID, key_name, need_cryptography, unpadded
-from camssf.documents.report import LARGEST_DOCUMENT, check_document, parse_json
+from camssf.documents.excerpt import excerpt
+from camssf.documents.jws import advice, read_jws, sign_jws, verify_jws
+from camssf.documents.report import check_document, parse_json
+from camssf.documents.schema import BrokenError, check, schema
 from camssf.errors import InvalidArgument, PassportInvalid
-from camssf.files import readable
 from camssf.photo.unit import Unit, read_unit
 
 Json: TypeAlias = dict[str, Any]
 
-FORMAT, TYPE, ALGORITHM = "camssf-passport/1", "camssf-passport+jwt", "ES256"
-LARGEST_PASSPORT = 2 * LARGEST_DOCUMENT
+FORMAT, TYPE = "camssf-passport/1", "camssf-passport+jwt"
+LARGEST_PASSPORT = 100_000
+"""In bytes. joserfc takes tokens of 129,536 bytes unless its limits are raised."""
+LARGEST_PRINTED = 4 * LARGEST_PASSPORT
+"""In bytes: an excerpt with the passport that it comes from, as `camssf passport verify` prints it."""
 LONGEST_DAYS = 36500
-ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551
-"""n of P-256: how many points the curve's generator makes (FIPS 186-5)."""
+WHAT = "the passport"
 
-_HEADER = 1024
-"""Characters that a header may have."""
-_HASH = re.compile(r"[0-9a-f]{64}")
-_ASK = "Ask the one who signed it for the passport as it was written; trust nothing in this one."
+_ADVICE = advice(WHAT)
 
 
 @dataclass(frozen=True)
@@ -54,8 +47,8 @@ class Passport:
         chart_serial: of the chart; "" where nobody said.
         lamp_serials: of each shot's lamp, likewise.
         software: the version of camssf that wrote it.
-        result_sha256: of the result's file, byte for byte.
-        result: the result document: lamps, chart, curves, verdict, hashes of the inputs and of the model.
+        result_sha256: of the whole result's file, byte for byte.
+        result: the excerpt of it: lamps, chart, curves, verdict, hashes of the inputs and of the model.
     """
 
     id: str
@@ -151,7 +144,7 @@ def draw_up(result: bytes, said: Said, *, photos: Sequence[Path | str] = (), now
         lamp_serials=tuple(lamps),
         software=__version__,
         result_sha256=hashlib.sha256(result).hexdigest(),
-        result=document,
+        result=excerpt(document),
     )
 
 
@@ -194,26 +187,20 @@ def sign(passport: Passport, key: Any) -> bytes:
         key: of `keys.read_private`.
 
     Raises:
-        InvalidArgument: the result is too large.
+        InvalidArgument: it would be too large, or it breaks its form.
     """
-    need_cryptography()
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
-    from cryptography.hazmat.primitives.hashes import SHA256
-
-    header = {"alg": ALGORITHM, "kid": key_name(key.public_key()), "typ": TYPE}
-    signed = b".".join(unpadded(_json(part)).encode() for part in (header, passport.claims()))
-    if len(signed) > LARGEST_PASSPORT - 128:
+    claims = passport.claims()
+    try:
+        _passport(claims)
+    except PassportInvalid as error:  # what no verifier takes is not signed
+        raise InvalidArgument(error.message, error.advice) from error
+    signed = sign_jws(claims, TYPE, key)
+    if len(signed) > LARGEST_PASSPORT:
         raise InvalidArgument(
-            f"The passport would be larger than {LARGEST_PASSPORT} bytes.", "Sign a smaller result."
+            f"The passport would be larger than {LARGEST_PASSPORT} bytes.",
+            "Sign a result of fewer shots.",
         )
-    r, s = decode_dss_signature(key.sign(signed, ec.ECDSA(SHA256())))
-    s = min(s, ORDER - s)
-    return signed + b"." + unpadded(r.to_bytes(32, "big") + s.to_bytes(32, "big")).encode()
-
-
-def _json(value: Json) -> bytes:
-    return readable(json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))).encode()
+    return signed
 
 
 # Verifying
@@ -227,28 +214,22 @@ def verify(
     now: datetime | None = None,
     result: bytes | None = None,
 ) -> Passport:
-    """The passport, if it is one: whole, signed by a trusted key, in its time, not called back.
+    """The passport, if it is one: whole, signed by a trusted key, in its form and time, not called back.
 
     Args:
-        data: as received.
+        data: as received, or what `camssf passport verify` printed of it.
         trusted: of `keys.read_public`.
-        revoked: of `keys.read_revoked`.
+        revoked: of `revocations.read_revoked`.
         now: at what time; the clock's unless given.
-        result: the bytes of a result.json that it shall belong to.
+        result: the bytes of the whole result.json, which it shall belong to.
 
     Raises:
         PassportInvalid: anything of it is not as it must be.
     """
-    need_cryptography()
-    parts, kid = _parts(data)
-    key = trusted.get(kid)
-    if key is None:
-        raise PassportInvalid(
-            f"The passport is signed by the key {kid}, which is not trusted.",
-            "Give that signer's public key, if you trust him.",
-        )
-    _check_signature(key, data, parts[2])
-    passport = _passport(parts[1])
+    token, document = _token(data)
+    claims, kid = verify_jws(token, TYPE, trusted, WHAT)
+    passport = _passport(claims)
+    _check_printed(document, token, passport)
     for name, what in ((passport.id, "The passport"), (kid, "The key that signed it")):
         if name in revoked:
             raise PassportInvalid(f"{what} was called back ({name}).", "Calibrate again.")
@@ -259,82 +240,79 @@ def verify(
         )
     if at >= passport.ends:
         raise PassportInvalid(f"The passport ended at {passport.ends.isoformat()}.", "Calibrate again.")
-    if result is not None and hashlib.sha256(result).hexdigest() != passport.result_sha256:
-        raise PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
+    if result is not None:
+        check_belongs(passport, result)
     return passport
 
 
 def read(data: bytes) -> tuple[Passport, str]:
-    """What a passport says, and the name of the key that it says it is signed by. Nothing of it is verified.
+    """What a passport says, and the name of the key that it names. Nothing of it is verified.
 
     Raises:
         PassportInvalid: it has not the form of one.
     """
-    parts, kid = _parts(data)
-    return _passport(parts[1]), kid
+    token, document = _token(data)
+    claims, kid = read_jws(token, TYPE, WHAT)
+    passport = _passport(claims)
+    _check_printed(document, token, passport)
+    return passport, kid
 
 
-def _parts(data: bytes) -> tuple[list[bytes], str]:
-    """Header, payload and signature, decoded, and the key's name."""
-    if len(data) > LARGEST_PASSPORT:
-        raise PassportInvalid(f"The passport is larger than {LARGEST_PASSPORT} bytes.", _ASK)
-    texts = data.split(b".")
-    if len(texts) != 3 or len(texts[0]) > _HEADER:
-        raise PassportInvalid("It has not the form of a passport, three parts with a dot between them.", _ASK)
-    parts = [_decode(text) for text in texts]
-    header = _object(parts[0], "header")
-    kid = header.get("kid")
-    if not (isinstance(kid, str) and KEY_ID.fullmatch(kid)):
-        raise PassportInvalid("The passport names no key.", _ASK)
-    if header != {"alg": ALGORITHM, "kid": kid, "typ": TYPE}:  # `none`, HS256, crit, jwk, a foreign typ: all the same
-        raise PassportInvalid(f"The passport's header asks for something else than {ALGORITHM}.", _ASK)
-    if len(parts[2]) != 64:
-        raise PassportInvalid(f"The passport's signature has {len(parts[2])} bytes, not 64.", _ASK)
-    return parts, kid
+def check_belongs(passport: Passport, result: bytes) -> None:
+    """Raise unless the passport is of that result: its very bytes, and the excerpt is what they hold.
 
-
-def _decode(text: bytes) -> bytes:
-    """Base64url in its one spelling; Python's decoder leaves out what it does not know, so the way back tells."""
+    Raises:
+        PassportInvalid: it is of another one, or its excerpt says something else.
+    """
+    if hashlib.sha256(result).hexdigest() != passport.result_sha256:
+        raise PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
     try:
-        part = base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
-    except (ValueError, binascii.Error):
-        part = b""
-    if not part or unpadded(part).encode() != text:
-        raise PassportInvalid("A part of the passport is not base64url.", _ASK)
-    return part
-
-
-def _object(data: bytes, name: str) -> Json:
-    try:
-        found = parse_json(data, name, _ASK)
+        held = excerpt(check_document(parse_json(result, "the result", _ADVICE), "the result"))
     except InvalidArgument as error:
-        raise PassportInvalid(f"The passport's {name} is not sound JSON.", _ASK) from error
-    if not isinstance(found, dict):
-        raise PassportInvalid(f"The passport's {name} is no object.", _ASK)
-    return found
+        raise PassportInvalid("The result that was signed is not in the form of one.", _ADVICE) from error
+    if held != passport.result:
+        raise PassportInvalid("The passport's excerpt is not what the signed result holds.", _ADVICE)
 
 
-def _check_signature(key: Any, data: bytes, signature: bytes) -> None:
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
-    from cryptography.hazmat.primitives.hashes import SHA256
+def as_document(token: bytes, passport: Passport) -> Json:
+    """A verified passport as a document: its excerpt as a result, and the passport itself, so that it verifies again.
 
-    r, s = (int.from_bytes(half, "big") for half in (signature[:32], signature[32:]))
-    if not (0 < r < ORDER and 0 < s <= ORDER // 2):
-        raise PassportInvalid("The passport's signature is out of its bounds.", _ASK)
-    try:
-        key.verify(encode_dss_signature(r, s), data[: data.rindex(b".")], ec.ECDSA(SHA256()))
-    except InvalidSignature:
-        raise PassportInvalid("The passport's signature does not fit: it was changed.", _ASK) from None
+    Args:
+        token: the passport, or what was printed of it.
+        passport: what `verify` found in it.
+    """
+    return _printed(_token(token)[0], passport)
 
 
-def _passport(payload: bytes) -> Passport:
-    """The payload's form. Of the result only what says that it is one: it may be of another release of camssf."""
-    claims = _object(payload, "payload")
-    for name, right in _FORM.items():
-        if name not in claims or not right(claims[name]):
-            raise PassportInvalid(f"The passport's {name} is missing or not as it must be.", _ASK)
+def _printed(token: bytes, passport: Passport) -> Json:
+    return passport.result | {"excerpt": {"result_sha256": passport.result_sha256, "passport": token.decode()}}
+
+
+def _check_printed(document: Json | None, token: bytes, passport: Passport) -> None:
+    if document is not None and document != _printed(token, passport):
+        raise PassportInvalid("The document round the passport is not what the passport holds.", _ADVICE)
+
+
+def _token(data: bytes) -> tuple[bytes, Json | None]:
+    """The JWS; and the document that it stood in, if it was printed in one."""
+    document = None
+    if data[:1] == b"{" and len(data) <= LARGEST_PRINTED:
+        try:
+            document = parse_json(data, "the document", _ADVICE)
+            data = document["excerpt"]["passport"].encode("ascii")
+        except (InvalidArgument, KeyError, TypeError, AttributeError, UnicodeEncodeError) as error:
+            raise PassportInvalid(
+                "This document holds no passport.", "Give the passport, or what `camssf passport verify` printed."
+            ) from error
+    if len(data) > LARGEST_PASSPORT:
+        raise PassportInvalid(f"The passport is larger than {LARGEST_PASSPORT} bytes.", _ADVICE)
+    return data, document
+
+
+def _passport(claims: Json) -> Passport:
+    """The payload, checked against data/passport.schema.json; claims that it does not name are left out."""
+    for name in schema("passport")["required"]:
+        _check_claim(claims, name)
     issued, begins, ends = (datetime.fromtimestamp(claims[name], UTC) for name in ("iat", "nbf", "exp"))
     unit, serials = claims["unit"], claims["serials"]
     return Passport(
@@ -348,51 +326,33 @@ def _passport(payload: bytes) -> Passport:
         lamp_serials=tuple(serials["lamps"]),
         software=claims["software"]["version"],
         result_sha256=claims["result_sha256"],
-        result=claims["result"],
+        result=_known(claims["result"]),
     )
 
 
-def _text(value: Any) -> bool:
-    return isinstance(value, str)
+def _known(result: Any) -> Any:
+    """Without the members that a later release may have added."""
+    names = schema("result")["properties"]
+    return {name: value for name, value in result.items() if name in names} if isinstance(result, dict) else result
 
 
-def _second(value: Any) -> bool:
-    """A whole number that a calendar holds."""
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 253402300800
-
-
-def _size(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool) and value > 0)
-
-
-def _is_unit(value: Any) -> bool:
-    kinds = {each.name: _size if each.name in ("focal_length", "aperture") else _text for each in fields(Unit)}
-    return isinstance(value, dict) and all(name in value and right(value[name]) for name, right in kinds.items())
-
-
-def _are_serials(value: Any) -> bool:
-    return (
-        isinstance(value, dict)
-        and _text(value.get("chart"))
-        and isinstance(value.get("lamps"), list)
-        and all(map(_text, value["lamps"]))
-    )
-
-
-def _is_result(value: Any) -> bool:
-    return isinstance(value, dict) and str(value.get("format")).startswith("camssf-result/") and "ssf" in value
-
-
-_FORM: dict[str, Callable[[Any], bool]] = {
-    "format": lambda value: value == FORMAT,
-    "jti": lambda value: _text(value) and PASSPORT_ID.fullmatch(value) is not None,
-    "iat": _second,
-    "nbf": _second,
-    "exp": _second,
-    "unit": _is_unit,
-    "captured": _text,
-    "serials": _are_serials,
-    "software": lambda value: isinstance(value, dict) and _text(value.get("version")),
-    "result_sha256": lambda value: _text(value) and _HASH.fullmatch(value) is not None,
-    "result": _is_result,
-}
+def _check_claim(claims: Json, name: str) -> None:
+    value: Any = _known(claims.get(name)) if name == "result" else claims.get(name)
+    if name == "result" and isinstance(value, dict):
+        verdict = value.get("verdict")
+        if isinstance(verdict, dict) and verdict.get("status") == "refused":
+            raise PassportInvalid("The passport's result was refused: it is no calibration.", "Calibrate again.")
+    try:
+        if name not in claims:
+            raise BrokenError("", "is missing")
+        check(value, "passport", name)
+        if name in ("iat", "nbf", "exp") and not isinstance(value, int):  # 1.0 is a whole number to a schema
+            raise BrokenError("", "must be written without a fraction")
+        if name == "result":
+            excerpt_of = {"result_sha256": claims["result_sha256"], "passport": ""}
+            check_document(value | {"excerpt": excerpt_of}, "it", excerpt=True)
+    except (BrokenError, InvalidArgument) as error:
+        why = error.message if isinstance(error, InvalidArgument) else f"{name}{error.args[0]} {error.args[1]}."
+        raise PassportInvalid(
+            f"The passport's {name} is missing or not as it must be.", f"{why} {_ADVICE}"
+        ) from error

@@ -12,8 +12,9 @@ from camssf import __version__
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import LIGHT_SOURCES, MOST_SHOTS, Capture, Photo, Shot, check_shots, check_target
+from camssf.photo.layouts import LAYOUTS
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
-from camssf.photo.pose import LAYOUTS, Pose
+from camssf.photo.pose import Pose
 from camssf.photo.unit import Area, Unit
 from camssf.spectra import ChartTable, Lamp, Light, Unnamed
 from camssf.spectra.lamps import AUTO
@@ -21,6 +22,8 @@ from camssf.spectra.lamps import AUTO
 Json: TypeAlias = dict[str, Any]
 
 MOST_PATCHES = 1000
+MOST = 1e12
+"""No number of a photo is larger than this: beyond, sums of squares overflow."""
 UNIT = ("camera_id", "lens", "focal_length", "aperture")
 """What a patches document says of a photo's unit, beside make and model."""
 
@@ -154,8 +157,8 @@ def _means_from(entry: Mapping[str, Any] | None, name: str, n: int) -> FrameMean
             entry[key],
             f"{name} {key}",
             (n, 2 if key == "greens" else 3),
-            least=least.get(key, -np.inf),
-            most=most.get(key, np.inf),
+            least=least.get(key, -MOST),
+            most=most.get(key, MOST),
         )
         for key in FrameMeans.__annotations__
     }
@@ -164,11 +167,11 @@ def _means_from(entry: Mapping[str, Any] | None, name: str, n: int) -> FrameMean
 
 
 def _photo_document(photo: Photo) -> Json:
-    """A photo as plain data; whose word its levels are only where they are not a DNG's.
+    """A photo as plain data; whose word its levels are only where they are not a DNG's, its unique model if any.
 
     The body's serial number stays at home, since such documents travel.
     """
-    facts = {key: value for key, value in vars(photo).items() if key != "levels" or value}
+    facts = {key: value for key, value in vars(photo).items() if key not in ("levels", "unique_model") or value}
     return facts | {"unit": {key: value for key, value in vars(photo.unit).items() if key in UNIT and value}}
 
 
@@ -214,6 +217,7 @@ def _photo_from(entry: Mapping[str, Any] | None, role: str) -> Photo | None:
         exposure=exposure,
         iso=iso,
         levels=_text(entry.get("levels", ""), f"{role}.levels"),
+        unique_model=_text(entry.get("unique_model", ""), f"{role}.unique_model"),
         **texts,
     )
 
@@ -223,9 +227,7 @@ def _light_source(name: Any) -> str:
     return str(name)
 
 
-def _numbers(
-    value: Any, name: str, shape: tuple[int, ...], *, least: float = -np.inf, most: float = np.inf
-) -> Floats:
+def _numbers(value: Any, name: str, shape: tuple[int, ...], *, least: float = -MOST, most: float = MOST) -> Floats:
     array = np.asarray(value, dtype=np.float64)
     _need(array.shape == shape, name, f"has shape {array.shape}, not {shape}")
     _need(bool(np.isfinite(array).all()), name, "is not finite")

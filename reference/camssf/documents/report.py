@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 from camssf.documents.schema import BrokenError, check
 from camssf.documents.schema import schema as form
 from camssf.errors import InvalidArgument
-from camssf.files import readable, write_files
+from camssf.files import PHOTO, kind_of, local, readable, write_files
 from camssf.grid import WAVELENGTHS
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ Json: TypeAlias = dict[str, Any]
 
 CHANNELS = ("red", "green", "blue")
 NAMES = ("result.json", "ssf.csv", "ssf.png", "report.html")
+REFUSED = "refused"
+"""Folder of a refused result, below that of a result with curves."""
 LARGEST_DOCUMENT = 64 * 2**20
 LARGEST_PREVIEW = 16 * 2**20
 
@@ -46,8 +49,9 @@ class Report:
     def save(self, folder: Path | str) -> list[Path]:
         """Leave result.json, ssf.csv, ssf.png and report.html in `folder`: all or none.
 
-        A refused result has no ssf.csv and no ssf.png; older ones in the folder are removed, since they would
-        belong to another result. On any failure, Ctrl-C included, the folder is as it was before.
+        A refused result has no ssf.csv and no ssf.png. It never replaces a result with curves: where any stands in
+        `folder`, the refused one goes to `folder`/refused. On any failure, Ctrl-C included, the folder is as it was
+        before.
 
         Returns:
             The files that were written.
@@ -55,8 +59,9 @@ class Report:
         Raises:
             InvalidArgument: the folder cannot be written to.
         """
+        folder = local(folder)
         return write_files(
-            folder,
+            folder / REFUSED if self.ssf_csv is None and holds_result(folder) else folder,
             {
                 "result.json": self.result_json,
                 "ssf.csv": self.ssf_csv,
@@ -64,6 +69,22 @@ class Report:
                 "report.html": self.html,
             },
         )
+
+
+def holds_result(folder: Path) -> bool:
+    """Whether a folder holds files of a result that no refusal may replace: any of NAMES, unless it is refused."""
+    standing = {name for name in NAMES if os.path.isfile(folder / name)}
+    if standing & {"ssf.csv", "ssf.png"} or "result.json" not in standing:
+        return bool(standing)
+    return verdict_in(folder) != "refused"
+
+
+def verdict_in(folder: Path) -> str:
+    """The verdict's status in a folder's result.json; "" where there is none, or it cannot be read."""
+    try:
+        return str(json.loads((folder / "result.json").read_bytes())["verdict"]["status"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return ""
 
 
 def report(document: Json, previews: Sequence[bytes | None] = (), *, beside: Beside | None = None) -> Report:
@@ -79,7 +100,9 @@ def report(document: Json, previews: Sequence[bytes | None] = (), *, beside: Bes
         InvalidArgument: the document breaks its form, or a preview is no JPEG or PNG.
     """
     from camssf.documents.beside import NOTHING
-    from camssf.documents.page import media_type, page, picture
+    from camssf.documents.page import page
+    from camssf.documents.picture import picture
+    from camssf.documents.view.photos import media_type
 
     _check_document(document, "document")
     for i, preview in enumerate(previews):
@@ -117,7 +140,7 @@ def read_document(path: Path | str) -> Json:
     """
     advice = "Give the result.json that camssf wrote."
     try:
-        with open(path, "rb") as file:
+        with open(local(path), "rb") as file:
             data = file.read(LARGEST_DOCUMENT + 1)
     except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", advice) from error
@@ -132,19 +155,31 @@ def parse_json(data: bytes, name: str, advice: str) -> Any:
     Raises:
         InvalidArgument: it is not; `name` says where it came from.
     """
+    kind = kind_of(data)
+    if kind is not None:
+        if data.startswith(PHOTO):
+            advice = (
+                "Measure it first: `camssf calibrate` makes a result.json of it, `camssf patches` what `solve` takes."
+            )
+        raise InvalidArgument(f"{name} is {kind}, not JSON.", advice)
     try:
         return json.loads(data.decode("utf-8"), parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError) as error:
         raise InvalidArgument(f"{name}: is not sound JSON ({error}).", advice) from error
 
 
-def check_document(document: Any, name: str) -> Json:
+def check_document(document: Any, name: str, *, excerpt: bool = False) -> Json:
     """The document, once its form "camssf-result/1" is checked.
 
+    Args:
+        document: plain data.
+        name: what messages call it.
+        excerpt: what a passport holds of a result, without its patches and covariance, will do.
+
     Raises:
-        InvalidArgument: it breaks the form; the message names the place inside the document.
+        InvalidArgument: it breaks the form; the message names the place inside the document. Or it is an excerpt.
     """
-    _check_document(document, name)
+    _check_document(document, name, excerpt)
     return dict(document)
 
 
@@ -162,10 +197,15 @@ def _no_twins(pairs: list[tuple[str, Any]]) -> Json:
     return together
 
 
-def _check_document(document: Any, name: str) -> None:
+def _check_document(document: Any, name: str, excerpt: bool = False) -> None:
     """The schema, and what a schema cannot say."""
     try:
         check(document, "result")
+        if "excerpt" in document and not excerpt:
+            raise InvalidArgument(
+                f"{name}: is the excerpt that a passport holds, without patches and covariance.",
+                f"Give the whole result.json, of SHA-256 {document['excerpt']['result_sha256']}.",
+            )
         _check_sense(document)
     except BrokenError as error:
         where, what = error.args
@@ -191,7 +231,7 @@ def _check_sense(document: Json) -> None:
         outlines = [] if shot["pose"] is None else shot["pose"]["patches"]
         if shot["patches"] and len(outlines) != len(shot["patches"]):
             raise BrokenError(f"shots[{i}].pose.patches", f"must hold {len(shot['patches'])} entries")
-        if "ssf" in document and not shot["patches"]:
+        if "ssf" in document and "excerpt" not in document and not shot["patches"]:
             raise BrokenError(f"shots[{i}].patches", "must not be empty beside curves")
 
 

@@ -12,16 +12,14 @@ from camssf.curves.engine import load_model
 from camssf.curves.ssf import FoundLight, Ssf, Weight
 from camssf.documents.patches import plain
 from camssf.documents.previews import previews
-from camssf.documents.shown import Result, SavedResult
+from camssf.documents.shown import Result
 from camssf.errors import CalibrationError
+from camssf.evidence.reasons import Reason, Verdict
 from camssf.evidence.scores import Scores, reflectance_srgb, rmse
-from camssf.evidence.verdict import Reason, Verdict
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import Capture, Photo, Record, Shot, Unfinished
 from camssf.photo.signals import Assumption, Signals, normalise
 from camssf.spectra import CameraCurves, ChartTable, Lamp, Light
-
-__all__ = ["Calibration", "Json", "Refusal", "Result", "SavedResult", "compare"]
 
 Json: TypeAlias = dict[str, Any]
 
@@ -202,7 +200,11 @@ def _head(record: Record, verdict: Verdict, assumptions: tuple[Assumption, ...])
     return {
         "format": "camssf-result/1",
         "generator": {"name": "camssf", "version": __version__},
-        "camera": {"make": photos[0].make if photos else "", "model": photos[0].model if photos else ""},
+        "camera": {
+            "make": photos[0].make if photos else "",
+            "model": photos[0].model if photos else "",
+            "unique_model": (photos[0].unique_model if photos else "") or None,
+        },
         "chart": {
             "name": record.chart,
             "table": table.table if table else "",
@@ -233,7 +235,7 @@ def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
 
 
 def _photo_facts(photo: Photo) -> Json:
-    apart = ("make", "model", "neutrals", "unit", "active_area", "levels")
+    apart = ("make", "model", "neutrals", "unit", "active_area", "levels", "unique_model")
     facts = {key: value for key, value in vars(photo).items() if key not in apart}
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
 

@@ -24,30 +24,33 @@ class BrokenError(Exception):
 
 @cache
 def schema(name: str) -> Json:
-    """One of data/*.schema.json, "result"."""
+    """One of data/*.schema.json: "result", "passport"."""
     return dict(json.loads(files("camssf").joinpath("data", f"{name}.schema.json").read_text("utf-8")))
 
 
-def check(document: Any, name: str) -> None:
-    """Raise BrokenError where a document breaks the schema of that name."""
+def check(document: Any, name: str, member: str | None = None) -> None:
+    """Raise BrokenError where a document, or one member of it alone, breaks the schema of that name."""
     try:
         _check_values(document, "")
     except RecursionError:
         raise BrokenError("", "is nested too deep") from None
     try:
-        faults = list(_validator(name).iter_errors(document))
+        faults = list(_validator(name, member).iter_errors(document))
     except UnicodeEncodeError:  # half a character in a file's name, which is written as U+FFFD
         document = json.loads(readable(json.dumps(document, ensure_ascii=False)))
-        faults = list(_validator(name).iter_errors(document))
+        faults = list(_validator(name, member).iter_errors(document))
     if faults:
         raise BrokenError(*_words(faults, document))
 
 
 @cache
-def _validator(name: str) -> Any:
+def _validator(name: str, member: str | None) -> Any:
     import jsonschema_rs
 
-    return jsonschema_rs.Draft202012Validator(schema(name))
+    forms = [schema(each) for each in dict.fromkeys((name, "result"))]  # others refer to the result's
+    own = forms[0]["$id"] if member is None else f"{forms[0]['$id']}#/properties/{member}"
+    registry = jsonschema_rs.Registry([(form["$id"], form) for form in forms])
+    return jsonschema_rs.Draft202012Validator({"$ref": own}, registry=registry)
 
 
 LARGEST_BITS = 1000

@@ -89,10 +89,12 @@ class Result:
         return axes
 
     def to_colour(self) -> RGB_CameraSensitivities:
-        """The curves as colour-science's RGB_CameraSensitivities, every 0.5 nm, peak = 1.
+        """The curves as colour-science's RGB_CameraSensitivities, every 0.5 nm.
+
+        The channels keep the camera's own scale, and with it its white balance; the largest peak is 1.
 
         Raises:
-            InvalidArgument: a refused result.
+            InvalidArgument: a refused result, or one whose first lamp is not known any more.
         """
         from camssf.documents.tables import to_colour
 

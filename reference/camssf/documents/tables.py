@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.documents.notebook import camera_of, with_curves
+from camssf.documents.scale import channel_scale, no_scale
 from camssf.documents.view.curves import columns
 from camssf.documents.view.text import CHANNELS
 from camssf.errors import InvalidArgument
@@ -23,10 +24,13 @@ TRIPLES = ("signal", "standard_error", "predicted", "predicted_std", "unseen", "
 
 
 def to_colour(document: Json) -> Any:
-    """The curves as RGB_CameraSensitivities."""
+    """The curves as RGB_CameraSensitivities, on the camera's own scale."""
     values = columns(with_curves(document)["ssf"])
+    scale = channel_scale(document)
+    if scale is None:
+        raise no_scale(document["shots"][0]["lamp"]["name"])
     science = colour_science()
-    table = science.MultiSpectralDistributions(values, WAVELENGTHS, labels=CHANNELS)
+    table = science.MultiSpectralDistributions(values * scale, WAVELENGTHS, labels=CHANNELS)
     return science.characterisation.RGB_CameraSensitivities(table, name=camera_of(document))
 
 

@@ -22,7 +22,7 @@ RIVALS = rules().rivals
 MISNAMED = _NUMBER("verdict.misnamed")
 """How probable it is beforehand that a lamp is named wrongly."""
 MOST_RIVALLED = rules().whole("verdict.most_rivalled")
-TINTED = _NUMBER("verdict.tinted")
+TINTED, TINTED_UNNAMED = _NUMBER("verdict.tinted"), _NUMBER("verdict.tinted_unnamed")
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,16 @@ def rivalled(
 
 
 def tinted(
-    name: str, lamp: Lamp, told: Sequence[Neutral], signals: Signals, j: int, answer: Ssf, checks: Checks
+    name: str,
+    lamp: Lamp,
+    told: Sequence[Neutral],
+    signals: Signals,
+    j: int,
+    answer: Ssf,
+    checks: Checks,
+    limit: float,
 ) -> list[Reason]:
-    """Rule 5, by the answer to shot j alone."""
+    """Rule 5, by the answer to shot j alone, against the limit of a named light or of an estimated one."""
     raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
     offs = []
     for neutral in told:
@@ -90,8 +97,9 @@ def tinted(
         ratio = np.log(raw / expected)
         offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
     if offs:
-        checks.note("tinted", min(offs), j)
-    if not offs or min(offs) <= TINTED:
+        checks.note("tinted", min(offs), j, limit=limit)
+    if not offs or min(offs) <= limit:
         return []
     off = min(offs)
-    return [because("tint", off, {"shot": name, "share": float(np.expm1(off)), "lamp": lamp.name})]
+    words: dict[str, str | float] = {"shot": name, "share": float(np.expm1(off)), "lamp": lamp.name}
+    return [because("tint", off, words, threshold=limit)]

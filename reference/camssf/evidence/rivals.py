@@ -12,8 +12,11 @@ from camssf.curves.choice import AUTO, FAMILIES
 from camssf.curves.code import log_evidence
 from camssf.curves.sensing import sense
 from camssf.curves.ssf import Ssf
+from camssf.evidence.light import MOST_RIVALLED, RIVALS, Neutral, Rival
 from camssf.evidence.problem import Problem
-from camssf.evidence.verdict import MOST_RIVALLED, RIVALS, Neutral, Rival, Verdict, Weighed, judge
+from camssf.evidence.reasons import Verdict
+from camssf.evidence.surprise import Weighed
+from camssf.evidence.verdict import judge
 from camssf.rules import rules
 from camssf.spectra import read_lamp
 
@@ -23,8 +26,7 @@ NARROW = rules().number("verdict.narrow")
 
 def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     """`judge` on all that is known of the capture; `alone` of several shots, the answer to each."""
-    unnamed = any(problem.unnamed)
-    settled = problem.lit(ssf.kinds) if unnamed else problem
+    settled = problem.lit(ssf.kinds) if any(problem.unnamed) else problem
     shots = problem.capture.shots
     rho, tolerance = problem.white_reference()
     return judge(
@@ -46,7 +48,7 @@ def weigh(problem: Problem, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
         ],
         alone=alone,
         family=next(iter(problem.believed), None) if problem.basis == AUTO else None,
-        unnamed=unnamed,
+        unnamed=problem.unnamed,
     )
 
 

@@ -24,6 +24,8 @@ SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
 BLACK = _NUMBER("verdict.black")
 FEWEST = rules().whole("verdict.fewest")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
+OFFSETS = ("veil", "black")
+"""Suspects that add to every signal; a tone curve looks much like them."""
 
 
 @dataclass(frozen=True)
@@ -218,21 +220,42 @@ def shot_answer(answer: Ssf, j: int) -> Ssf:
 
 
 def accusable(one: Surprise) -> tuple[Suspect, float]:
-    """The strongest suspect of a shot but the black level, and the gain beyond which it is named."""
-    others = [suspect for suspect in one.suspects if suspect.kind != "black"]
-    strongest = max(others, key=lambda suspect: suspect.gain * (VEIL_FAVOUR if suspect.kind == "veil" else 1.0))
+    """The strongest suspect of a shot, and the gain beyond which it is named."""
+    strongest = max(_possible(one), key=lambda each: each.gain * (VEIL_FAVOUR if each.kind in OFFSETS else 1.0))
     return strongest, SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
 
 
-def accused(one: Surprise) -> Suspect | None:
-    """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, or SUSPECT. Else the black level.
+def offset(one: Surprise) -> Suspect | None:
+    """The likelier of stray light and a wrong black level, where no dark frame was taken; None where one was.
 
-    Light over the chart only adds, so a veil that takes away is the black level, where that may be it.
+    Stray light has the white's colour, a wrong black level is the same in every channel.
+    """
+    if not _may_be_black(one):
+        return None
+    return max((each for each in _possible(one) if each.kind in OFFSETS), key=lambda each: each.gain)
+
+
+def accused(one: Surprise) -> Suspect | None:
+    """The strongest suspect of a shot, if it explains enough: SHARE of a surprise, or SUSPECT. Else the offset.
+
+    The several directions of a wrong white frame and of uneven light can follow an offset; an offset hardly follows
+    them. So one that alone explains SHARE of what they do is named in their place.
     """
     if not one.suspects:
         return None
-    black = next((suspect for suspect in one.suspects if suspect.kind == "black"), None)
     strongest, enough = accusable(one)
-    if strongest.gain > enough:
-        return black if black is not None and strongest.kind == "veil" and strongest.amount < 0 else strongest
-    return black if black is not None and black.gain > BLACK else None
+    found = offset(one)
+    if found is None or found.gain <= BLACK:
+        return strongest if strongest.gain > enough else None
+    imitated = strongest.kind in ("white", "light") and found.gain > SHARE * strongest.gain
+    return strongest if strongest.gain > enough and not imitated else found
+
+
+def _possible(one: Surprise) -> list[Suspect]:
+    """Light over the chart only adds: a veil that takes away is the black level, where that may be it."""
+    darker = _may_be_black(one)
+    return [each for each in one.suspects if not (darker and each.kind == "veil" and each.amount < 0)]
+
+
+def _may_be_black(one: Surprise) -> bool:
+    return any(each.kind == "black" for each in one.suspects)

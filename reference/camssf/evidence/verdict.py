@@ -14,55 +14,36 @@ import numpy as np
 
 from camssf.curves.choice import CLEAR
 from camssf.curves.ssf import Ssf
-from camssf.evidence.checks import Check, Checks
+from camssf.evidence.checks import Checks
 from camssf.evidence.light import (
-    CONDEMNED,
-    MOST_RIVALLED,
-    RIVAL,
-    RIVALS,
     TINTED,
+    TINTED_UNNAMED,
     Neutral,
     Rival,
     rivalled,
     tinted,
 )
-from camssf.evidence.reasons import Fatal, Reason, Verdict, because, refusal
+from camssf.evidence.reasons import Fatal, Reason, Verdict, because
 from camssf.evidence.samples import (
-    DARK_WHITE,
-    DIRTY,
-    FEW_PATCHES,
-    FOG,
-    GREENS,
-    ROUGH,
-    SMOOTH,
-    VEIL,
     exposure,
     few,
     samples,
 )
 from camssf.evidence.surprise import (
-    FEWEST,
-    SHARE,
+    BLACK,
     SURPRISE,
-    SUSPECT,
     Surprise,
     Suspect,
     Weighed,
     accusable,
     accused,
-    directions,
-    only,
+    offset,
     shot_answer,
 )
+from camssf.grid import Floats
+from camssf.photo.search import agreement, plain_signals
 from camssf.rules import rules
 from camssf.spectra import ChartTable
-
-__all__ = [
-    "ALIEN", "CONDEMNED", "DARK_WHITE", "DIRTY", "FEWEST", "FEW_PATCHES", "FOG", "GREENS",
-    "HOPELESS", "MOST_RIVALLED", "POOR_POSE", "RIVAL", "RIVALS", "ROUGH", "SHARE", "SMOOTH", "STRANGE", "SURPRISE",
-    "SUSPECT", "TINTED", "VAGUE", "VEIL", "Check", "Fatal", "Neutral", "Reason", "Rival", "Surprise", "Suspect",
-    "Verdict", "Weighed", "accused", "directions", "judge", "only", "refusal", "shot_answer", "strangeness",
-]  # fmt: skip
 
 _NUMBER = rules().number
 HOPELESS = _NUMBER("verdict.hopeless")
@@ -82,7 +63,7 @@ def judge(
     neutrals: Sequence[Sequence[Neutral]] = (),
     alone: Sequence[Ssf] = (),
     family: str | None = None,
-    unnamed: bool = False,
+    unnamed: Sequence[bool] = (),
 ) -> Verdict:
     """Weigh the evidence behind an answer.
 
@@ -93,7 +74,7 @@ def judge(
         neutrals: for each shot what its file tells of the camera's white; none where it tells nothing.
         alone: of several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the file's own word for the maker speaks for, if any.
-        unnamed: nobody named the light of some shot.
+        unnamed: of each shot, whether nobody named its light; none where all were named.
     """
     signals, table, lamps = weighed.signals, weighed.table, weighed.lamps
     found = weighed.surprise(ssf)
@@ -101,22 +82,21 @@ def judge(
     each = [weighed.surprise_of(j, answer) for j, answer in enumerate(answers)]
     checks = Checks()
     reasons = [*_surprised(found, each, table, checks), *_strange(ssf, checks)]
-    for j, (means, pose) in enumerate(zip(weighed.means, weighed.poses, strict=True)):
+    for j, means in enumerate(weighed.means):
         name = f"shot {j + 1}"
         reasons += exposure(name, signals, j, means, checks)
         reasons += few(name, signals.used[j], j, means, checks)
         reasons += samples(name, means, signals.used[j], j, table, checks)
-        checks.note("poor_pose", pose.score, j)
-        if pose.score < POOR_POSE:
-            reasons.append(because("pose", pose.score, {"shot": name, "score": pose.score}))
+        reasons += _disagreeing(name, signals.values[j], j, table, answers[j], checks)
+    limits = [TINTED_UNNAMED if each else TINTED for each in unnamed] or [TINTED] * len(lamps)
     whites = [
-        tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks)
+        tinted(f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks, limits[j])
         for j, lamp in enumerate(lamps)
     ]
     reasons += [reason for white in whites for reason in white]
     reasons += _vague(ssf, checks)
     reasons += _unusual(ssf, family, checks)
-    reasons += _unnamed(ssf, family, checks) if unnamed else []
+    reasons += _unnamed(ssf, family, checks) if any(unnamed) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(accused(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
@@ -136,7 +116,9 @@ def _surprised(found: Surprise, each: Sequence[Surprise], table: ChartTable, che
         if suspect is not None:
             name, words = _accusation(suspect, table)
             value = over if hopeless else suspect.gain
-            reasons.append(because(name, value, {"shot": f"shot {j + 1}", **words}, fatal=hopeless))
+            bound = BLACK if not hopeless and suspect.gain <= accusable(one)[1] else None
+            words["shot"] = f"shot {j + 1}"
+            reasons.append(because(name, value, words, fatal=hopeless, threshold=bound))
         _note_suspects(one, j, checks)
     worst = max(one.z for one in each)
     largest = max(found.z, worst)
@@ -150,13 +132,14 @@ def _surprised(found: Surprise, each: Sequence[Surprise], table: ChartTable, che
 
 
 def _note_suspects(one: Surprise, j: int, checks: Checks) -> None:
-    """The strongest of shot j beside what would have named it, and the black level, which has a limit of its own."""
-    others, black = ([each for each in one.suspects if (each.kind == "black") == same] for same in (False, True))
-    if others:
-        strongest, enough = accusable(one)
-        checks.note("suspect", strongest.gain, j, limit=enough)
-    for each in black:
-        checks.note("black", each.gain, j)
+    """The strongest of shot j beside what would have named it, and the offset, which has a limit of its own."""
+    if not one.suspects:
+        return
+    strongest, enough = accusable(one)
+    checks.note("suspect", strongest.gain, j, limit=enough)
+    found = offset(one)
+    if found is not None:
+        checks.note("black", found.gain, j)
 
 
 def _accusation(suspect: Suspect, table: ChartTable) -> tuple[str, dict[str, str | float]]:
@@ -224,7 +207,15 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     if phone >= bound:
         return []
     fatal = phone < UNNAMEABLE
-    return [because("unnamed", phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
+    name = "no_maker" if family is None and phone > 0 else "unnamed"
+    return [because(name, phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
+
+
+def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
+    """Rule 9: colours that are not the chart's, as a plain camera sees them under the lamp that the answer takes."""
+    score = agreement(values, plain_signals(table, answer.lamp[0]))
+    checks.note("poor_pose", score, j)
+    return [because("pose", score, {"shot": name, "score": score})] if score < POOR_POSE else []
 
 
 def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:

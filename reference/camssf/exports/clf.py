@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as Tree
+from uuid import NAMESPACE_URL, uuid5
 
 from camssf.exports.curves import Curves
 from camssf.exports.matrices import Matrices
@@ -10,15 +11,22 @@ from camssf.exports.matrices import Matrices
 
 def clf(curves: Curves, found: Matrices) -> str:
     """The file's text: one matrix, every digit kept."""
-    root = Tree.Element("ProcessList", id=f"urn:sha256:{curves.sha256}", name=curves.camera, compCLFversion="3")
+    rows = "\n".join(" ".join(map(repr, row)) for row in found.to_aces.tolist())
+    source = f"{curves.camera}, linear raw RGB under {found.lamp}, white 1 1 1"
+    # one result gives a file a lamp, and each has an id of its own
+    uuid = uuid5(NAMESPACE_URL, f"urn:camssf:clf:{curves.sha256}:{found.lamp}:{rows}").urn
+    root = Tree.Element("ProcessList", id=uuid, name=f"{curves.camera} to ACES2065-1", compCLFversion="3")
     for tag, text in (
+        ("Description", f"{source}, to ACES2065-1."),
         ("Description", curves.description),
-        ("InputDescriptor", f"{curves.camera}, linear raw RGB under {found.lamp}, white 1 1 1"),
+        ("InputDescriptor", source),
         ("OutputDescriptor", "ACES2065-1"),
     ):
         Tree.SubElement(root, tag).text = text
-    node = Tree.SubElement(root, "Matrix", inBitDepth="32f", outBitDepth="32f")
-    rows = "\n".join(" ".join(map(repr, row)) for row in found.to_aces.tolist())
+    node = Tree.SubElement(
+        root, "Matrix", id="camera-to-aces", name="camera RGB to ACES2065-1", inBitDepth="32f", outBitDepth="32f"
+    )
+    Tree.SubElement(node, "Description").text = "White stays 1 1 1; adapted by CAT16 from the lamp to ACES's white."
     Tree.SubElement(node, "Array", dim="3 3").text = f"\n{rows}\n"
     Tree.indent(root, " ")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{Tree.tostring(root, encoding="unicode")}\n'

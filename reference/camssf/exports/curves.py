@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from camssf.documents.report import check_document, document_bytes
+from camssf.documents.scale import channel_scale, no_scale
 from camssf.errors import InvalidArgument
 from camssf.files import readable
 from camssf.grid import Floats
@@ -23,9 +24,11 @@ class Curves:
 
     Attributes:
         make, model: of the camera, one line each; empty where its files are silent.
+        unique_model: the camera as the DNG's UniqueCameraModel says it, by which raw converters know it; empty where
+            its files have none.
         values: (681, 3) red, green, blue on the grid, each channel's peak = 1.
         std: (681, 3) one standard deviation on the same scale; None where the result has none.
-        channel_gain: (3,) raw white signal of each channel relative to green.
+        scale: (3,) factors that turn `values` into the camera's own curves, the largest 1; None if unknown.
         lamps: of the shots, as they were named.
         basis: in which the curves were sought.
         status: of the verdict, "accepted" or "doubtful".
@@ -36,9 +39,10 @@ class Curves:
 
     make: str
     model: str
+    unique_model: str
     values: Floats
     std: Floats | None
-    channel_gain: Floats
+    scale: Floats | None
     lamps: tuple[str, ...]
     basis: str
     status: str
@@ -52,6 +56,31 @@ class Curves:
         if self.model.casefold().startswith(self.make.casefold()):
             return self.model or "unnamed camera"
         return f"{self.make} {self.model}".strip()
+
+    @property
+    def own_scale(self) -> Floats:
+        """`scale`, for formats that must say how sensitive the channels are against each other.
+
+        Raises:
+            InvalidArgument: it is not known.
+        """
+        if self.scale is None:
+            raise no_scale(self.lamps[0])
+        return self.scale
+
+    @property
+    def own(self) -> Floats:
+        """(681, 3) the curves on the camera's own scale, the largest peak 1: they give its raw white balance.
+
+        Raises:
+            InvalidArgument: the scale is not known.
+        """
+        return self.values * self.own_scale
+
+    @property
+    def own_std(self) -> Floats | None:
+        """(681, 3) one standard deviation of `own` at a fixed scale; None where the result has none."""
+        return None if self.std is None else self.std * self.own_scale
 
     @property
     def about(self) -> dict[str, Any]:
@@ -79,12 +108,12 @@ class Curves:
 
 
 def read_result(document: dict[str, Any]) -> Curves:
-    """The curves of a result document in the form "camssf-result/1".
+    """The curves of a result document in the form "camssf-result/1", or of the excerpt that a passport holds.
 
     Raises:
         InvalidArgument: the document breaks its form, or it was refused and has no curves.
     """
-    checked = check_document(document, "document")
+    checked = check_document(document, "document", excerpt=True)
     verdict = checked["verdict"]
     codes = tuple(dict.fromkeys(reason["code"] for reason in verdict["reasons"]))
     if "ssf" not in checked:
@@ -96,21 +125,28 @@ def read_result(document: dict[str, Any]) -> Curves:
     return Curves(
         make=one_line(checked["camera"]["make"]),
         model=one_line(checked["camera"]["model"]),
+        unique_model=_printable(checked["camera"].get("unique_model") or ""),
         values=_stack(checked["ssf"]),
         std=None if std is None else _stack(std),
-        channel_gain=np.array(checked["channel_gain"], dtype=np.float64),
+        scale=channel_scale(checked),
         lamps=tuple(one_line(shot["lamp"]["name"]) for shot in checked["shots"]),
         basis=one_line(checked["basis"]),
         status=verdict["status"],
         reasons=codes,
         generator=one_line(f"{checked['generator']['name']} {checked['generator']['version']}"),
-        sha256=hashlib.sha256(document_bytes(checked)).hexdigest(),
+        sha256=checked["excerpt"]["result_sha256"]
+        if "excerpt" in checked
+        else hashlib.sha256(document_bytes(checked)).hexdigest(),
     )
 
 
 def one_line(text: str) -> str:
-    """Text that cannot end a line of a comment or steer a terminal: control characters become blanks."""
-    return " ".join(re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]", " ", readable(text)).split())
+    """Text that cannot end a line of a comment or steer a terminal; blanks in a row are one."""
+    return " ".join(_printable(text).split())
+
+
+def _printable(text: str) -> str:
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]", " ", readable(text))
 
 
 def _stack(curves: dict[str, Any]) -> Floats:

@@ -1,4 +1,8 @@
-"""Curves → a DNG camera profile (.dcp; DNG 1.7, chapters 4 and 6): two illuminants, colour and forward matrices."""
+"""Curves → a DNG camera profile (.dcp; DNG 1.7, chapters 4 and 6): two illuminants, colour and forward matrices.
+
+A straight tone curve and no black rendering: without them Adobe's converters put a curve of their own over the
+colours, and darken the shadows.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,6 @@ import struct
 
 import numpy as np
 
-from camssf.colour.camera import OwnWhite
 from camssf.errors import InvalidArgument
 from camssf.exports.curves import Curves
 from camssf.exports.matrices import LARGEST, matrices, neutral
@@ -15,10 +18,12 @@ from camssf.grid import Floats
 ILLUMINANTS = {"A": 17, "D65": 21}
 """Lamps by Exif's LightSource, the warmer one first."""
 _PARTS = 10_000_000
-_ASCII, _SHORT, _LONG, _SRATIONAL = 2, 3, 4, 10
+_ASCII, _SHORT, _LONG, _SRATIONAL, _FLOAT = 2, 3, 4, 10, 11
+_STRAIGHT = (0.0, 0.0, 1.0, 1.0)
+_NO_BLACK_RENDERING = 1
 
 
-def dcp(curves: Curves, own: OwnWhite | None) -> bytes:
+def dcp(curves: Curves) -> bytes:
     """The profile.
 
     A colour matrix takes XYZ to raw RGB in the camera's own scale, so the channels must be tied together; a forward
@@ -28,14 +33,16 @@ def dcp(curves: Curves, own: OwnWhite | None) -> bytes:
         InvalidArgument: nothing ties the channels together, or the curves carry no colour.
     """
     tags: dict[int, tuple[int, bytes, int]] = {
-        50708: _text(curves.camera),
+        50708: _text(curves.unique_model or curves.camera),
         50936: _text(f"camssf {curves.status} {curves.sha256[:8]}"),
+        50940: (_FLOAT, struct.pack("<4f", *_STRAIGHT), len(_STRAIGHT)),
         50941: (_LONG, struct.pack("<I", 0), 1),
         50942: _text(curves.description),
+        51110: (_LONG, struct.pack("<I", _NO_BLACK_RENDERING), 1),
     }
     for which, (lamp, code) in enumerate(ILLUMINANTS.items()):
         found = matrices(curves, lamp)
-        colour = neutral(curves, own, lamp)[:, None] * np.linalg.inv(found.to_xyz)
+        colour = neutral(curves, lamp)[:, None] * np.linalg.inv(found.to_xyz)
         if not np.abs(colour).max() < LARGEST:
             raise InvalidArgument(f"No matrix takes colours under {lamp} to this camera.", "Check the curves.")
         tags |= {

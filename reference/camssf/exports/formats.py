@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from camssf.colour.camera import HasDocument, OwnWhite, camera_of_result
+from camssf.colour.camera import HasDocument
 from camssf.errors import InvalidArgument
 from camssf.exports.clf import clf
 from camssf.exports.curves import Curves, one_line, read_result
+from camssf.exports.dcamprof import dcamprof
 from camssf.exports.dcp import dcp
 from camssf.exports.icc import icc
 from camssf.exports.matrices import matrices
@@ -30,13 +31,11 @@ class Order:
         created: time of the export, UTC, where a format asks for it.
         licence: of the curves, where a format asks for it.
         lamp: that a matrix is made for, where a format holds one.
-        own: what the calibration saw of white, where a format ties the channels together; None where it is not known.
     """
 
     created: datetime
     licence: str = UNSTATED
     lamp: str = MATRIX_LAMP
-    own: OwnWhite | None = None
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,10 @@ class Format:
 
 FORMATS = {
     "rawtoaces": Format("rawtoaces camera file (JSON)", lambda c, order: rawtoaces(c, order.created, order.licence)),
+    "dcamprof": Format("DCamProf camera SSF (JSON)", lambda c, order: dcamprof(c)),
     "spectacle": Format("SPECTACLE spectral_response.csv", lambda c, order: spectacle_csv(c)),
     "csv": Format("plain CSV", lambda c, order: plain_csv(c)),
-    "dcp": Format("DNG camera profile", lambda c, order: dcp(c, order.own)),
+    "dcp": Format("DNG camera profile", lambda c, order: dcp(c)),
     "icc": Format("ICC profile", lambda c, order: icc(c, matrices(c, order.lamp), order.created)),
     "clf": Format("Common LUT Format", lambda c, order: clf(c, matrices(c, order.lamp))),
     "colour": Format("colour-science CSV", lambda c, order: colour_csv(c)),
@@ -92,7 +92,7 @@ def export(
         raise InvalidArgument("The licence is empty.", "Name one, for example CC-BY-4.0, or leave it out.")
     document = result if isinstance(result, dict) else result.document()
     curves = read_result(document)
-    order = Order(_time(created), one_line(licence), lamp, camera_of_result(document).own)
+    order = Order(_time(created), one_line(licence), lamp)
     written = FORMATS[to].write(curves, order)
     return written if isinstance(written, bytes) else written.encode()
 

@@ -16,7 +16,7 @@ _ID = slice(84, 100)
 
 
 def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
-    """The profile: class input, curves of one, colorants that sum to D50."""
+    """The profile: class input, curves of one, colorants that sum to D50, and how they were adapted to it."""
     colorants = _fixed(found.to_d50.T)
     colorants[1] = _fixed(D50) - colorants[0] - colorants[2]  # so that the sum is D50 to the last bit
     says = f"{curves.camera}, {found.lamp}: {curves.description}"
@@ -25,6 +25,7 @@ def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
         "desc": _text(says),
         "cprt": _text("No copyright is claimed on this profile."),
         "wtpt": _xyz(_fixed(D50)),
+        "chad": b"sf32" + bytes(4) + _fixed(found.adaptation).astype(">i4").tobytes(),
         "rXYZ": _xyz(colorants[0]),
         "gXYZ": _xyz(colorants[1]),
         "bXYZ": _xyz(colorants[2]),

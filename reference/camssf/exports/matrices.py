@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.colour.camera import OwnWhite
-from camssf.colour.spaces import adaptation
+from camssf.colour.spaces import BRADFORD, adaptation
 from camssf.colour.transforms import choose
 from camssf.errors import InvalidArgument
 from camssf.exports.curves import Curves
@@ -37,13 +36,15 @@ class Matrices:
 
     Attributes:
         lamp: its name.
-        to_d50: (3, 3) white-balanced camera RGB to XYZ, adapted by CAT16 from the lamp to D50: M @ (1, 1, 1) = D50.
-        to_aces: (3, 3) the same to ACES2065-1: M @ (1, 1, 1) = (1, 1, 1).
+        adaptation: (3, 3) XYZ under the lamp to XYZ under D50, by Bradford's transform, as ICC and DNG do.
+        to_d50: (3, 3) white-balanced camera RGB to XYZ adapted to D50: M @ (1, 1, 1) = D50.
+        to_aces: (3, 3) the same to ACES2065-1, adapted by CAT16: M @ (1, 1, 1) = (1, 1, 1).
         to_xyz: (3, 3) the same to XYZ under the lamp itself.
         delta_e00: mean over surfaces that the fit had not seen.
     """
 
     lamp: str
+    adaptation: Floats
     to_d50: Floats
     to_aces: Floats
     to_xyz: Floats
@@ -63,22 +64,17 @@ def matrices(curves: Curves, lamp: str) -> Matrices:
     to_aces = ACES @ adaptation(found.white, ACES_WHITE) @ own
     # ACES's published digits give white 1 to 1e-7: the rest is laid on each row's own scale
     to_aces = to_aces / to_aces.sum(axis=1, keepdims=True)
-    return Matrices(lamp, adaptation(found.white, D50) @ own, to_aces, own, found.delta_e00["matrix"])
+    to_pcs = adaptation(found.white, D50, BRADFORD)
+    return Matrices(lamp, to_pcs, to_pcs @ own, to_aces, own, found.delta_e00["matrix"])
 
 
-def neutral(curves: Curves, own: OwnWhite | None, lamp: str) -> Floats:
+def neutral(curves: Curves, lamp: str) -> Floats:
     """Raw signals (3,) of white under a lamp, the largest 1.
 
     Raises:
-        InvalidArgument: the lamp of the calibration is not known, so nothing ties the channels together.
+        InvalidArgument: nothing ties the channels together, or one hardly sees the lamp.
     """
-    if own is None:
-        raise InvalidArgument(
-            f"The lamp of the result's first shot, {curves.lamps[0]}, is not here: nobody knows how sensitive the "
-            "channels are against each other, which this format must say.",
-            "Put the lamp's file where it was, or calibrate with the lamp named.",
-        )
-    raw = own.raw * (read_lamp(lamp).values @ curves.values) / (own.lamp.values @ curves.values)
+    raw = read_lamp(lamp).values @ curves.own
     if not (np.isfinite(raw).all() and (raw > 1e-3 * np.abs(raw).max()).all()):
         raise InvalidArgument(f"A channel hardly sees white under {lamp}.", "Check the curves.")
     return np.asarray(raw / raw.max())

@@ -24,7 +24,7 @@ def rawtoaces(curves: Curves, created: datetime, licence: str) -> str:
         created: in the header, UTC.
         licence: that the owner of the curves gives them.
     """
-    rows = {f"{nm:.0f}": row for nm, row in zip(WAVELENGTHS[::10], curves.values[::10].tolist(), strict=True)}
+    rows = {f"{nm:.0f}": row for nm, row in zip(WAVELENGTHS[::10], curves.own[::10].tolist(), strict=True)}
     rows |= {str(nm): [0.0, 0.0, 0.0] for nm in range(725, _LAST + 1, 5)}
     document = {
         "header": {
@@ -38,7 +38,10 @@ def rawtoaces(curves: Curves, created: datetime, licence: str) -> str:
             "measurement_equipment": "photos of a colour chart",
             "laboratory": None,
             "document_creation_date": f"{created:%Y-%m-%dT%H:%M:%SZ}",
-            "comments": "Each channel's peak is 1. Nothing is known above 720 nm: 0 stands there.",
+            "comments": (
+                "The channels keep the camera's own scale; the largest peak is 1. Nothing is known above 720 nm: 0 "
+                "stands there."
+            ),
             "license": licence,
         },
         "spectral_data": {

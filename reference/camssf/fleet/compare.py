@@ -1,4 +1,4 @@
-"""Results of many units beside each other: how units of a model differ, whether one drifts, which model is near.
+"""Results of many units beside each other: how units of a model differ, which model is near.
 
 Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 400 to 700 nm, where there is light.
 """
@@ -21,13 +21,6 @@ INSIDE = (NM >= 400) & (NM <= 700)
 ACCEPTED = ("accepted",)
 
 CONFIDENCE = 0.95
-FALSE_ALARMS = 0.01
-"""Of a unit that does not drift, over all features together."""
-SMALLEST_DRIFT = 1.0
-"""nm: what is smaller is no alarm, however certain; a lamp's or a chart's table moves a curve as much."""
-FEWEST = 4
-"""Results of a unit that a drift can be told from."""
-FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
 LARGEST = 2.0
 """Of a curve whose peak is 1, bands and noise allowed for: what is beyond was never a result's."""
 UNIT = ("make", "model", "camera_id", "serial", "lens")
@@ -42,6 +35,7 @@ class Spread:
         model: whose.
         units, results: how many; without_serial: results of which nobody knows the unit, left out: without a serial
             number, or silent about camera or lens where their serial number goes with several.
+        left_out: results of the model whose status does not count: how many of each status.
         seen: standard deviation from unit to unit, root mean square over 400 to 700 nm.
         repeat: of one unit's results among themselves; None where no unit has two.
         between: `seen` without what repeats explain; None likewise, for then nothing tells them apart.
@@ -52,38 +46,12 @@ class Spread:
     units: int
     results: int
     without_serial: int
+    left_out: dict[str, int]
     seen: Floats
     repeat: Floats | None
     between: Floats | None
     low: Floats
     high: Floats
-
-
-@dataclass(frozen=True)
-class Drift:
-    """One feature of one unit over time.
-
-    Attributes:
-        feature: of FEATURES, nm.
-        results, days: how many, and from the first to the last.
-        slope: nm a year, with its standard error.
-        slope_error: likewise.
-        change: nm that the slope makes from the first to the last.
-        step: nm between the last and the mean of those before it.
-        p_trend, p_step: how likely as much would be without a drift.
-        alarm: "trend", "step", or "" for none.
-    """
-
-    feature: str
-    results: int
-    days: float
-    slope: float
-    slope_error: float
-    change: float
-    step: float
-    p_trend: float
-    p_step: float
-    alarm: str
 
 
 @dataclass(frozen=True)
@@ -125,7 +93,7 @@ def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
     return [None if row is None else tuple(row) for row in found]
 
 
-def _by_unit(found: dict[str, Any], camera_id: str, lens: str) -> tuple[dict[tuple[str, ...], list[int]], int]:
+def by_unit(found: dict[str, Any], camera_id: str, lens: str) -> tuple[dict[tuple[str, ...], list[int]], int]:
     """Places of each unit's rows, and how many are of none; of a unit of which no row says it, any word is right."""
     places: dict[tuple[str, ...], list[int]] = {}
     units = units_of(list(zip(*(found[name] for name in UNIT), strict=True)))
@@ -159,16 +127,21 @@ def spread(
     Raises:
         InvalidArgument: fewer than two units of it are there.
     """
-    found = _curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
-    places, unnamed = _by_unit(found, camera_id, lens)
+    found = read_curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
+    places, unnamed = by_unit(found, camera_id, lens)
     units = [found["curves"][each] for each in places.values()]
+    left_out = other_statuses(registry, Wanted(make=make, model=model), statuses)
     if len(units) < 2:
+        rest = f" Left out: {counts_in_words(left_out)}." if left_out else ""
         raise InvalidArgument(
-            f"There is 1 unit of {model}." if units else f"There is no unit of {model} with a serial number.",
-            "Add results of at least two, with their serial numbers.",
+            f"There is {'1' if units else 'no'} unit of {model} with a serial number and {' or '.join(statuses)} "
+            f"results; a spread needs 2.{rest}",
+            "Add results of at least two units, each with its serial number (--serial)"
+            + ("; --doubtful counts doubtful ones, too." if "doubtful" in left_out else "."),
         )
     seen, repeat, between, low, high = between_units(units)
-    return Spread(model, len(units), sum(map(len, units)), unnamed, seen, repeat, between, low, high)
+    count = sum(map(len, units))
+    return Spread(model, len(units), count, unnamed, left_out, seen, repeat, between, low, high)
 
 
 def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Floats | None, Floats, Floats]:
@@ -206,106 +179,6 @@ def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Float
         low,
         high,
     )
-
-
-# One unit over time
-
-
-def drift(
-    registry: Registry,
-    serial: str,
-    *,
-    make: str = "",
-    model: str = "",
-    camera_id: str = "",
-    lens: str = "",
-    statuses: Sequence[str] = ACCEPTED,
-) -> tuple[Drift, ...]:
-    """The features of a unit over time.
-
-    Args:
-        registry: where its results are.
-        serial: which unit.
-        make, model, camera_id, lens: which, where several have that serial number; "" for any.
-        statuses: of the results that count.
-
-    Raises:
-        InvalidArgument: fewer than FEWEST results with a time, or of several units.
-    """
-    wanted = Wanted(make=make, model=model, serial=serial, statuses=tuple(statuses))
-    found = _curves(registry, wanted, (*UNIT, "captured"))
-    places, _ = _by_unit(found, camera_id, lens)
-    if len(places) > 1:
-        differ = {
-            name: sorted({unit[i] for unit in places})
-            for i, name in enumerate(UNIT)
-            if len({unit[i] for unit in places}) > 1
-        }
-        words = "; ".join(f"{name} {', '.join(map(repr, values))}" for name, values in differ.items())
-        options = " or ".join(f"--{name.replace('_', '-')}" for name in differ)
-        raise InvalidArgument(f"Several units have the serial number {serial}: {words}.", f"Name one by {options}.")
-    rows = np.array(sorted(i for each in places.values() for i in each), dtype=int)
-    found = {name: values[rows] for name, values in found.items()}
-    times = np.ma.filled(found["captured"].astype("datetime64[s]").astype(float), np.nan) / 86400
-    timed = ~np.ma.getmaskarray(found["captured"])
-    if timed.sum() < FEWEST:
-        raise InvalidArgument(
-            f"{int(timed.sum())} results of the unit {serial} have a time; a drift needs {FEWEST}.",
-            "Add more, each with the time of its photo.",
-        )
-    order = np.argsort(times[timed], kind="stable")
-    return drifts(times[timed][order], features(found["curves"][timed][order]))
-
-
-def features(curves: Floats) -> Floats:
-    """(n, 3, wavelengths) → (n, 6) FEATURES, nm: each channel's centre of mass, and its width about it."""
-    nm, s = NM[INSIDE], np.maximum(curves, 0.0)
-    weight = s.sum(axis=-1)
-    centre = (s @ nm) / weight
-    width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)
-    return np.stack([centre, width], axis=-1).reshape(len(curves), -1)
-
-
-def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
-    """A straight line through each feature, and the last against those before it.
-
-    Both are t tests, each at FALSE_ALARMS divided by their number. What scatters is taken from the results
-    themselves: it holds the light, the chart's place and the noise, as they are.
-
-    Args:
-        days: (n,) rising, n at least FEWEST.
-        values: (n, 6) FEATURES.
-    """
-    n, (first, last) = len(days), (days[0], days[-1])
-    level = FALSE_ALARMS / (2 * len(FEATURES))
-    found = []
-    for name, y in zip(FEATURES, values.T, strict=True):
-        x = days - days.mean()
-        slope, error, p_trend = 0.0, float("inf"), 1.0
-        if np.sum(x**2) > 0:
-            slope = float(x @ y / np.sum(x**2))
-            rest = y - y.mean() - slope * x
-            error = float(np.sqrt(np.sum(rest**2) / (n - 2) / np.sum(x**2)))
-            p_trend = _two_sided(slope, error, n - 2)
-        before = y[:-1]
-        step = float(y[-1] - before.mean())
-        p_step = _two_sided(step, float(before.std(ddof=1) * np.sqrt(1 + 1 / (n - 1))), n - 2)
-        change = slope * float(last - first)
-        trend = p_trend < level and abs(change) >= SMALLEST_DRIFT
-        jump = p_step < level and abs(step) >= SMALLEST_DRIFT
-        alarm = "trend" if trend and (not jump or p_trend <= p_step) else "step" if jump else ""
-        found.append(
-            Drift(name, n, float(last - first), slope * 365.25, error * 365.25, change, step, p_trend, p_step, alarm)
-        )
-    return tuple(found)
-
-
-def _two_sided(value: float, error: float, freedom: int) -> float:
-    from scipy.special import stdtr
-
-    if value == 0:
-        return 1.0
-    return float(2 * stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
 
 
 # Models
@@ -346,12 +219,33 @@ def nearest(
     return tuple(sorted(rows, key=lambda near: (near.distance, near.make, near.model))[:most])
 
 
+def other_statuses(registry: Registry, wanted: Wanted, statuses: Sequence[str]) -> dict[str, int]:
+    """How many results do not count, by their status."""
+    where, values = wanted.where()
+    found = registry.query(
+        f"SELECT status, count(*) AS n FROM rows WHERE {where} AND NOT list_contains(?, status) "
+        "GROUP BY status ORDER BY status",
+        [*values, list(statuses)],
+    )
+    return {each["status"]: each["n"] for each in found}
+
+
+def counts_in_words(counts: dict[str, int]) -> str:
+    """As "2 doubtful, 1 refused"."""
+    return ", ".join(f"{n} {word}" for word, n in counts.items())
+
+
+def many(count: int, word: str) -> str:
+    """As "1 result", "2 results"."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
 def curves_of(document: dict[str, Any]) -> Floats:
     """(3, wavelengths) of a result document, on the registry's grid."""
     return np.array([document["ssf"][colour][::STRIDE] for colour in CHANNELS], dtype=float)
 
 
-def _curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str, Any]:
+def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str, Any]:
     """Columns of the results with curves, and `curves` (n, 3, wavelengths inside)."""
     where, values = wanted.where()
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeAlias
 
 from camssf.curves.basis import NAMES, read_basis
+from camssf.errors import InvalidArgument
+from camssf.files import PHOTO, check_local, kind_of, local
 from camssf.photo.sidecar import sidecar_of
 
 Stamp: TypeAlias = tuple[int, int]
@@ -21,6 +24,25 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
+
+
+def check_manifest(path: Path, begin: bytes) -> None:
+    """Raise where a file that begins so can be no manifest."""
+    kind = kind_of(begin)
+    if kind is not None:
+        advice = "Write a CSV file that names it: one row a photo." if begin.startswith(PHOTO) else "Give a CSV file."
+        raise InvalidArgument(f"{path} is {kind}, not a manifest.", advice)
+
+
+def urls_among(cells: Iterable[str]) -> list[str]:
+    """What is wrong with the first cell of a manifest that is a URL: below its folder it would look like a path."""
+    for cell in cells:
+        for words in (cell, cell.partition(":")[2]):  # nano24:https://...
+            try:
+                check_local(words)
+            except InvalidArgument as error:
+                return [f"{error.message} {error.advice}"]
+    return []
 
 
 def file_hash(path: Path) -> str:
@@ -45,8 +67,12 @@ def stamp(path: Path) -> Stamp | None:
 
 
 def basis_path(spec: str) -> Path | None:
-    """The file of a basis; None of a shipped one, which the version says."""
-    path = Path(spec)
+    """The file of a basis; None of a shipped one, which the version says.
+
+    Raises:
+        InvalidArgument: a URL.
+    """
+    path = local(spec)
     return path if spec not in (*NAMES, "auto") and is_file(path) else None
 
 

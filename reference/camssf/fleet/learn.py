@@ -21,8 +21,8 @@ from camssf.curves.engine import load_model
 from camssf.curves.penalties import L2
 from camssf.errors import InvalidArgument
 from camssf.files import write_file
-from camssf.fleet.compare import LARGEST, NM
-from camssf.fleet.registry import Registry
+from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
+from camssf.fleet.registry import Registry, Wanted
 from camssf.fleet.rows import CHANNELS
 from camssf.grid import Floats
 from camssf.tools.results import Old, Population, Said, Tables, log_predictive, old_basis, populate, said
@@ -34,8 +34,8 @@ OF_MODEL, MOST = 30, 400
 """Results of one model, and of all together, that are learned from, the newest: more teach little and take hours."""
 FOLDS = 12
 """Groups that are left out one after the other; where there are more, several at once."""
-CERTAIN = 2.0
-"""Standard errors from nought."""
+CONFIDENCE = 0.95
+"""Of the interval that says whether a basis helps."""
 LEAVE = ("model", "maker")
 SLACK, WIDEST = 1e-3, 10.0
 """Of a covariance's eigenvalues: below 0, for it is kept in 32 bits, and at most."""
@@ -72,13 +72,16 @@ class Judgement:
         groups: how many of them.
         nats: ln of how many times likelier a photo is, mean over the groups.
         error: one standard error of it; None of one group.
-        helps: it is above 0 by CERTAIN errors; False below; None where nobody can tell.
+        low, high: CONFIDENCE interval of `nats`, by Student's t with groups - 1 degrees of freedom; None likewise.
+        helps: the interval lies above 0; False below; None where it holds 0, or of one group.
     """
 
     left_out: str
     groups: int
     nats: float | None
     error: float | None
+    low: float | None
+    high: float | None
     helps: bool | None
 
 
@@ -116,11 +119,11 @@ class Lesson:
     @property
     def source(self) -> str:
         """In words, for the report."""
-        who = f"units of {' '.join(self.of)}" if self.of else f"units of {len(self.population.models)} models"
+        who = " ".join(self.of) if self.of else many(len(self.population.models), "model")
         beside = self.training.source(self.dictionary.shape[2]).partition(" learned from ")[2]
         return (
-            f"{self.dictionary.shape[2]} components learned from {len(self.keys)} results of {self.population.units} "
-            f"{who}, beside {beside}"
+            f"{self.dictionary.shape[2]} components learned from {many(len(self.keys), 'result')} of "
+            f"{many(self.population.units, 'unit')} of {who}, and from {beside}"
         )
 
     def document(self) -> Json:
@@ -191,8 +194,10 @@ def learn_basis(
     """
     asked, tell = asked or Asked(), progress or (lambda *_: None)
     if asked.basis not in LEARNED or asked.leave not in LEAVE:
-        wrong, right = (asked.basis, LEARNED) if asked.basis not in LEARNED else (asked.leave, LEAVE)
-        raise InvalidArgument(f"{wrong!r} is none of {', '.join(right)}.", "Name one of these.")
+        option, wrong, right = ("--leave", asked.leave, LEAVE)
+        if asked.basis not in LEARNED:
+            option, wrong, right = ("--basis", asked.basis, LEARNED)
+        raise InvalidArgument(f"{option} takes {' or '.join(right)}; got {wrong!r}.", "Name one of these.")
     training = training_set_of(asked.basis)
     names = (*(training.known.names if training.known else ()), *training.curves)
     old = old_basis(read_basis(asked.basis), names)
@@ -212,8 +217,9 @@ def learn_basis(
 def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tuple[str, ...], Counter[str]]:
     """What the results say, their keys, and why others say nothing."""
     values = [list(asked.statuses), asked.basis]
-    counted = "SELECT count(*) AS n FROM rows WHERE list_contains(?, status) AND basis <> ?"
-    (other,) = registry.query(counted, values)
+    counted = "SELECT count(*) AS n FROM rows WHERE list_contains(?, status) AND basis {} ?"
+    (other,) = registry.query(counted.format("<>"), values)
+    (same,) = registry.query(f"{counted.format('=')} AND len(red) > 0", values)
     newest = "row_number() OVER (PARTITION BY make, model, camera_id ORDER BY added DESC, key)"
     found = registry.query(
         "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, prior_share, "
@@ -221,7 +227,11 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
         f"QUALIFY {newest} <= {OF_MODEL} ORDER BY {newest}, added DESC, key LIMIT {MOST}",
         values,
     )
-    aside: Counter[str] = Counter({"on another basis": other["n"]} if other["n"] else {})
+    aside: Counter[str] = Counter(other_statuses(registry, Wanted(), asked.statuses))
+    aside["on another basis"] = other["n"]
+    aside[f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"] = same["n"] - len(
+        found
+    )
     results, keys, size = [], [], 3 * old.dictionary.shape[2]
     ours = load_model(asked.basis).sha256
     for each in found:
@@ -237,12 +247,13 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
             results.append(_said(registry, each, old, size))
             keys.append(str(each["key"]))
     if not results:
-        why = ", ".join(f"{count} {reason}" for reason, count in aside.items()) or "there is none"
+        why = counts_in_words(+aside) or "there is none"
         raise InvalidArgument(
             f"No {' or '.join(asked.statuses)} result on {asked.basis} can be learned from: {why}.",
-            "Add results that one basis answered alone, under named lamps.",
+            f"Add results that {asked.basis} answered alone, under named lamps"
+            + ("; or name another --basis." if aside["on another basis"] else "."),
         )
-    return results, tuple(sorted(keys)), aside
+    return results, tuple(sorted(keys)), +aside
 
 
 def _said(registry: Registry, row: Json, old: Old, size: int) -> Said:
@@ -279,11 +290,11 @@ def _model_of(results: Sequence[Said], asked: Asked) -> tuple[str, str] | None:
     found = sorted({each.member[:2] for each in results if each.member[1] == wanted})
     found = [each for each in found if not asked.make or each[0] == maker_of(asked.make)]
     if len(found) != 1:
-        count = f"No result of {wanted}" if not found else f"Several makers' {wanted}"
-        known = ", ".join(sorted({each.member[1] for each in results})[:10])
-        raise InvalidArgument(
-            f"{count} can be learned from.", f"There are results of {known}; --make tells two apart."
-        )
+        if found:
+            makers = ", ".join(maker for maker, _ in found)
+            raise InvalidArgument(f"Several makers have a model {wanted}: {makers}.", "Name one by --make.")
+        models = ", ".join(sorted({" ".join(each.member[:2]) for each in results})[:10])
+        raise InvalidArgument(f"No result of {wanted} can be learned from.", f"Those that can are of {models}.")
     return found[0]
 
 
@@ -304,7 +315,7 @@ def _judge(
 
     groups = list(dict.fromkeys(map(group_of, judged)))
     if len(groups) < 2:
-        return Judgement(word, len(groups), None, None, None)
+        return judge_gains(word, np.zeros(len(groups)))
     size = 3 * old.dictionary.shape[2]
     gains: dict[tuple[str, ...], list[float]] = {each: [] for each in groups}
     folds = [groups[i::FOLDS] for i in range(min(FOLDS, len(groups)))]
@@ -322,11 +333,25 @@ def _judge(
                 before = log_predictive(each, np.zeros(size), np.eye(size))
                 gains[group_of(each)].append(log_predictive(each, mean, covariance) - before)
     means = np.array([np.mean(each) for each in gains.values() if each])
-    if len(means) < 2:
-        return Judgement(word, len(groups), None, None, None)
-    mean_, error = float(means.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
-    helps = None if abs(mean_) < CERTAIN * error else mean_ > 0
-    return Judgement(word, len(groups), mean_, error, helps)
+    return judge_gains(word, means)
+
+
+def judge_gains(left_out: str, gains: Floats) -> Judgement:
+    """The mean of the groups' gains, and what it says.
+
+    Args:
+        left_out: what a group is.
+        gains: (groups,) nats a photo.
+    """
+    from scipy.special import stdtrit
+
+    n = len(gains)
+    if n < 2:
+        return Judgement(left_out, n, None, None, None, None, None)
+    mean, error = float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(n))
+    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
+    helps = None if mean - half <= 0 <= mean + half else mean > 0
+    return Judgement(left_out, n, mean, error, mean - half, mean + half, helps)
 
 
 def _without(tables: Tables, makers: set[str]) -> Tables:

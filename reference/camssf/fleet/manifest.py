@@ -16,7 +16,8 @@ from typing import Any
 
 from camssf import __version__
 from camssf.errors import InvalidArgument
-from camssf.fleet.inputs import Stamp, basis_path, is_file, stamp, stamps
+from camssf.files import local
+from camssf.fleet.inputs import Stamp, basis_path, check_manifest, is_file, stamp, stamps
 from camssf.fleet.run import COLUMNS, Job, delimiter_of, is_parquet, job_of
 
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
@@ -56,7 +57,7 @@ class Manifest:
     """
 
     def __init__(self, path: Path | str, options: Mapping[str, str]) -> None:
-        self.path, self.options = Path(path), dict(options)
+        self.path, self.options = local(path), dict(options)
         self.done = 0.0
         """The part of it that was read, 0 to 1."""
         self._basis: Stamp | None = None
@@ -104,6 +105,7 @@ class Manifest:
 
     def _csv(self) -> Iterator[tuple[float, dict[str, str]]]:
         with _readable(self.path), self.path.open("rb") as raw:
+            check_manifest(self.path, raw.read(16))
             size = max(1, raw.seek(0, 2))
             raw.seek(0)
             lines = _Lines(raw)

@@ -38,7 +38,7 @@ DEATHS = 2
 ANSWER = 30.0
 """Seconds in which a scheduler answers, and has a worker."""
 AGAIN = 8
-"""Times that a job is handed out again because workers died while it waited."""
+"""Times that a job is handed out again because workers died while it waited, or the cluster gave no answer."""
 PUT_ASIDE = "The process that worked on it died, twice (memory, or a damaged file). It is put aside."
 
 One: TypeAlias = Callable[[Item], "Done"]
@@ -135,8 +135,7 @@ def on_dask(todo: Iterator[Item], one: One, where: tuple[str, Path], desk: Desk,
     with _client(distributed, where[0]) as client:
         try:
             marks.mkdir(parents=True)
-            task = partial(_marked, one=one, marks=marks, version=__version__)
-            _hand_out(client, (first, todo), task, desk, tell)
+            _hand_out(client, (first, todo), one, marks, desk, tell)
         except OSError as error:
             raise InvalidArgument(
                 f"{where[1]}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
@@ -168,12 +167,14 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
 
 
 def _hand_out(
-    client: Any, jobs: tuple[Item, Iterator[Item]], task: One, desk: Desk, tell: Callable[[], None]
+    client: Any, jobs: tuple[Item, Iterator[Item]], one: One, marks: Path, desk: Desk, tell: Callable[[], None]
 ) -> None:
     """Until there is no more; never more at a time than the workers have in hand and wait for."""
     from distributed import KilledWorker
     from distributed import wait as wait_for
+    from distributed.client import ClosedClientError
 
+    task = partial(_marked, one=one, marks=marks, version=__version__)
     item: Item | None
     item, todo = jobs
     running: dict[Any, Item] = {}
@@ -184,19 +185,27 @@ def _hand_out(
             while item is not None and len(running) < room:
                 running[_submit(client, task, item)] = item
                 item = next(todo, None)
-            with suppress(TimeoutError), client.as_current():
+            with suppress(TimeoutError, CancelledError), client.as_current():  # one cancelled: see each below
                 wait_for(list(running), timeout=FLUSH, return_when="FIRST_COMPLETED")
             for future in [each for each in running if each.status != "pending"]:
                 job = running.pop(future)
                 try:
-                    done = future.result(timeout=ANSWER)
-                except KilledWorker:  # the scheduler gave it up; whether it was to blame, its marks say
-                    lost[job.task] = lost.get(job.task, 0) + 1
-                    if lost[job.task] > AGAIN:
-                        words = f"Workers died {lost[job.task]} times while they had it. It is put aside."
+                    done = _answer(future)
+                except (KilledWorker, CancelledError, TimeoutError) as error:
+                    killed = isinstance(error, KilledWorker)  # whether the job was to blame, its marks say
+                    count = lost[job.task] = lost.get(job.task, 0) + 1
+                    if not killed:  # nobody died of it: what it began, the cluster dropped
+                        (marks / job.task).unlink(missing_ok=True)
+                        with suppress(Exception):
+                            client.cancel([future], force=True)
+                    if count <= AGAIN:
+                        running[_submit(client, task, job)] = job
+                    elif killed:
+                        words = f"Workers died {count} times while they had it. It is put aside."
                         desk.take(job, Done("failed", "", words), deaths=DEATHS)
                     else:
-                        running[_submit(client, task, job)] = job
+                        words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
+                        desk.take(job, Done("failed", "", words))
                 except ModuleNotFoundError as error:
                     raise InvalidArgument(
                         f"A worker of the Dask cluster lacks {error.name}.",
@@ -206,7 +215,7 @@ def _hand_out(
                     desk.take(job, done, deaths=DEATHS if done.reason == PUT_ASIDE else 0)
             desk.flush(if_due=True)
             tell()
-    except (OSError, RuntimeError, CancelledError) as error:  # a lost connection, in Dask's and in Tornado's words
+    except (OSError, RuntimeError, ClosedClientError) as error:  # a lost connection, in Dask's and in Tornado's words
         raise InvalidArgument(
             f"The Dask cluster was lost ({' '.join(str(error).split()) or type(error).__name__}).",
             "Start it again, and the same command: what was done is not done again.",
@@ -214,6 +223,19 @@ def _hand_out(
     finally:
         with suppress(Exception):
             client.cancel(list(running), force=True)
+
+
+def _answer(future: Any) -> Done:
+    """What became of a job.
+
+    Raises:
+        KilledWorker: workers died while they had it.
+        CancelledError, TimeoutError: the cluster dropped it, or lost the answer.
+    """
+    if future.status == "lost":
+        raise CancelledError  # `result` would wait for it
+    done: Done = future.result(timeout=ANSWER)
+    return done
 
 
 def _submit(client: Any, task: One, item: Item) -> Any:

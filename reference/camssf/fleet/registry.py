@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from camssf.errors import InvalidArgument
-from camssf.files import readable, write_file
+from camssf.files import local, local_folder, readable, write_file
 from camssf.fleet.rows import Row, Task, columns
 from camssf.libraries import library
 
@@ -82,10 +82,12 @@ class Registry:
 
     def __init__(self, folder: Path | str, *, new: bool = False) -> None:
         library("duckdb", "The registry needs", "fleet")
-        self.folder = Path(folder)
+        self.folder = local_folder(folder)
+        if not new and not self.folder.exists():
+            raise InvalidArgument(f"There is no folder {self.folder}.", "Check the path of the registry.")
         found = _format(self.folder, new)
         if found != FORMAT:
-            raise InvalidArgument(f"{self.folder} is no registry that camssf knows.", "Name another folder.")
+            raise _no_registry(self.folder, found, new)
 
     # Writing
 
@@ -206,9 +208,9 @@ class Registry:
         Raises:
             InvalidArgument: another suffix, or it cannot be written.
         """
-        path = Path(path)
+        path = local(path)
         if path.suffix not in (".parquet", ".csv"):
-            raise InvalidArgument(f"{path} is neither .parquet nor .csv.", "Name one of these.")
+            raise InvalidArgument(f"{path} ends in neither .parquet nor .csv.", "Give the file one of these endings.")
         what = "*"
         if path.suffix == ".csv":
             plain = {name: kind for name, kind in columns(Row).items() if kind != "FLOAT[]"}
@@ -297,6 +299,21 @@ def _format(folder: Path, new: bool) -> str | None:
         except (OSError, ValueError):
             return None
     return None
+
+
+def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
+    """The error for a folder whose mark is missing or of another format."""
+    if found is not None:
+        return InvalidArgument(
+            f"{folder} is no registry that this camssf can use: its format is {found!r}, not {FORMAT!r}.",
+            "Use the camssf that wrote it, or name another folder.",
+        )
+    if new:
+        why, advice = "it is a file, or holds something else", "Name a new or an empty folder."
+    else:
+        why = f"it holds no {MARK}" if folder.exists() else "there is no such folder"
+        advice = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
+    return InvalidArgument(f"{folder} is no registry: {why}.", advice)
 
 
 def _empty(folder: Path) -> bool:

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 
 from camssf import __version__
 from camssf.documents.report import NAMES
-from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import write_file
-from camssf.fleet.inputs import basis_hash, file_hash, is_file
+from camssf.errors import CalibrationError, InvalidArgument, RawError
+from camssf.files import local, local_folder, write_file
+from camssf.fleet.inputs import basis_hash, basis_path, check_manifest, file_hash, is_file, urls_among
 from camssf.photo.sidecar import photo_hash
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ MARK = "batch.json"
 """Beside a result: the hashes of everything that it was made from, and of its own files."""
 
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?|summary\.csv", re.IGNORECASE)
+KEPT = "The earlier result of this name was kept as it is."
 AUTO = "auto"
 """The lamp of an empty cell, as `calibrate` takes it where none is named."""
 _FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
@@ -129,9 +130,10 @@ def run_batch(
     Raises:
         InvalidArgument: the manifest cannot be read or has no rows, or `out` cannot be written to.
     """
+    basis_path(basis)  # a URL is the call's fault, not each job's
     found = read_manifest(manifest, basis=basis, engine=engine)
     todo = tuple(replace(job, lens_shading=lens_shading) for job in found)
-    folder = Path(out)
+    folder = local_folder(out)
     count = max(1, jobs if jobs is not None else cores())
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -147,12 +149,13 @@ def run_batch(
 
 def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx") -> tuple[Job, ...]:
     """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
-    path = Path(path)
+    path = local(path)
     if is_parquet(path):
         raise InvalidArgument(f"{path} is Parquet.", "Name a --registry: then it may be, or give a CSV file.")
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_MANIFEST + 1)
+        check_manifest(path, data)
         text = data.decode("utf-8-sig")
     except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
@@ -184,18 +187,24 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
 
 
 def calibrate_job(job: Job, folder: Path) -> Outcome:
-    """Calibrate one camera into `folder`; a refusal leaves what is known of the capture."""
+    """Calibrate one camera into `folder`.
+
+    A refusal leaves what is known of the capture, and an earlier result with curves as it is (`Report.save`); where a
+    file is missing or is no RAW, nothing is written.
+    """
     from camssf.documents.beside import taken
-    from camssf.documents.report import report
+    from camssf.documents.report import holds_result, report
     from camssf.documents.result import Refusal
 
     try:
         result = attempt_job(job)
-        report(result.document(), result.previews, beside=taken(job.photos)).save(folder)
+        if not (isinstance(result, Refusal) and isinstance(result.error, RawError)):
+            report(result.document(), result.previews, beside=taken(job.photos)).save(folder)
         if isinstance(result, Refusal):
             raise result.error
     except CalibrationError as error:
-        return Outcome(job.name, job.folder, "refused", error.code, f"{error.message} {error.advice}")
+        kept = f" {KEPT}" if holds_result(folder) else ""
+        return Outcome(job.name, job.folder, "refused", error.code, f"{error.message} {error.advice}{kept}")
     reasons = result.verdict.reasons
     code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
     return Outcome(job.name, job.folder, result.verdict.status, code, reason)
@@ -235,6 +244,7 @@ def job_of(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], b
         faults.append("a row has no name.")
     if not all(row["photo"] for row in rows):
         faults.append("a row has no photo.")
+    faults += urls_among(row[column] for row in rows for column in COLUMNS[1:])
     faults += _backslashes(home, rows)
     if len(charts) > 1:
         faults.append(f"its shots name different charts: {', '.join(charts)}.")

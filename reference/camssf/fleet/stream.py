@@ -23,7 +23,7 @@ import numpy as np
 
 from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import readable, write_files
+from camssf.files import local_folder, readable, write_files
 from camssf.fleet.inputs import basis_hash
 from camssf.fleet.manifest import Item, Manifest, file_in, words_of
 from camssf.fleet.pools import DEATHS, FLUSH, Done, here, on_dask
@@ -128,7 +128,7 @@ def run_stream(
         InvalidArgument: the manifest cannot be read, archive or registry cannot be written to, or the cluster does
             not answer, or cannot do it.
     """
-    archive = Path(archive)
+    archive = local_folder(archive)
     begun, summary = time.monotonic(), Summary()
     desk = _Desk(registry, summary)
     where = _Where(archive.absolute(), registry.folder.absolute(), pages)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.errors import FramesDiffer, InvalidArgument
+from camssf.files import check_local
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options
 from camssf.photo.mosaic import Mosaic
@@ -52,6 +53,7 @@ class Photo:
     `neutrals`: the camera's white (R, G, B) under the CIE illuminant of each of the file's colour matrices.
     `unit`: the physical camera and its lens; `active_area`: of its sensor, top, left, bottom, right.
     `levels`: whose word its pattern and levels are; "" where a DNG's own tags say them.
+    `unique_model`: the DNG's UniqueCameraModel, by which raw converters know the camera; "" where it is silent.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Photo:
     unit: Unit = field(default_factory=Unit)
     active_area: Area | None = None
     levels: str = ""
+    unique_model: str = ""
 
 
 @dataclass(frozen=True)
@@ -234,6 +237,8 @@ def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> 
         raise InvalidArgument(f"{k} photo(s) but {len(corners)} set(s) of corners.", "Give one set a photo.")
     if len({frame is None for frame in whites}) > 1:
         raise _some_white()
+    for path in filter(None, (*files, *whites, *darks)):
+        check_local(path)
     tolerances = listed("lamp_tolerance", options.lamp_tolerance) or [None] * k
     if len(tolerances) != k:
         raise InvalidArgument(f"{k} photo(s) but {len(tolerances)} lamp tolerance(s).", "Give one a photo, or none.")
@@ -268,7 +273,7 @@ def photo_of(mosaic: Mosaic) -> Photo:
         Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
         mosaic.make, mosaic.model, mosaic.sha256,
         tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
-        mosaic.unit, mosaic.active_area, mosaic.levels,
+        mosaic.unit, mosaic.active_area, mosaic.levels, mosaic.unique_model,
     )  # fmt: skip
 
 

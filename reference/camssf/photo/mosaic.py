@@ -1,7 +1,7 @@
 """DNG → mosaic: the sensor's samples as stored, and what the file says about them.
 
-LibRaw (rawpy) decodes the samples. It hides some tags and forgives much damage, so the file's directories are read
-first (`camssf.photo.tags`), and what LibRaw would guess at is refused.
+The file's directories are read here (`camssf.photo.tags`), and every number is checked: LibRaw hides some tags and
+forgives much damage. The samples are those of `camssf.photo.pieces`.
 Tags and their meaning: TIFF 6.0, and Digital Negative (DNG) Specification 1.7, Adobe.
 """
 
@@ -18,34 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
+from camssf.files import local
 from camssf.grid import Floats
-from camssf.photo.jpeg import check_jpeg
 from camssf.photo.opcodes import GainMap, read_gain_maps
-from camssf.photo.tags import CONVERT, COPY_AGAIN, MAX_DEPTH, MAX_DIRECTORIES, NO_DNG, Directory, Tiff
+from camssf.photo.pieces import DEFLATE, LOSSLESS_JPEG, MAX_SIDE, PLAIN, Picture, decode, picture_of
+from camssf.photo.tags import CONVERT, NO_DNG, Directory, Tiff
 from camssf.photo.unit import Area, Unit, unit_of
 
-__all__ = [
-    "CFA_ORDERS",
-    "CONVERT",
-    "COPY_AGAIN",
-    "MAX_DEPTH",
-    "MAX_DIRECTORIES",
-    "MAX_SAMPLES",
-    "MAX_SIDE",
-    "RAW_MODE",
-    "Mosaic",
-    "read_dng",
-    "shading",
-]
-
 CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
-MAX_SIDE, MAX_SAMPLES = 65535, 1 << 29
+MAX_SAMPLES = 1 << 29
 
 RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
 _CODECS = {
     5: "LZW",
-    8: "deflate",
     34892: "lossy JPEG",
     34713: "Nikon NEF",
     32767: "Sony ARW",
@@ -87,6 +73,7 @@ class Mosaic:
         unit: the physical camera and its lens, as far as the file says.
         active_area: top, left, bottom, right in the stored picture; None where there was no file.
         levels: whose word pattern, black and white level are, in words; "" where a DNG's own tags say them.
+        unique_model: the DNG's UniqueCameraModel, "" where the file is silent.
     """
 
     path: str
@@ -108,6 +95,7 @@ class Mosaic:
     unit: Unit = field(default_factory=Unit)
     active_area: Area | None = None
     levels: str = ""
+    unique_model: str = ""
 
     @property
     def gain_map(self) -> bool:
@@ -118,9 +106,9 @@ class Mosaic:
 def read_dng(path: str | Path) -> Mosaic:
     """Read the raw frame of a DNG file.
 
-    The samples are those of the active area (tag 50829), decoded by LibRaw, which also applies the file's
-    LinearizationTable; black and white level are on that scale. A black level with a repeat pattern larger than
-    2 × 2, or with row and column deltas (tags 50713 to 50716), is averaged for each cell position.
+    The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white level
+    are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
+    (tags 50713 to 50716), is averaged for each cell position.
 
     Raises:
         UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
@@ -128,26 +116,24 @@ def read_dng(path: str | Path) -> Mosaic:
         NotSensorRaw: LinearRaw, that is, already demosaiced.
         OutOfMemory: its samples do not fit into the memory that is left.
     """
-    file = Path(path)
+    file = local(path)
     try:
         with file.open("rb") as stream:
-            found, frame = _parse(Tiff(file, stream))
+            found = _parse(Tiff(file, stream))
             stream.seek(0)
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            return replace(found, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
     except IsADirectoryError as error:
         raise UnreadableRaw(f"{file} is a folder.", "Name a DNG file.") from error
     except FileNotFoundError as error:
         raise UnreadableRaw(f"There is no file {file}.", "Check the path.") from error
-    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        reason = getattr(error, "strerror", None) or error
-        raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
-    try:
-        return replace(found, samples=_decode(file, frame), sha256=sha256)
     except MemoryError as error:
         raise OutOfMemory(
             f"{file} needs more memory than there is.",
             "Close other programs, or photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
         ) from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        reason = getattr(error, "strerror", None) or error
+        raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
 
 
 def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
@@ -175,45 +161,37 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
     return factors
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """The stored picture: size in samples, bits, TIFF compression, active area (top, left, bottom, right)."""
-
-    width: int
-    height: int
-    bits: int
-    compression: int
-    area: tuple[int, int, int, int]
-
-
-def _parse(tiff: Tiff) -> tuple[Mosaic, _Frame]:
-    """All that the file says, samples and hash still missing."""
+def _parse(tiff: Tiff) -> Mosaic:
+    """All that the file says and its samples; the hash is still missing."""
     raw = _raw_directory(tiff)
-    frame = _frame(tiff, raw)
-    _check_data(tiff, raw, frame)
+    picture = _picture(tiff, raw)
+    cfa, black, white = _cfa(tiff, raw), _black(tiff, raw, picture), _white(tiff, raw, picture)
+    gain_maps = _gain_maps(tiff, raw)
+    samples = decode(tiff, picture, _linearization(tiff, raw))
     first, exif = tiff.main[0], tiff.exif()
+    _check_others(tiff, raw, exif)
     orientation = tiff.one(first, 274, 1)
-    mosaic = Mosaic(
+    return Mosaic(
         path=str(tiff.file),
-        samples=np.empty((0, 0), dtype=np.uint16),
-        cfa=_cfa(tiff, raw),
-        black=_black(tiff, raw, frame),
-        white=_white(tiff, raw, frame),
+        samples=samples,
+        cfa=cfa,
+        black=black,
+        white=white,
         make=tiff.text(first, 271),
         model=tiff.text(first, 272) or tiff.text(first, 50708),
         exposure=_positive(tiff, (first, raw, exif), 33434),
         iso=_positive(tiff, (first, raw, exif), 34855),
         orientation=orientation if 1 <= orientation <= 8 else 1,
-        gain_maps=_gain_maps(tiff, raw),
+        gain_maps=gain_maps,
         color_matrix1=_matrix(tiff, first, 50721),
         color_matrix2=_matrix(tiff, first, 50722),
         as_shot_neutral=_neutral(tiff, first),
         sha256="",
         neutrals=_neutrals(tiff, first),
         unit=unit_of(tiff, exif),
-        active_area=frame.area,
+        active_area=picture.area,
+        unique_model=tiff.text(first, 50708),
     )
-    return mosaic, frame
 
 
 def _raw_directory(tiff: Tiff) -> Directory:
@@ -236,8 +214,8 @@ def _raw_directory(tiff: Tiff) -> Directory:
     raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
 
 
-def _frame(tiff: Tiff, raw: Directory) -> _Frame:
-    """Size, coding and active area, each of them checked."""
+def _picture(tiff: Tiff, raw: Directory) -> Picture:
+    """Size, coding, active area and pieces, each of them checked."""
     width, height = tiff.one(raw, 256, 0), tiff.one(raw, 257, 0)
     if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
         raise tiff.damaged(f"a picture of {width} × {height} samples")
@@ -247,54 +225,18 @@ def _frame(tiff: Tiff, raw: Directory) -> _Frame:
     if tiff.one(raw, 339, 1) != 1:
         raise UnsupportedRaw(f"{tiff.file} holds floating-point or signed samples.", CONVERT)
     compression = tiff.one(raw, 259, 1)
-    if compression not in (1, 7):
+    if compression not in (PLAIN, LOSSLESS_JPEG, DEFLATE):
         codec = _CODECS.get(compression, f"number {compression}")
         raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
     if not 8 <= bits[0] <= 16:
         raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
     order = tiff.one(raw, 266, 1)
-    if order != 1:  # LibRaw does not look at it, and readers disagree on what it means beyond 8 bits
+    if order != 1:  # readers disagree on what it means beyond 8 bits
         raise UnsupportedRaw(f"{tiff.file} states FillOrder {order}: bytes with the lowest bit first.", CONVERT)
     top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
     if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
         raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
-    return _Frame(width, height, bits[0], compression, (top, left, bottom, right))
-
-
-def _check_data(tiff: Tiff, raw: Directory, frame: _Frame) -> None:
-    """Refuse a file whose strips or tiles do not hold the picture: LibRaw would fill in or fail late."""
-    tiled = 322 in raw or 323 in raw
-    if tiled:
-        width, height = tiff.one(raw, 322, 0), tiff.one(raw, 323, 0)
-        offsets, counts = tiff.whole(raw, 324), tiff.whole(raw, 325)
-    else:
-        width, height = frame.width, min(tiff.one(raw, 278, frame.height), frame.height)
-        offsets, counts = tiff.whole(raw, 273), tiff.whole(raw, 279)
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
-        raise tiff.damaged(f"pieces of {width} × {height} samples")
-    pieces = -(-frame.width // width) * -(-frame.height // height)
-    if not len(offsets) == len(counts) == pieces:
-        raise tiff.damaged(f"{len(offsets)} pieces of data instead of {pieces}")
-    end = max(at + count for at, count in zip(offsets, counts, strict=True))
-    if end > tiff.size or min(offsets) < 8 or min(counts) < 1:
-        raise tiff.damaged(f"its samples end at byte {end} of {tiff.size}")
-    if sum(counts) > tiff.size:  # or a small file could ask for much memory
-        raise tiff.damaged("its pieces of data overlap")
-    if frame.compression == 7 and not tiled and pieces > 1:  # LibRaw would decode the first strip alone
-        raise UnsupportedRaw(f"{tiff.file} stores lossless JPEG in {pieces} strips.", CONVERT)
-    for number, (at, count) in enumerate(zip(offsets, counts, strict=True)):
-        rows = height if tiled else min(height, frame.height - number * height)
-        if frame.compression == 7:
-            if 8 * count < width * rows:  # no Huffman code is shorter than a bit
-                raise tiff.damaged(f"piece {number} of its data is too short")
-            check_jpeg(tiff, at, count, width * rows)
-            continue
-        wanted = rows * -(-width * frame.bits // 8)
-        if count < wanted:
-            raise tiff.damaged(f"piece {number} of its data is too short")
-        if number + 1 < pieces and not tiled and offsets[number + 1] != at + wanted:
-            # LibRaw reads on from the first strip
-            raise UnsupportedRaw(f"{tiff.file} stores its strips apart or out of order.", CONVERT)
+    return picture_of(tiff, raw, (width, height), (bits[0], compression), (top, left, bottom, right))
 
 
 def _cfa(tiff: Tiff, raw: Directory) -> str:
@@ -310,7 +252,7 @@ def _cfa(tiff: Tiff, raw: Directory) -> str:
     return letters
 
 
-def _black(tiff: Tiff, raw: Directory, frame: _Frame) -> Floats:
+def _black(tiff: Tiff, raw: Directory, picture: Picture) -> Floats:
     """(2, 2) DN: the mean black level of each position of the colour cell over the active area."""
     rows, columns = tiff.whole(raw, 50713, 2) or [1, 1]
     if not (0 < rows <= 64 and 0 < columns <= 64):
@@ -318,7 +260,7 @@ def _black(tiff: Tiff, raw: Directory, frame: _Frame) -> Floats:
     stored = tiff.numbers(raw, 50714, rows * columns)
     pattern = np.zeros((1, 1)) if stored is None else stored.reshape(rows, columns)
     pattern = np.tile(pattern, (2, 2))  # an even period in both directions
-    top, left, bottom, right = frame.area
+    top, left, bottom, right = picture.area
     across, down = tiff.numbers(raw, 50715, right - left), tiff.numbers(raw, 50716, bottom - top)
     black = np.empty((2, 2))
     for i, j in np.ndindex(2, 2):
@@ -329,13 +271,37 @@ def _black(tiff: Tiff, raw: Directory, frame: _Frame) -> Floats:
     return black
 
 
-def _white(tiff: Tiff, raw: Directory, frame: _Frame) -> float:
+def _white(tiff: Tiff, raw: Directory, picture: Picture) -> float:
     """The white level, DN; 2^bits - 1 where the file is silent."""
     stored = tiff.numbers(raw, 50717, 1)
-    white = float(2**frame.bits - 1 if stored is None else stored[0])
+    white = float(2**picture.bits - 1 if stored is None else stored[0])
     if not 0 < white <= 65535:
         raise tiff.damaged(f"a white level of {white:g}")
     return white
+
+
+def _check_others(tiff: Tiff, raw: Directory, exif: Directory) -> None:
+    """Raise unless what is not used here, and Kotlin's reader gives, lies in the file."""
+    areas, pairs = tiff.count(raw, 50830), raw if 51041 in raw else tiff.main[0]
+    if 0 < areas <= 256 and areas % 4 == 0:
+        tiff.whole(raw, 50830)
+    if tiff.count(pairs, 51041) in (2, 4, 6, 8):
+        tiff.numbers(pairs, 51041)
+    tiff.numbers(tiff.main[0], 50729)
+    for tag in (36867, 36881):
+        tiff.raw_bytes(exif, tag)
+
+
+def _linearization(tiff: Tiff, raw: Directory) -> NDArray[np.uint16] | None:
+    """(65536) what each stored value stands for; the last entry holds beyond the table's end."""
+    if tiff.count(raw, 50712) > 65536:
+        raise tiff.damaged("a linearization table of too many values")
+    table = tiff.whole(raw, 50712)
+    if not table:
+        return None
+    if not all(0 <= value <= 65535 for value in table):
+        raise tiff.damaged("its linearization table leaves 16 bits")
+    return np.array(table + table[-1:] * (65536 - len(table)), np.uint16)
 
 
 def _gain_maps(tiff: Tiff, raw: Directory) -> tuple[GainMap, ...]:
@@ -385,23 +351,6 @@ def _neutrals(tiff: Tiff, first: Directory) -> tuple[tuple[int, Floats], ...]:
 def _neutral(tiff: Tiff, first: Directory) -> Floats | None:
     values = tiff.numbers(first, 50728)
     return values if values is not None and values.size == 3 and (values > 0).all() else None
-
-
-def _decode(file: Path, frame: _Frame) -> NDArray[np.uint16]:
-    """The active area's samples, by LibRaw; copied once, since LibRaw's own buffer dies with it."""
-    import rawpy
-
-    try:
-        with opened(file) as name, rawpy.imread(name) as raw:
-            stored = raw.raw_image
-            if stored is None or stored.shape != (frame.height, frame.width):
-                raise UnsupportedRaw(f"LibRaw finds another picture in {file} than its raw directory names.", CONVERT)
-            top, left, bottom, right = frame.area
-            return np.array(stored[top:bottom, left:right], dtype=np.uint16, order="C")
-    except rawpy.LibRawFileUnsupportedError as error:
-        raise UnsupportedRaw(f"LibRaw does not know the form of {file}.", CONVERT) from error
-    except rawpy.LibRawError as error:
-        raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.errors import Blurred, ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.finder.find import Sighting, find_sightings
 from camssf.photo.finder.picture import codes_of_mosaic
@@ -23,13 +23,10 @@ from camssf.photo.layouts import (
     pitch_of,
 )
 from camssf.photo.mosaic import Mosaic
-from camssf.photo.refine import WINDOWS, refine_corners
+from camssf.photo.refine import refine_corners
 from camssf.photo.search import (
     ACCEPT,
-    ATTEMPTS,
-    WORTH,
     Match,
-    agreement,
     brightness,
     finer,
     label,
@@ -38,30 +35,8 @@ from camssf.photo.search import (
     plain_signals,
     thumbnail,
 )
+from camssf.photo.sharpness import WIDEST_EDGE, edge_width
 from camssf.spectra import ChartTable
-
-__all__ = [
-    "ACCEPT",
-    "ACCEPT_BY_HAND",
-    "ATTEMPTS",
-    "LAYOUTS",
-    "LOCKED",
-    "NEAR",
-    "SMALLEST",
-    "WINDOWS",
-    "WINDOWS_BY_HAND",
-    "WORTH",
-    "ChartLayout",
-    "Pose",
-    "agreement",
-    "block_corners",
-    "find_chart",
-    "map_points",
-    "patch_corners",
-    "plain_signals",
-    "refine_corners",
-]
-
 
 ACCEPT_BY_HAND = 0.6
 """As `ACCEPT`, for corners given by hand, where somebody has seen the chart."""
@@ -126,6 +101,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
             near, else kept.
 
     Raises:
+        Blurred: nothing looks like this chart, and no edge in the photo is sharp.
         ChartNotFound: nothing looks like this chart, or it is mirrored.
         InvalidArgument: the table has no known layout, or `corners` are no convex quadrilateral in the photo.
     """
@@ -152,6 +128,15 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
         matches, heard = _second_opinion(mosaic, layout, expected, matches)
         others += heard
     if not matches or matches[0].score < ACCEPT:
+        width = edge_width(mosaic)
+        if width is not None and width > WIDEST_EDGE:
+            raise Blurred(
+                f"{mosaic.path}: no chart was found, and the photo is blurred: its sharpest edges are {width:.1f} px "
+                "wide (one standard deviation).",
+                "Focus on the chart, and put the camera on a tripod.",
+                value=width,
+                threshold=WIDEST_EDGE,
+            )
         raise ChartNotFound(
             f"{mosaic.path}: nothing in the photo agrees with the chart {table.name!r}.",
             "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "

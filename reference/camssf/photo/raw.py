@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
+from camssf.files import local
 from camssf.grid import Floats
-from camssf.photo.mosaic import CFA_ORDERS, MAX_SAMPLES, MAX_SIDE, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.mosaic import CFA_ORDERS, MAX_SAMPLES, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.pieces import MAX_SIDE
 from camssf.photo.sidecar import sidecar_of
 from camssf.photo.tags import CONVERT, COPY_AGAIN, NO_DNG
 
@@ -46,7 +48,7 @@ def read_raw(path: str | Path) -> Mosaic:
         NotSensorRaw: already demosaiced: a linear DNG, sRAW, a picture of three channels.
         InvalidArgument: a sidecar that is none.
     """
-    file = Path(path)
+    file = local(path)
     sidecar = sidecar_of(file)
     if sidecar is not None:
         return _picture(file, sidecar)

@@ -116,9 +116,13 @@ def agreement(measured: Floats, expected: Floats) -> float:
     return float(np.sum(x * y)) / size if size > 0 else 0.0
 
 
-def plain_signals(table: ChartTable) -> Floats:
-    """(n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a flat lamp."""
+def plain_signals(table: ChartTable, power: Floats | None = None) -> Floats:
+    """(n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a lamp of `power` (681,).
+
+    Without one, under a flat lamp.
+    """
     curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
+    curves = curves if power is None else curves * power[:, None]
     return np.asarray(table.values @ (curves / curves.sum(axis=0)))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import InvalidArgument, Overexposed, Underexposed
+from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexposed
 from camssf.grid import Floats
 from camssf.photo.patches import PatchMeans
 from camssf.rules import rules
@@ -77,6 +77,7 @@ def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:
         InvalidArgument: no shot, or another number of patches than the table has.
         Overexposed: the white is clipped, or clipping leaves fewer than 6 patches.
         Underexposed: the white lies hardly above the dark, or noise leaves fewer than 6 patches.
+        FramesDiffer: the dark frame is brighter than the white frame.
     """
     if not shots:
         raise InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
@@ -128,6 +129,12 @@ def _shot(shot: PatchMeans, table: ChartTable, number: int) -> tuple[NDArray[np.
 def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, number: int) -> None:
     """Raise unless the white signal b = W - D (n, 3) can divide."""
     word = "white patch" if shot.white is None else "white frame"
+    part = b / (shot.saturation - shot.black)
+    if shot.white is not None and shot.dark is not None and 2 * np.count_nonzero(part < -FAINT) > part.size:
+        raise FramesDiffer(
+            f"Shot {number}: the dark frame is brighter than the white frame: they look swapped.",
+            "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
+        )
     share = float(clipped.max())
     if share > CLIPPED:
         raise Overexposed(
@@ -136,7 +143,7 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
             value=share,
             threshold=CLIPPED,
         )
-    level = float((b / (shot.saturation - shot.black)).min())
+    level = float(part.min())
     if not level >= FAINT:
         raise Underexposed(
             f"Shot {number}: in one channel the {word} lies only {level:.2%} of the range above dark.",

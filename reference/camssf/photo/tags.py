@@ -141,6 +141,10 @@ class Tiff:
         field = directory.get(tag)
         return self.bytes_at(field.at, field.count * _width(field.kind)) if field else b""
 
+    def count(self, directory: Directory, tag: int) -> int:
+        """How many values there are, 0 where there is none."""
+        return directory[tag].count if tag in directory else 0
+
     def numbers(self, directory: Directory, tag: int, count: int | None = None) -> Floats | None:
         """The value as (count,) float64, None where there is none; any count if None is asked for."""
         field = directory.get(tag)

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from camssf.errors import UnitDiffers, UnreadableRaw
+from camssf.files import local
 from camssf.photo.sidecar import photo_hash
 from camssf.photo.tags import COPY_AGAIN, Directory, Tiff
 from camssf.rules import rules
@@ -75,7 +76,7 @@ def read_unit(path: Path | str) -> Taken:
     Raises:
         UnreadableRaw: it cannot be read, or is damaged.
     """
-    path = Path(path)
+    path = local(path)
     try:
         sha256 = photo_hash(path)
         with path.open("rb") as stream:

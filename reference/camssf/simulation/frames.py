@@ -7,78 +7,29 @@ import json
 import os
 import re
 import tempfile
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
+from camssf.files import local_folder
 from camssf.grid import Floats
-from camssf.photo.mosaic import CFA_ORDERS
 from camssf.photo.pose import Pose
-from camssf.simulation.camera import Sensor, check_sensor, sites
+from camssf.simulation.camera import Sensor, check_sensor
 from camssf.simulation.dng import write_dng, write_truth
 from camssf.simulation.scene import (
-    FOCAL,
-    FRAME,
-    FRAME_WIDTH,
-    LARGEST,
-    SURROUNDS,
-    ChartProjection,
     Scene,
     check_scene,
-    homography,
-    render_mosaic,
     true_pose,
 )
-from camssf.simulation.setup import Change, FileTags, Light, Samples, Setup
-from camssf.simulation.shot import Frames, photograph, take
+from camssf.simulation.setup import Change, Setup
+from camssf.simulation.shot import Frames, take
 from camssf.spectra import CameraCurves, CameraLike, ChartLike, Lamp, LampLike, read_camera, read_chart, read_lamp
 from camssf.spectra.objects import is_one
-
-__all__ = [
-    "CFA_ORDERS",
-    "FOCAL",
-    "FRAME",
-    "FRAME_WIDTH",
-    "LARGEST",
-    "SURROUNDS",
-    "Change",
-    "ChartProjection",
-    "FileTags",
-    "Frames",
-    "Light",
-    "Plan",
-    "Samples",
-    "Scene",
-    "Sensor",
-    "Setup",
-    "SimulatedShot",
-    "Simulation",
-    "Told",
-    "View",
-    "homography",
-    "photograph",
-    "render_mosaic",
-    "simulate",
-    "sites",
-    "take",
-    "true_pose",
-]
-
-Told, View, Plan = FileTags, ChartProjection, Setup
-"""Their names in version 0.1; to be removed in the release after the next."""
-
-FORMER_SCENE = ("size", "fill", "rotation", "tilt", "vignetting", "blur", "glare", "surround", "mirrored")
-FORMER_SENSOR = (
-    "cfa", "black", "white_level", "exposure", "noise", "dark_current", "full_well", "read_noise", "compression",
-)  # fmt: skip
-"""What `simulate` took one by one in version 0.1, now in its `scene` and `sensor`."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +45,6 @@ class SimulatedShot:
     lamp: str
     stated_chart: str
     signals: Floats
-
-    @property
-    def told_chart(self) -> str:
-        """`stated_chart` by its name in version 0.1."""
-        return self.stated_chart
 
 
 @dataclass(frozen=True)
@@ -136,7 +82,6 @@ def simulate(
     sensor: Sensor | None = None,
     seed: int = 0,
     change: Change | None = None,
-    **former: Any,
 ) -> Simulation:
     """Write chart, white and dark frame of every lamp as DNG, truth.csv with the camera's curves, and corners.json.
 
@@ -151,14 +96,11 @@ def simulate(
         sensor: how the camera counts.
         seed: of the noise; the same seed gives the same bytes.
         change: what goes wrong with the last lamp's shot (`camssf.simulation.faults`).
-        former: fields of scene and sensor by themselves, as in version 0.1; to be removed in the release after the
-            next.
 
     Raises:
         InvalidArgument: a setting is out of range, or the chart does not fit into the picture.
-        TypeError: an argument that there is not.
     """
-    scene, sensor = _with_former(scene or Scene(), sensor or Sensor(), former)
+    scene, sensor = scene or Scene(), sensor or Sensor()
     body = read_camera(camera)
     table = read_chart(chart)
     one = isinstance(lamps, str | PathLike | Lamp) or is_one(lamps)
@@ -177,7 +119,7 @@ def simulate(
         raise InvalidArgument(
             "The chart reaches beyond the picture.", "Make fill smaller, or rotate or tilt it less."
         )
-    folder = Path(out)
+    folder = local_folder(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
@@ -230,24 +172,6 @@ def corners_json(poses: Mapping[str, Pose]) -> str:
         for name, pose in poses.items()
     }
     return json.dumps({"format": "camssf-corners/1", "photos": photos}, indent=1) + "\n"
-
-
-def _with_former(scene: Scene, sensor: Sensor, former: dict[str, Any]) -> tuple[Scene, Sensor]:
-    """Scene and sensor with the arguments of version 0.1 in them."""
-    for name in former:
-        if name not in FORMER_SCENE + FORMER_SENSOR:
-            raise TypeError(f"simulate() got an unexpected keyword argument {name!r}")
-    if former:
-        warnings.warn(
-            f"simulate({', '.join(f'{name}=' for name in former)}) has become simulate(scene=Scene(...), "
-            "sensor=Sensor(...)); the former arguments go with the release after the next.",
-            DeprecationWarning,
-            stacklevel=3,
-        )
-    return (
-        replace(scene, **{name: value for name, value in former.items() if name in FORMER_SCENE}),
-        replace(sensor, **{name: value for name, value in former.items() if name in FORMER_SENSOR}),
-    )
 
 
 def _write_frames(folder: Path, tag: str, setup: Setup, frames: Frames, camera: CameraCurves) -> dict[str, str]:

@@ -84,9 +84,10 @@ def read_camera(spec: CameraLike | None) -> CameraCurves:
     """Measured sensitivities of a camera, by name, by file or as an object; 0 outside the measured range.
 
     Names are those of `camera_names`. A file is a CSV with the header `wavelength_nm,red,green,blue` (or `R,G,B`;
-    further columns are ignored), or one of many cameras with a column `camera` more, of which
-    `cameras.csv:Canon EOS 5D` names one; or a camera file of rawtoaces, SPECTACLE's spectral_response.csv, or the
-    list camspec_database.txt, `camspec_database.txt:Nikon D40` for one of it. An object has `wavelengths`,
+    further columns are ignored), or without a header and with just these four columns, or one of many cameras with a
+    column `camera` more, of which `cameras.csv:Canon EOS 5D` names one; or a camera file of rawtoaces or DCamProf,
+    SPECTACLE's spectral_response.csv, Argyll's .cmf, or the list camspec_database.txt,
+    `camspec_database.txt:Nikon D40` for one of it. An object has `wavelengths`,
     `values` and `labels`, as colour-science's RGB_CameraSensitivities; a pair of arrays has wavelengths (w,) and
     values (w, 3), red, green, blue.
 
@@ -117,8 +118,8 @@ def read_camera(spec: CameraLike | None) -> CameraCurves:
     raise InvalidArgument(
         f"No measured camera is called {text!r}." if text else "The camera is missing.",
         f"{nearest(text, camera_names())}Cameras: `camssf cameras` lists those that are known; or give a file of "
-        "curves: CSV (wavelength_nm,red,green,blue), rawtoaces JSON, SPECTACLE CSV or camspec text; or "
-        "cameras.csv:NAME for one of many.",
+        "curves: CSV (wavelength_nm,red,green,blue), rawtoaces or DCamProf JSON, SPECTACLE CSV, camspec text or "
+        "Argyll's .cmf; or cameras.csv:NAME for one of many.",
     )
 
 

@@ -21,7 +21,7 @@ from camssf.spectra.bundled import bundled, daylight, illuminant, planck
 from camssf.spectra.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
 from camssf.spectra.objects import Name, Pair, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
-from camssf.spectra.spoken import understood
+from camssf.spectra.spoken import spoken, understood
 from camssf.spectra.tables import read_spectrum
 from camssf.spectra.text import looks_like_file, nearest, plain
 
@@ -127,7 +127,7 @@ def read_lamp(spec: LampLike) -> Lamp:
         (681,)
         >>> read_lamp(([380, 390, 400, 550, 700, 720], [1] * 6))  # doctest: +ELLIPSIS
         Traceback (most recent call last):
-        camssf.errors.LampUnfit: lamp (given) has only 6 wavelengths ...
+        camssf.errors.LampUnfit: lamp (given) has a gap of 150 nm: ...
 
     Raises:
         InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is no such table.
@@ -173,7 +173,8 @@ def read_lamp(spec: LampLike) -> Lamp:
                 f"The lamp {text!r} could be of two kinds.", f"Write {key}K for a bulb, D:{key} for daylight."
             )
         daylight = re.fullmatch(r"d(\d{2})", key)
-        near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, lamp_names())
+        names = (*lamp_names(), *(name for each in spoken() for name in each.names))
+        near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, names)
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import check_local
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import sprague
@@ -47,7 +48,7 @@ def smooth(wavelengths: Floats, values: Floats) -> Floats:
 
 
 def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
-    """Increasing, in nm, without gaps; `whole`: covering 400 to 700 nm. What is too little raises `unfit`."""
+    """Increasing, in nm, without gaps in the grid; `whole`: covering 400 to 700 nm. Too little raises `unfit`."""
     steps = np.diff(wavelengths)
     if len(wavelengths) < 2 or not np.isfinite(wavelengths).all() or steps.min() < 1e-3:
         raise InvalidArgument(f"The wavelengths in {path} do not increase.", "Sort them, in nm, each once.")
@@ -56,11 +57,21 @@ def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationEr
     span = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
     if whole and (wavelengths[0] > _FIRST or wavelengths[-1] < _LAST):
         raise unfit(f"{path} covers only {span}.", "It must cover 400 to 700 nm, better 380 to 720 nm.")
-    if steps.max() > _GAP or len(wavelengths) < 6:
+    inside = np.where((wavelengths[:-1] < WAVELENGTHS[-1]) & (wavelengths[1:] > WAVELENGTHS[0]), steps, 0.0)
+    widest = int(inside.argmax())
+    if len(wavelengths) < 6:
         raise unfit(
             f"{path} has only {len(wavelengths)} wavelengths from {span}.",
             "Give a spectrum every 20 nm or finer; 5 nm is usual.",
             value=float(steps.max()),
+            threshold=_GAP,
+        )
+    if steps[widest] > _GAP:
+        raise unfit(
+            f"{path} has a gap of {steps[widest]:g} nm: nothing from {wavelengths[widest]:g} to "
+            f"{wavelengths[widest + 1]:g} nm.",
+            "Give a spectrum every 20 nm or finer; 5 nm is usual. A list of lines alone is no spectrum.",
+            value=float(steps[widest]),
             threshold=_GAP,
         )
 
@@ -73,8 +84,17 @@ def held(wavelengths: Floats) -> str:
 
 
 def text_of(spec: str | PathLike[str] | None) -> str:
-    """What was asked for, without spaces around it."""
-    return "" if spec is None else str(spec).strip()
+    """What was asked for, without spaces around it.
+
+    Raises:
+        InvalidArgument: it is a URL, or holds one as in `nano24:https://...`.
+    """
+    if spec is None:
+        return ""
+    text = str(spec).strip()
+    check_local(spec)
+    check_local(text.partition(":")[2])
+    return text
 
 
 def frozen(values: Floats) -> Floats:

@@ -18,6 +18,11 @@ from camssf.spectra.formats import CURVES, LAMPS
 from camssf.spectra.formats.cgats import exact_wavelengths, shows_light
 from camssf.spectra.text import nearest, numbers_of, read_bytes, read_text, rows_of, tokens_of, wavelength_of
 
+DEVIATIONS = {"std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty"}
+"""Words by which a column is a standard deviation."""
+LARGEST_DEVIATION = 0.2
+"""A third column without a name is the power's standard deviation up to this part of the largest power."""
+
 
 class Spectra(NamedTuple):
     """Named spectra on common wavelengths, as the file has them.
@@ -36,7 +41,8 @@ class Spectra(NamedTuple):
 def read_spectrum(path: Path) -> tuple[Floats, Floats]:
     """Wavelengths and values, (w,) each, of a file with one spectrum.
 
-    Two columns; CGATS with one set, as Argyll's `.sp`; one of `formats.LAMPS`.
+    Two columns, or three with the power's standard deviation, which is dropped; CGATS with one set, as Argyll's
+    `.sp`; one of `formats.LAMPS`.
 
     Raises:
         InvalidArgument: the file cannot be read, or is no such table.
@@ -46,25 +52,38 @@ def read_spectrum(path: Path) -> tuple[Floats, Floats]:
         if each.claims(text):
             return each.read(text, path)
     if "BEGIN_DATA_FORMAT" in text:
-        table = _cgats(text, path)
+        spectra = _cgats(text, path)
         if not shows_light(text):
             raise InvalidArgument(
                 f"{path} holds the spectrum of a surface, not of light.",
                 "Measure the lamp's emission (spotread -e or -a).",
             )
-        if len(table.values) != 1:
-            raise InvalidArgument(f"{path} holds {len(table.values)} spectra.", "Give a file with one of them.")
-        return table.wavelengths, table.values[0]
+        if len(spectra.values) != 1:
+            raise InvalidArgument(f"{path} holds {len(spectra.values)} spectra.", "Give a file with one of them.")
+        return spectra.wavelengths, spectra.values[0]
     rows = rows_of(text)
     start = next((i for i, row in enumerate(rows) if numbers_of(row) is not None), len(rows))
     pairs = [numbers_of(row) for row in rows[start:]]
-    if not pairs or any(pair is None or len(pair) != 2 for pair in pairs):
+    widths = {0 if pair is None else len(pair) for pair in pairs}
+    if widths not in ({2}, {3}):
         raise InvalidArgument(
             f"{path} is no table of one spectrum.",
             "Write a line for each wavelength: the wavelength in nm, the power.",
         )
-    wavelengths, values = np.array(pairs, dtype=np.float64).T
-    return wavelengths, values
+    table = np.array(pairs, dtype=np.float64)
+    if widths == {3} and not _is_deviation(rows[start - 1] if start else [], table):
+        raise InvalidArgument(
+            f"{path} has two columns beside the wavelength, and the second is no standard deviation of the first.",
+            "Give one lamp a file; a standard deviation is named std in the header, or is small against the power.",
+        )
+    return table[:, 0], table[:, 1]
+
+
+def _is_deviation(header: list[str], table: Floats) -> bool:
+    """Whether the third column is the power's standard deviation: its name says so, or, without one, its size."""
+    if len(header) == 3:
+        return not DEVIATIONS.isdisjoint(re.findall("[a-zσ]+", header[2].casefold()))
+    return bool((table[:, 2] >= 0).all() and table[:, 2].max() <= LARGEST_DEVIATION * table[:, 1].max())
 
 
 def read_spectra(path: Path) -> Spectra:
@@ -85,8 +104,9 @@ def read_spectra(path: Path) -> Spectra:
 def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
     """Camera's name, wavelengths (w,) nm and curves (w, 3) of a file.
 
-    A CSV whose header names its columns, or one of `formats.CURVES`. The name is the column `camera`, else what the
-    file says, else the file's own; `name` picks one of several cameras.
+    A CSV whose header names its columns, or of four columns without a header: wavelength, red, green, blue; CGATS
+    with three sets in that order, as Argyll's `.cmf`; or one of `formats.CURVES`. The name is the column `camera`,
+    else what the file says, else the file's own; `name` picks one of several cameras.
 
     Raises:
         InvalidArgument: the file cannot be read or is no such table; no camera of that name, or several.
@@ -95,13 +115,20 @@ def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
     for each in CURVES:
         if each.claims(text):
             return pick(each.read(text, path), path, name)
+    if "BEGIN_DATA_FORMAT" in text:
+        return pick({path.stem: _three_sets(text, path)}, path, name)
     header, *body = rows_of(text) or [[]]
+    if len(header) == 4 and numbers_of(header) is not None:
+        header, body = ["wavelength_nm", "red", "green", "blue"], [header, *body]
+        if any(len(row) != 4 for row in body):
+            raise InvalidArgument(f"{path} has a line without four numbers.", "Write wavelength, red, green, blue.")
     fields = [field.casefold() for field in header]
     wanted = (("wavelength_nm", "wavelength", "nm"), ("red", "r"), ("green", "g"), ("blue", "b"))
     columns = [next((fields.index(word) for word in words if word in fields), -1) for words in wanted]
     if -1 in columns:
         raise InvalidArgument(
-            f"{path} is no table of a camera's curves.", "Its first line must read wavelength_nm,red,green,blue."
+            f"{path} is no table of a camera's curves.",
+            "Its first line must read wavelength_nm,red,green,blue, or be four numbers in that order.",
         )
     label = name or path.stem
     if "camera" in fields:
@@ -116,6 +143,19 @@ def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
         raise InvalidArgument(f"{path} has a line that is no row of numbers.", "Write four numbers in each line.")
     table = np.array(lines, dtype=np.float64)
     return label, table[:, 0], table[:, 1:]
+
+
+def _three_sets(text: str, path: Path) -> tuple[Floats, Floats]:
+    """Wavelengths (w,) and curves (w, 3) of a CGATS file with three spectra: red, green, blue."""
+    table = _cgats(text, path)
+    if not shows_light(text):
+        raise InvalidArgument(f"{path} holds spectra of surfaces, not a camera's curves.", "Give measured curves.")
+    if len(table.values) != 3:
+        raise InvalidArgument(
+            f"{path} holds {len(table.values)} spectra, a camera has three.",
+            "Give red, green and blue, in that order.",
+        )
+    return table.wavelengths, table.values.T
 
 
 def pick(cameras: dict[str, tuple[Floats, Floats]], path: Path, name: str | None) -> tuple[str, Floats, Floats]:

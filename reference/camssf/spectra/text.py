@@ -7,10 +7,11 @@ import re
 from pathlib import Path
 
 from camssf.errors import InvalidArgument
+from camssf.files import PHOTO, kind_of
 
 LARGEST_FILE = 20_000_000
 SUFFIXES = (
-    "csv", "tsv", "txt", "spd", "sp", "cxf", "cgats", "ti3", "cie", "dat", "json", "spdx", "xls",
+    "csv", "tsv", "txt", "spd", "sp", "cxf", "cgats", "ti3", "cie", "dat", "json", "spdx", "xls", "cmf",
 )  # fmt: skip
 """Endings by which a name reads like a file that is not there. What a file holds is seen from its content."""
 
@@ -63,6 +64,8 @@ def read_bytes(path: Path) -> bytes:
 def read_text(path: Path) -> str:
     """The file's text: UTF-8 or UTF-16 where it says so or is, else Latin-1; errors as `read_bytes`."""
     data = read_bytes(path)
+    if data.startswith(PHOTO):
+        raise InvalidArgument(f"{path} is {kind_of(data)}, not a table.", "Give a file of numbers, or a name.")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     try:

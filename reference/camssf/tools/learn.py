@@ -32,21 +32,14 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.tools.training import (
-    FEW_MAKERS,
     HANDFUL,
     Enlargement,
     Statistics,
     TrainingSet,
     maker_of,
-    read_curves,
     read_training_set,
     training_set_of,
 )
-
-__all__ = [
-    "FEW_MAKERS", "HANDFUL", "Enlargement", "Statistics", "TrainingSet", "enlarge", "learn", "main", "maker_of",
-    "read_curves", "read_training_set", "save", "training_set_of",
-]  # fmt: skip
 
 COMPONENTS = 24
 COPIES = 40
@@ -158,10 +151,6 @@ def _weights(makers: Sequence[str]) -> Floats:
     count = Counter(makers)
     weight = np.array([count[maker] ** -0.5 for maker in makers])
     return np.asarray(weight / weight.sum())
-
-
-Crowd, read_crowd, crowd_of = TrainingSet, read_training_set, training_set_of
-"""Their names in version 0.1; to be removed in the release after the next."""
 
 
 def save(training: TrainingSet, components: int, path: Path, *, statistics: bool = False) -> str:

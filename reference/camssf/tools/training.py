@@ -14,6 +14,7 @@ import numpy as np
 
 from camssf.curves.basis import NODES, basis_file, read_basis
 from camssf.errors import InvalidArgument
+from camssf.files import local
 from camssf.grid import Floats
 
 LARGEST = 64 * 2**20
@@ -83,7 +84,7 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
     """
     rows: dict[str, list[list[float]]] = {}
     try:
-        with path.open("rb") as binary:
+        with local(path).open("rb") as binary:
             data = binary.read(LARGEST + 1)
         if len(data) > LARGEST:
             raise ValueError(f"it is larger than {LARGEST} bytes")

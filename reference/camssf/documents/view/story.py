@@ -1,4 +1,4 @@
-"""How the answer came about: which basis, what light, what it is worth for colour, the proof, another result."""
+"""How the answer came about: which basis, what light, what it is worth for colour, the proof."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from camssf.colour.indices import quality_of
 from camssf.documents.choice import choice_of
 from camssf.documents.light import cost_of, kinds_in_words
 from camssf.documents.view.curves import columns
-from camssf.documents.view.plots import Plot, difference_plot, light_plot
-from camssf.documents.view.text import BAND, CHANNELS, Json, brief, camera_name, number, percent
+from camssf.documents.view.plots import Plot, light_plot
+from camssf.documents.view.text import CHANNELS, Json, brief, number, percent
 from camssf.errors import CalibrationError
-from camssf.grid import WAVELENGTHS
 
 COLOUR_LAMPS = ("D65", "A")
 
@@ -161,67 +160,3 @@ def colour_of(document: Json) -> Colour | None:
         f"the fit had not seen: {misses}.",
         rows,
     )
-
-
-# Another result
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A result less another one.
-
-    Attributes:
-        name: of the other's file. camera, facts: whose it is, and what it says of itself.
-        same: both name the same camera.
-        rows: red, green, blue of what differs.
-        within: part of the wavelengths, of all channels, at which zero lies in the difference's 95 % interval; None
-            where one of them has no band.
-        plot: the difference.
-    """
-
-    name: str
-    camera: str
-    facts: str
-    same: bool
-    rows: tuple[tuple[str, tuple[Markup, ...]], ...]
-    within: float | None
-    plot: Plot
-
-
-def comparison_of(document: Json, other: Json | None, name: str) -> Comparison | None:
-    """None where there is nothing to compare with, or nothing here to compare."""
-    if other is None or "ssf" not in document:
-        return None
-    ours, theirs = columns(document["ssf"]), columns(other["ssf"])
-    off, visible = ours - theirs, (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-    stds = [columns(each["ssf_std"]) if each.get("ssf_std") else None for each in (document, other)]
-    half = None if stds[0] is None or stds[1] is None else BAND * np.hypot(stds[0], stds[1])
-    most = np.abs(off * visible[:, None]).argmax(axis=0)
-    moved = WAVELENGTHS[ours.argmax(axis=0)] - WAVELENGTHS[theirs.argmax(axis=0)]
-    gains = np.array(document["channel_gain"]) / np.array(other["channel_gain"])
-    rows = [
-        ("Root mean square, 400 to 700 nm, peak = 1", [number(float(v), 2) for v in _rms(off[visible])]),
-        ("Largest difference, peak = 1", [number(float(off[k, i]), 2) for i, k in enumerate(most)]),
-        ("at, nm", [Markup(f"{WAVELENGTHS[k]:.1f}") for k in most]),
-        ("Peak moved by, nm", [Markup(f"{v:+.1f}".replace("-", "\u2212")) for v in moved]),
-        ("Channel gain, relative to the other's", [number(float(v), 4) for v in gains]),
-    ]
-    within = None
-    if half is not None:
-        inside = (np.abs(off) <= half)[visible]
-        rows.append(("Wavelengths that agree", [Markup(f"{100 * v:.0f} %") for v in inside.mean(axis=0)]))
-        within = float(inside.mean())
-    lamps = " + ".join(shot["lamp"]["name"] for shot in other["shots"])
-    return Comparison(
-        name,
-        camera_name(other),
-        f"{other['verdict']['status']}, {lamps}, basis {other['basis']}, chart {other['chart']['table']}",
-        camera_name(other) == camera_name(document),
-        tuple((word, tuple(cells)) for word, cells in rows),
-        within,
-        difference_plot(off, half, "difference"),
-    )
-
-
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

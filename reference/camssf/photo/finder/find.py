@@ -8,7 +8,7 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.finder.blobs import blobs_in
-from camssf.photo.finder.kinds import Kind, kinds
+from camssf.photo.finder.kinds import kinds
 from camssf.photo.finder.lattices import grids_of, mapped
 from camssf.photo.finder.naming import ACCEPT, ACCEPT_LUMA, named, outline, placed
 from camssf.photo.finder.picture import SMALLEST, Codes
@@ -106,6 +106,3 @@ def _overlap(a: Sighting, b: Sighting) -> bool:
     near = 0.25 * float(step[0] * step[0] + step[1] * step[1])
     gaps = a.patches[:, None, :] - b.patches[None, :, :]
     return bool((gaps[..., 0] * gaps[..., 0] + gaps[..., 1] * gaps[..., 1] < near).any())
-
-
-__all__ = ["Found", "Kind", "Sighting", "find_sightings"]

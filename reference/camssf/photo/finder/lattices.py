@@ -64,12 +64,11 @@ def grids_of(blobs: list[Blob]) -> list[Grid]:
         basis = _basis(blobs, near[seed], seed)
         if basis is None:
             continue
-        grown = _grown(blobs, near, seed, basis)
-        if len(grown) < FEWEST or 2 * sum(i in used for i in grown.values()) > len(grown):
+        grown = _grown(blobs, near, seed, basis, used)
+        if len(grown) < FEWEST:
             continue
         grid = _settled(blobs, grown)
         if grid is not None:
-            used.update(grown.values())
             used.update(grid.places.values())
             grids.append(grid)
     return sorted(grids, key=lambda g: -len(g.places))
@@ -183,11 +182,15 @@ def _basis(blobs: list[Blob], near: list[tuple[float, int]], seed: int) -> tuple
 
 
 def _grown(
-    blobs: list[Blob], near: list[list[tuple[float, int]]], seed: int, basis: tuple[float, float, float, float]
+    blobs: list[Blob],
+    near: list[list[tuple[float, int]]],
+    seed: int,
+    basis: tuple[float, float, float, float],
+    used: set[int],
 ) -> dict[tuple[int, int], int]:
-    """Places of blobs reached from the seed step by step; each step is what the last one was."""
+    """Places of free blobs reached from the seed step by step; each step is what the last one was."""
     places = {(0, 0): seed}
-    taken = {seed}
+    taken = used | {seed}
     queue = [(0, 0, seed, basis)]
     at = 0
     while at < len(queue):
@@ -215,7 +218,7 @@ def _grown(
 
 def _settled(blobs: list[Blob], grown: dict[tuple[int, int], int]) -> Grid | None:
     """One homography for all: what lies in its places is added, what does not is left out, and it is fitted anew."""
-    places = grown
+    places, own = grown, set(grown.values())
     low = [min(p[axis] for p in grown) - FAR for axis in (0, 1)]
     high = [max(p[axis] for p in grown) + FAR for axis in (0, 1)]
     h: Matrix | None = None
@@ -226,6 +229,7 @@ def _settled(blobs: list[Blob], grown: dict[tuple[int, int], int]) -> Grid | Non
         shares = sorted(blobs[i].area / pitch_area(h, float(u), float(v)) for (u, v), i in places.items())
         usual = shares[len(shares) // 2]
         places = _in_place(blobs, h, (usual, place), (low[0], low[1], high[0], high[1]))
+        places = _together(places, own)
         if len(places) < FEWEST:
             return None
     h = fitted([(float(u), float(v), blobs[i].x, blobs[i].y) for (u, v), i in sorted(places.items())])
@@ -265,12 +269,16 @@ def _in_place(
         share = blob.area / (usual * pitch_area(h, float(p), float(q)))
         if SIZES[0] <= share <= SIZES[1] and off < best.get((p, q), (math.inf, 0))[0]:
             best[(p, q)] = (off, i)
-    return {place: best[place][1] for place in _together(set(best))}
+    return {place: best[place][1] for place in best}
 
 
-def _together(places: set[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The most places that hang together, by steps of at most `BRIDGE`; what lies apart is chance or another's."""
+def _together(places: dict[tuple[int, int], int], own: set[int]) -> dict[tuple[int, int], int]:
+    """The places that hang together, by steps of at most `BRIDGE`, and hold most of the lattice's own blobs.
+
+    What lies apart is chance, or another lattice's.
+    """
     most: list[tuple[int, int]] = []
+    largest = 0
     left = set(places)
     for start in sorted(places):
         if start not in left:
@@ -284,6 +292,7 @@ def _together(places: set[tuple[int, int]]) -> list[tuple[int, int]]:
                     if other in left:
                         left.discard(other)
                         group.append(other)
-        if len(group) > len(most):
-            most = group
-    return most
+        count = sum(places[place] in own for place in group)
+        if count > largest:
+            most, largest = group, count
+    return {place: places[place] for place in most}

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import camssf.spectra.formats.camspec as camspec
+import camssf.spectra.formats.dcamprof as dcamprof
 import camssf.spectra.formats.rawtoaces as rawtoaces
 import camssf.spectra.formats.sekonic as sekonic
 import camssf.spectra.formats.spectacle as spectacle
@@ -53,6 +54,7 @@ LAMPS = (
     LampFormat("UPRtek text (.xls)", uprtek.claims, uprtek.read),
 )
 CURVES = (
+    CurvesFormat("DCamProf JSON", dcamprof.claims, dcamprof.read),
     CurvesFormat("rawtoaces JSON", rawtoaces.claims, rawtoaces.read),
     CurvesFormat("camspec text", camspec.claims, camspec.read),
     CurvesFormat("SPECTACLE CSV", spectacle.claims, spectacle.read),

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.spectra.formats.strict_json import UNSOUND, load, number
 
 
 def claims(text: str) -> bool:
@@ -25,13 +24,13 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         InvalidArgument: other JSON, or a table that is not of red, green and blue.
     """
     try:
-        document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_never)
+        document = load(text)
         header, spectra = document.get("header") or {}, document["spectral_data"]
         index, rows = spectra["index"]["main"], spectra["data"]["main"]
         places = [[str(each).casefold() for each in index].index(channel) for channel in "rgb"]
-        table = sorted((_number(nm), [_value(row[i]) for i in places]) for nm, row in rows.items())
+        table = sorted((_number(nm), [number(row[i]) for i in places]) for nm, row in rows.items())
         words = [header.get(key) for key in ("manufacturer", "model")]
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
+    except UNSOUND as error:
         raise InvalidArgument(
             f"{path} is no camera file of rawtoaces.",
             "It needs spectral_data with index.main R, G, B and data.main by wavelength. A result of camssf becomes "
@@ -47,20 +46,3 @@ def _number(text: str) -> float:
     if not re.fullmatch(r"\d{1,5}(\.\d{1,9})?", text, re.ASCII):
         raise ValueError(text)
     return float(text)
-
-
-def _value(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(value)
-    return float(value)
-
-
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        raise ValueError("a key stands there twice")
-    return found
-
-
-def _never(word: str) -> Any:
-    raise ValueError(word)

@@ -56,7 +56,7 @@ internal class Solve(
         }
         val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = asking.believed.keys.firstOrNull().takeIf { engines.size > 1 }
-        val unnamed = asking.lamps.any { it.unnamed }
+        val unnamed = asking.lamps.map { it.unnamed }
         val verdict = Judge.judge(
             Case(told, capture.shots, alone, foretold(), family, unnamed) {
                 Rivals.of(asking, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }

@@ -63,10 +63,6 @@ public class SsfCalibrator private constructor(
     public val modelHashes: Map<String, String> =
         Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
-    /** SHA-256 of the model file, of "auto" that of phones. */
-    @Deprecated("There may be two models. Goes with the next release.", ReplaceWith("modelHashes"))
-    public val modelSha256: String get() = engines[0].sha256
-
     /**
      * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
      * measures the patches and solves (a few dozen runs of a model for one shot). Blocks: not for the main thread.

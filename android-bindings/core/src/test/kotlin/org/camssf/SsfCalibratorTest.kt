@@ -121,6 +121,8 @@ class SsfCalibratorTest {
             assertEquals(0, document.getValue("choice").jsonArray.size)
             assertEquals(1.0, numbers(document, "prior_scale"))
             assertEquals("phones", document.getValue("basis").jsonPrimitive.content)
+            val camera = document.getValue("camera").jsonObject
+            assertEquals("Maker Model 1", camera.getValue("unique_model").jsonPrimitive.content)
         }
     }
 
@@ -185,8 +187,6 @@ class SsfCalibratorTest {
         SsfCalibrator.open().use { calibrator ->
             val wrong = listOf(
                 Capture(emptyList(), chart),
-                @Suppress("DEPRECATION")
-                Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), DoubleArray(6)), chart),
                 Capture(listOf(shot()), chart, 0.9),
             )
             for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }

@@ -11,13 +11,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.nio.DoubleBuffer
 
-/**
- * ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same.
- *
- * Java's ONNX Runtime takes no value for an input that has a default (`gain_own`, `nonnegative`, `prior_scale`), and a
- * session of its own for each value would cost 7 MB and 60 ms. So the defaults are taken out of the model before it is
- * loaded ([Defaults]), and every call tells all.
- */
+/** ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same. */
 internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
     private val environment = OnnxLibrary.environment()
     private val options = OrtSession.SessionOptions()
@@ -37,7 +31,7 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
             options.addConfigEntry("session.intra_op.allow_spinning", "0")
             options.addConfigEntry("mlas.disable_kleidiai", "1")
-            session = environment.createSession(Defaults.without(content), options)
+            session = environment.createSession(content, options)
         } catch (error: Throwable) {
             options.close()
             throw error
@@ -150,9 +144,7 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             val engine = try {
                 OnnxEngine(basis, content)
             } catch (error: OrtException) {
-                throw unloadable(name, error)
-            } catch (error: DamagedModel) {
-                throw unloadable(name, error)
+                throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
             }
             val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
             val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }.keys +
@@ -166,8 +158,5 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             }
             return engine
         }
-
-        private fun unloadable(name: String, error: Exception) =
-            InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
     }
 }

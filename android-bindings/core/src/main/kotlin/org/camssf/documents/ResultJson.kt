@@ -133,6 +133,7 @@ internal object ResultJson {
             buildJsonObject {
                 text("make", photos.firstOrNull()?.make.orEmpty())
                 text("model", photos.firstOrNull()?.model.orEmpty())
+                put("unique_model", JsonPrimitive(photos.firstOrNull()?.uniqueModel?.ifEmpty { null }))
             },
         )
         put(

@@ -2,6 +2,7 @@ package org.camssf.evidence
 
 import org.camssf.Rules
 import org.camssf.curves.Ssf
+import org.camssf.photo.Agreement
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
 import org.camssf.spectra.ChartTable
@@ -15,7 +16,7 @@ import kotlin.math.sqrt
  * foretells of its white.
  *
  * @property family the basis that the file's own word for the maker speaks for, if any, where the signals choose it.
- * @property unnamed nobody named the light of some shot.
+ * @property unnamed of each shot, whether nobody named its light; none where all were named.
  * @property rivals finds other lamps; it is not asked where the capture is refused already.
  */
 internal class Case(
@@ -24,7 +25,7 @@ internal class Case(
     val alone: List<Ssf>,
     val foretold: List<List<Foretold>>,
     val family: String?,
-    val unnamed: Boolean = false,
+    val unnamed: List<Boolean> = emptyList(),
     val rivals: () -> List<Rival>,
 ) {
     /** What is told of each shot alone, and the answer to it. */
@@ -68,20 +69,16 @@ internal object Judge {
         reasons += surprised(found, each, told.table, checks)
         reasons += strange(told.ssf, checks)
         case.shots.forEachIndexed { j, shot ->
-            val name = "shot ${j + 1}"
             reasons += Samples(told.signals, j, shot.means, told.table, checks).reasons()
-            checks.note("poor_pose", shot.pose.score, j)
-            if (shot.pose.score < POOR_POSE) {
-                reasons += Reasons.because("pose", shot.pose.score, mapOf("shot" to name, "score" to shot.pose.score))
-            }
+            reasons += disagreeing(j, case.single[j], checks)
         }
         val whites = case.shots.indices.map { j ->
-            Light.tinted(j, told.lamps[j].name, case.foretold[j], case.single[j], checks)
+            Light.tinted(j, case.unnamed.getOrElse(j) { false }, case.foretold[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
         reasons += vague(told.ssf, checks)
         reasons += unusual(told.ssf, case.family, checks)
-        if (case.unnamed) reasons += Light.unnamed(told.ssf.choice, case.family, checks)
+        if (case.unnamed.any { it }) reasons += Light.unnamed(told.ssf.choice, case.family, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.accused() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
             reasons += Light.rivalled(case.rivals(), told.lamps.map { it.name }, doubted, checks)
@@ -100,13 +97,14 @@ internal object Judge {
         val hopeless = found.total > HOPELESS * found.count
         each.forEachIndexed { j, one ->
             one.accusable()?.let { (strongest, enough) -> checks.note("suspect", strongest.gain, j, enough) }
-            one.black?.let { checks.note("black", it.gain, j) }
+            one.offset?.let { checks.note("black", it.gain, j) }
         }
         val reasons = each.mapIndexedNotNull { j, one ->
             val suspect = one.accused() ?: return@mapIndexedNotNull null
             val value = if (hopeless) excess else suspect.gain
             val words = words(suspect, table) + ("shot" to "shot ${j + 1}")
-            Reasons.because(accusation(suspect), value, words, hopeless)
+            val slight = !hopeless && suspect.gain <= one.accusable()!!.second
+            Reasons.because(accusation(suspect), value, words, hopeless, if (slight) Surprise.BLACK else null)
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)
@@ -165,6 +163,15 @@ internal object Judge {
         if (ssf.choice.isNotEmpty()) checks.note("unusual", most)
         if (most <= UNUSUAL) return emptyList()
         return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
+    }
+
+    /** Rule 9: colours that are not the chart's, as a plain camera sees them under the lamp that the answer takes. */
+    private fun disagreeing(j: Int, told: Told, checks: Checks): List<Reason> {
+        val power = told.ssf.sharedLamp
+        val score = Agreement.of(told.signals.sharedValues, Agreement.expected(told.table, power))
+        checks.note("poor_pose", score, j)
+        if (score >= POOR_POSE) return emptyList()
+        return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))
     }
 
     /** A band too wide to tell cameras apart. */

@@ -29,6 +29,7 @@ internal object Light {
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
     private val CONDEMNED get() = Rules.shipped.number("verdict.condemned")
     private val TINTED get() = Rules.shipped.number("verdict.tinted")
+    private val TINTED_UNNAMED get() = Rules.shipped.number("verdict.tinted_unnamed")
 
     /** How probable it is beforehand that a lamp is named wrongly. */
     private val MISNAMED get() = Rules.shipped.number("verdict.misnamed")
@@ -88,11 +89,17 @@ internal object Light {
         if (phone >= bound) return emptyList()
         val fatal = phone < number("verdict.unnameable")
         val words = mapOf("probability" to phone)
-        return listOf(Reasons.because("unnamed", phone, words, fatal, if (fatal) null else bound))
+        val name = if (family == null && phone > 0) "no_maker" else "unnamed"
+        return listOf(Reasons.because(name, phone, words, fatal, if (fatal) null else bound))
     }
 
-    /** Rule 5 of shot j, 0-based, by the answer to that shot alone. */
-    fun tinted(j: Int, lamp: String, foretold: List<Foretold>, told: Told, checks: Checks): List<Reason> {
+    /**
+     * Rule 5 of shot j, 0-based, by the answer to that shot alone.
+     *
+     * @param unnamed nobody named its light, so that the limit is that of an estimated one.
+     */
+    fun tinted(j: Int, unnamed: Boolean, foretold: List<Foretold>, told: Told, checks: Checks): List<Reason> {
+        val limit = if (unnamed) TINTED_UNNAMED else TINTED
         val signals = told.signals
         val patches = used(signals, 0)
         val curves = told.ssf
@@ -111,9 +118,9 @@ internal object Light {
             val ratio = DoubleArray(3) { ln(raw[it] / expected[it]) }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
         }.minOrNull()
-        if (off != null) checks.note("tinted", off, j)
-        if (off == null || off <= TINTED) return emptyList()
-        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to lamp)
-        return listOf(Reasons.because("tint", off, words))
+        if (off != null) checks.note("tinted", off, j, limit)
+        if (off == null || off <= limit) return emptyList()
+        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to told.lamps[0].name)
+        return listOf(Reasons.because("tint", off, words, threshold = limit))
     }
 }

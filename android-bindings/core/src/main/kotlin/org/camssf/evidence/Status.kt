@@ -19,8 +19,6 @@ public enum class Status(public val word: String) {
     ;
 
     internal companion object {
-        fun of(word: String): Status = values().first { it.word == word }
-
         /** Refused by one fatal reason, doubtful by any other. */
         fun of(reasons: List<Reason>): Status = when {
             reasons.any { it.fatal } -> REFUSED
@@ -41,12 +39,6 @@ public class Verdict internal constructor(
     reasons: List<Reason>,
     internal val checks: List<Check> = emptyList(),
 ) {
-    internal constructor(word: String, reasons: List<Reason>) : this(Status.of(word), reasons)
-
     /** Empty only when accepted. */
     public val reasons: List<Reason> = reasons.frozen()
-
-    /** The outcome's word: "accepted", "doubtful" or "refused". */
-    @Deprecated("The outcome is a type; its word is the same.", ReplaceWith("outcome.word"))
-    public val status: String get() = outcome.word
 }

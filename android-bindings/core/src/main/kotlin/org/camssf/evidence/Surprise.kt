@@ -52,32 +52,54 @@ internal class Surprise(val residual: Double, val prior: Double, val count: Int,
             return ((total / count).pow(1.0 / 3.0) - (1.0 - spread)) / sqrt(spread)
         }
 
-    /** The black level, where it is a suspect. */
-    val black: Suspect? get() = suspects.singleOrNull { it.cause == Cause.BLACK }
+    /** Light over the chart only adds: a veil that takes away is the black level, where that may be it. */
+    private val possible: List<Suspect>
+        get() = suspects.filterNot { mayBeBlack && it.cause == Cause.VEIL && it.amount < 0 }
 
-    /** The strongest suspect but the black level, a veil's favoured, and the gain beyond which it is named. */
+    private val mayBeBlack: Boolean get() = suspects.any { it.cause == Cause.BLACK }
+
+    /**
+     * The likelier of stray light and a wrong black level, where no dark frame was taken; null where one was. Stray light
+     * has the white's colour, a wrong black level is the same in every channel.
+     */
+    val offset: Suspect?
+        get() = possible.filter { it.cause in OFFSETS }.maxByOrNull { it.gain }.takeIf { mayBeBlack }
+
+    /** The strongest suspect, and the gain beyond which it is named. */
     fun accusable(): Pair<Suspect, Double>? {
         val favour = Rules.shipped.number("verdict.veil_favour")
-        val others = suspects.filter { it.cause != Cause.BLACK }
-        val strongest = others.maxByOrNull { it.gain * if (it.cause == Cause.VEIL) favour else 1.0 } ?: return null
+        val strongest = possible.maxByOrNull { it.gain * if (it.cause in OFFSETS) favour else 1.0 } ?: return null
         val share = Rules.shipped.number("verdict.share")
         return strongest to if (z > SURPRISE) share * (total - count) else Rules.shipped.number("verdict.suspect")
     }
 
     /**
-     * The strongest suspect, a veil's favoured, if it explains enough: a share of a surprise, or the bound. Else the black
-     * level. Light over the chart only adds, so a veil that takes away is the black level, where that may be it.
+     * The strongest suspect, if it explains enough: a share of a surprise, or the bound. Else the offset.
+     *
+     * The several directions of a wrong white frame and of uneven light can follow an offset; an offset hardly follows
+     * them. So one that alone explains that share of what they do is named in their place.
      */
     fun accused(): Suspect? {
         val (strongest, enough) = accusable() ?: return null
-        val darker = strongest.cause == Cause.VEIL && strongest.amount < 0
-        if (strongest.gain > enough) return black.takeIf { darker } ?: strongest
-        return black?.takeIf { it.gain > Rules.shipped.number("verdict.black") }
+        val named = strongest.takeIf { it.gain > enough }
+        val found = offset?.takeIf { it.gain > BLACK } ?: return named
+        val share = Rules.shipped.number("verdict.share")
+        val imitated = strongest.cause in FREE && found.gain > share * strongest.gain
+        return named.takeUnless { imitated } ?: found
     }
 
     companion object {
         /** z(T) from which the evidence contradicts itself. */
         val SURPRISE: Double get() = Rules.shipped.number("verdict.surprise")
+
+        /** χ² beyond which an offset is named, where no dark frame was taken. */
+        val BLACK: Double get() = Rules.shipped.number("verdict.black")
+
+        /** Suspects that add to every signal; a tone curve looks much like them. */
+        private val OFFSETS = setOf(Cause.VEIL, Cause.BLACK)
+
+        /** Suspects of several directions for all patches. */
+        private val FREE = setOf(Cause.WHITE, Cause.LIGHT)
     }
 }
 

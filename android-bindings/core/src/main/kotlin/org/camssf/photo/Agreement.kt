@@ -40,11 +40,17 @@ internal object Agreement {
         }
     }
 
-    /** (n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a flat lamp. */
-    fun expected(table: ChartTable): DoubleArray {
+    /**
+     * (n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a lamp.
+     *
+     * @param power (681) of the lamp; flat where it is null.
+     */
+    fun expected(table: ChartTable, power: DoubleArray? = null): DoubleArray {
         val grid = Grid.WAVELENGTHS
         val curves = listOf(600.0, 540.0, 455.0).map { centre ->
-            val curve = DoubleArray(Grid.SIZE) { 2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) }
+            val curve = DoubleArray(Grid.SIZE) {
+                2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) * (power?.get(it) ?: 1.0)
+            }
             val total = curve.sum()
             DoubleArray(Grid.SIZE) { curve[it] / total }
         }

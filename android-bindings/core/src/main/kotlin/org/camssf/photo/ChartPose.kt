@@ -30,15 +30,11 @@ public class ChartPose internal constructor(
     public val notes: List<String> = notes.frozen()
 
     /** Outer corners of the block of patches (outer borders of the corner patches), named as on the chart. */
-    public val outline: Corners get() = Corners.of(*sharedCorners)
+    public val corners: Corners get() = Corners.of(*sharedCorners)
 
     /** Corners of each patch, on its borders, in the chart's reading order; made anew at each call. */
     public val patches: List<Corners>
         get() = List(sharedQuads.size / 8) { Corners.of(*sharedQuads.copyOfRange(8 * it, 8 * it + 8)) }
-
-    /** (4, 2) [outline] as numbers; a copy at each call. */
-    @Deprecated("Corners are a type.", ReplaceWith("outline.toArray()"))
-    public val corners: DoubleArray get() = sharedCorners.copyOf()
 
     /** (n, 4, 2) [patches] as numbers; a copy at each call. */
     public val quads: DoubleArray get() = sharedQuads.copyOf()
@@ -84,12 +80,6 @@ public class ChartPose internal constructor(
             return PoseSearch(photo, layout, Agreement.expected(chart), rough).pose()
         }
 
-        /** [refine] of corners (4, 2) as eight numbers. */
-        @Deprecated("Corners are a type.", ReplaceWith("refine(mosaic, Corners.of(*corners), chart)"))
-        @JvmStatic
-        public fun refine(mosaic: Mosaic, corners: DoubleArray, chart: ChartTable): ChartPose =
-            refine(mosaic, Corners.of(*corners), chart)
-
         /** The part of a photo that [refine] looks at and that patches are measured in; it may reach beyond the photo. */
         @JvmStatic
         public fun region(corners: Corners): Region {
@@ -97,15 +87,6 @@ public class ChartPose internal constructor(
             val (top, bottom) = reach(corners.points.map { it.y })
             return Region(left, top, right, bottom)
         }
-
-        /**
-         * [region] of corners (4, 2) as eight numbers.
-         *
-         * @throws InvalidArgument the corners are not four finite points.
-         */
-        @Deprecated("Corners are a type.", ReplaceWith("region(Corners.of(*corners))"))
-        @JvmStatic
-        public fun region(corners: DoubleArray): Region = region(Corners.of(*corners))
 
         /** First and one behind the last pixel of the corners' box, 15 % and 8 px wider. */
         private fun reach(places: List<Double>): Pair<Int, Int> {

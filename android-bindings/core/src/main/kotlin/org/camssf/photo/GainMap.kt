@@ -52,28 +52,6 @@ public class GainMap(
         public val gains: FloatArray get() = sharedGains.copyOf()
     }
 
-    /** Points and all in one list. */
-    @Deprecated("The net is a type: GainMap(list, area, ..., GainMap.Net(...)). Goes with the next release.")
-    public constructor(
-        list: Int,
-        area: Region,
-        plane: Int,
-        planes: Int,
-        rowPitch: Int,
-        columnPitch: Int,
-        pointsV: Int,
-        pointsH: Int,
-        spacingV: Double,
-        spacingH: Double,
-        originV: Double,
-        originH: Double,
-        mapPlanes: Int,
-        gains: FloatArray,
-    ) : this(
-        list, area, plane, planes, rowPitch, columnPitch,
-        Net(pointsV, pointsH, spacingV, spacingH, originV, originH, mapPlanes, gains),
-    )
-
     /** Rows of the net. */
     public val pointsV: Int get() = net.pointsV
 

@@ -60,7 +60,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         val k = capture.shots.size
         val at = if (k > 1) " ${j + 1} of $k" else ""
         tell("reading photo$at", j.toDouble() / k)
-        val corners = shot.outline
+        val corners = shot.corners
         val region = ChartPose.region(corners)
         val watch = { tell.check() }
         val photo = Reading.of(shot.photo, region, true, watch)

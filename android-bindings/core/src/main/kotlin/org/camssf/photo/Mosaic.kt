@@ -43,6 +43,7 @@ public class Mosaic(
      * @property sha256 of the file, lower-case hex; "" where there was no file.
      * @property camera the physical camera and its lens.
      * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown.
+     * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters know the camera; "" where unknown.
      */
     public class Origin @JvmOverloads constructor(
         public val name: String,
@@ -54,6 +55,7 @@ public class Mosaic(
         public val sha256: String = "",
         public val camera: PhysicalCamera = PhysicalCamera(),
         public val captured: String = "",
+        public val uniqueModel: String = "",
     )
 
     /**
@@ -142,44 +144,6 @@ public class Mosaic(
         /** The camera's white under the light that each colour matrix was made for. */
         public val neutrals: List<Neutral> = neutrals.frozen()
     }
-
-    /** All of it in one list. */
-    @Deprecated("Its parts are types: Mosaic.Origin, Mosaic.Sensor. Goes with the next release.")
-    public constructor(
-        name: String,
-        width: Int,
-        height: Int,
-        region: Region,
-        samples: ShortArray,
-        cfa: String,
-        black: DoubleArray,
-        white: Double,
-        make: String = "",
-        model: String = "",
-        exposure: Double? = null,
-        iso: Double? = null,
-        orientation: Int = 1,
-        gainMaps: List<GainMap> = emptyList(),
-        badPixels: List<BadPixels> = emptyList(),
-        unknownOpcodes: List<Int> = emptyList(),
-        colorMatrix1: DoubleArray? = null,
-        colorMatrix2: DoubleArray? = null,
-        asShotNeutral: DoubleArray? = null,
-        asShotWhiteXY: DoubleArray? = null,
-        noiseProfile: DoubleArray? = null,
-        maskedAreas: List<Region> = emptyList(),
-        sha256: String = "",
-        neutrals: List<Neutral> = emptyList(),
-    ) : this(
-        Origin(name, make, model, exposure, iso, orientation, sha256),
-        width,
-        height,
-        region,
-        samples,
-        Sensor(cfa, black, white, noiseProfile, maskedAreas),
-        Corrections(gainMaps, badPixels, unknownOpcodes),
-        Colours(colorMatrix1, colorMatrix2, asShotNeutral, asShotWhiteXY, neutrals),
-    )
 
     /** All that it says, without its samples. */
     internal val facts: Facts get() = Facts(origin, width, height, sensor, corrections, colours)

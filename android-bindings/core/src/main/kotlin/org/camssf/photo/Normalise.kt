@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.CalibrationException
+import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
 import org.camssf.Rules
@@ -47,6 +48,7 @@ internal object Normalise {
      * @param white index of its white patch.
      * @throws InvalidArgument no shot, or another number of patches than the table has.
      * @throws Overexposed the white is clipped, or clipping leaves fewer than 6 patches.
+     * @throws FramesDiffer the dark frame is brighter than the white frame.
      * @throws Underexposed the white lies hardly above the dark, or noise leaves fewer than 6 patches.
      */
     fun all(shots: List<PatchMeans>, names: List<String>, white: Int): Signals {
@@ -133,6 +135,13 @@ internal object Normalise {
     ): CalibrationException? {
         val black = shot.sharedBlack
         val word = if (shot.white == null) "white patch" else "white frame"
+        val part = DoubleArray(signal.size) { signal[it] / (shot.saturation - black[it % 3]) }
+        if (shot.white != null && shot.dark != null && 2 * part.count { it < -FAINT } > part.size) {
+            return FramesDiffer(
+                "Shot $number: the dark frame is brighter than the white frame: they look swapped.",
+                "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
+            )
+        }
         val share = clipped.max()
         if (share > CLIPPED) {
             return Overexposed(
@@ -142,7 +151,7 @@ internal object Normalise {
                 CLIPPED,
             )
         }
-        val level = signal.indices.minOf { signal[it] / (shot.saturation - black[it % 3]) }
+        val level = part.min()
         if (!(level >= FAINT)) {
             return Underexposed(
                 "Shot $number: in one channel the $word lies only ${percent(level, 2)} of the range above dark.",

@@ -19,6 +19,7 @@ import org.camssf.photo.dng.DngSource
  * @property camera the physical camera and its lens; no result holds them.
  * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown. No
  *   result holds it.
+ * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters know the camera; "" where unknown.
  */
 public class Photo internal constructor(
     public val name: String,
@@ -34,6 +35,7 @@ public class Photo internal constructor(
     internal val neutrals: List<NamedNeutral> = emptyList(),
     public val camera: PhysicalCamera = PhysicalCamera(),
     public val captured: String = "",
+    public val uniqueModel: String = "",
 ) {
     public companion object {
         /**
@@ -61,6 +63,7 @@ public class Photo internal constructor(
             facts.colours.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
             facts.origin.camera,
             facts.origin.captured,
+            facts.origin.uniqueModel,
         )
     }
 }

@@ -139,6 +139,7 @@ internal object SavedShot {
             ),
             "camera" to camera(photo.camera),
             "captured" to JsonPrimitive(photo.captured),
+            "unique_model" to JsonPrimitive(photo.uniqueModel),
         ),
     )
 
@@ -159,7 +160,8 @@ internal object SavedShot {
             NamedNeutral(light, each.jsonObject.numbers("white", 3))
         },
         cameraOf(entry.part("camera")),
-        if ("captured" in entry) entry.text("captured") else "", // a shot that was saved before it was told
+        entry.text("captured"),
+        entry.text("unique_model"),
     )
 
     private fun camera(camera: PhysicalCamera) = JsonObject(

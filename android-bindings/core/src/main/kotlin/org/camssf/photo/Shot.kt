@@ -4,50 +4,25 @@ import org.camssf.frozen
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** One photo of the chart under one lamp, with its white and dark frames where they exist. Nothing is read before use. */
-public class Shot private constructor(
-    /** The photo of the chart. */
+/**
+ * One photo of the chart under one lamp, with its white and dark frames where they exist. Nothing is read before use.
+ *
+ * @property photo of the chart.
+ * @property lamp its light; [Lamp.auto] where it is unknown.
+ * @property corners rough outer corners of the block of patches, see [ChartPose.refine].
+ * @property white the white frame, taken like the photo; all shots of a capture have one, or none.
+ * @property dark the dark frame, likewise.
+ * @property lensShading what is done about the shading that the photo's file describes.
+ */
+public class Shot @JvmOverloads constructor(
     public val photo: PhotoSource,
-    /** Its light. */
     public val lamp: Lamp,
-    private val given: DoubleArray,
-    /** The white frame, taken like the photo; all shots of a capture have one, or none. */
-    public val white: PhotoSource?,
-    /** The dark frame, likewise. */
-    public val dark: PhotoSource?,
-    /** What is done about the shading that the photo's file describes. */
-    public val lensShading: LensShading,
-    @Suppress("UNUSED_PARAMETER") unlikeThePublicOnes: Unit,
+    public val corners: Corners,
+    public val white: PhotoSource? = null,
+    public val dark: PhotoSource? = null,
+    public val lensShading: LensShading = LensShading.AS_STORED,
 ) {
-    /**
-     * A shot.
-     *
-     * @param photo of the chart.
-     * @param lamp its light; [Lamp.auto] where nobody knows it.
-     * @param corners rough outer corners of the block of patches, see [ChartPose.refine].
-     * @param white the white frame, taken like the photo; all shots of a capture have one, or none.
-     * @param dark the dark frame, likewise.
-     * @param lensShading what is done about the shading that the photo's file describes.
-     */
-    @JvmOverloads
-    public constructor(
-        photo: PhotoSource,
-        lamp: Lamp,
-        corners: Corners,
-        white: PhotoSource? = null,
-        dark: PhotoSource? = null,
-        lensShading: LensShading = LensShading.AS_STORED,
-    ) : this(photo, lamp, corners.toArray(), white, dark, lensShading, Unit)
-
-    /**
-     * A shot in a light that nobody named ([Lamp.auto]).
-     *
-     * @param photo of the chart.
-     * @param corners rough outer corners of the block of patches, see [ChartPose.refine].
-     * @param white the white frame, taken like the photo; all shots of a capture have one, or none.
-     * @param dark the dark frame, likewise.
-     * @param lensShading what is done about the shading that the photo's file describes.
-     */
+    /** A shot whose light is unknown: its lamp is [Lamp.auto]. */
     @JvmOverloads
     public constructor(
         photo: PhotoSource,
@@ -55,30 +30,7 @@ public class Shot private constructor(
         white: PhotoSource? = null,
         dark: PhotoSource? = null,
         lensShading: LensShading = LensShading.AS_STORED,
-    ) : this(photo, Lamp.auto(), corners.toArray(), white, dark, lensShading, Unit)
-
-    /** A shot whose corners (4, 2) are eight numbers x, y; they are copied, and checked when they are used. */
-    @Deprecated("Corners are a type: Corners.of(x, y, ...). Goes with the next release.")
-    @JvmOverloads
-    public constructor(
-        photo: PhotoSource,
-        lamp: Lamp,
-        corners: DoubleArray,
-        white: PhotoSource? = null,
-        dark: PhotoSource? = null,
-        lensShading: LensShading = LensShading.AS_STORED,
-    ) : this(photo, lamp, corners.copyOf(), white, dark, lensShading, Unit)
-
-    /**
-     * Rough outer corners of the block of patches.
-     *
-     * @throws org.camssf.InvalidArgument they were given as numbers that are no four points.
-     */
-    public val outline: Corners get() = Corners.of(*given)
-
-    /** (4, 2) the same as numbers; a copy at each call. */
-    @Deprecated("Corners are a type.", ReplaceWith("outline.toArray()"))
-    public val corners: DoubleArray get() = given.copyOf()
+    ) : this(photo, Lamp.auto(), corners, white, dark, lensShading)
 }
 
 /**

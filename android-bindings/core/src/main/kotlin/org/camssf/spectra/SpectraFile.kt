@@ -11,7 +11,17 @@ internal class Spectra(val names: List<String>, val wavelengths: DoubleArray, va
 internal object SpectraFile {
     private const val LARGEST = 20_000_000
 
-    /** The one spectrum of a table of two columns, or of CGATS text with one set. */
+    /** Words by which a column is a standard deviation. */
+    private val DEVIATIONS =
+        setOf("std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty")
+
+    /** A third column without a name is the power's standard deviation up to this part of the largest power. */
+    private const val LARGEST_DEVIATION = 0.2
+
+    /**
+     * The one spectrum of a table of two columns, or of three with the power's standard deviation, which is dropped; or
+     * of CGATS text with one set.
+     */
     fun spectrum(name: String, content: ByteArray): Spectra {
         val text = decode(name, content)
         if ("BEGIN_DATA_FORMAT" in text) {
@@ -21,15 +31,32 @@ internal object SpectraFile {
             }
             return table
         }
-        val pairs = rows(text).map { numbers(it) }.dropWhile { it == null }
-        if (pairs.isEmpty() || pairs.any { it == null || it.size != 2 }) {
+        val lines = rows(text)
+        val start = lines.indexOfFirst { numbers(it) != null }
+        val pairs = if (start < 0) emptyList() else lines.drop(start).map { numbers(it) }
+        val widths = pairs.map { it?.size }.toSet()
+        if (widths != setOf(2) && widths != setOf(3)) {
             throw InvalidArgument(
                 "$name is no table of one spectrum.",
                 "Write a line for each wavelength: the wavelength in nm, the power.",
             )
         }
         val known = pairs.filterNotNull()
+        if (widths == setOf(3) && !isDeviation(lines.getOrNull(start - 1).orEmpty(), known)) {
+            throw InvalidArgument(
+                "$name has two columns beside the wavelength, and the second is no standard deviation of the first.",
+                "Give one lamp a file; a standard deviation is named std in the header, or is small against the power.",
+            )
+        }
         return Spectra(listOf(name), column(known, 0), listOf(column(known, 1)))
+    }
+
+    /** Whether the third column is the power's standard deviation: its name says so, or, without one, its size. */
+    private fun isDeviation(header: List<String>, rows: List<DoubleArray>): Boolean {
+        if (header.size == 3) {
+            return Regex("[a-zσ]+").findAll(header[2].lowercase()).any { it.value in DEVIATIONS }
+        }
+        return rows.all { it[2] >= 0 } && rows.maxOf { it[2] } <= LARGEST_DEVIATION * rows.maxOf { it[1] }
     }
 
     /**
@@ -47,7 +74,7 @@ internal object SpectraFile {
         return if ("BEGIN_DATA_FORMAT" in text) cgats(text, name) else csv(text, name)
     }
 
-    /** Increasing, in nm, from 400 to 700 nm without gaps; what is too little raises `unfit`. */
+    /** Increasing, in nm, from 400 to 700 nm without gaps in the grid; what is too little raises `unfit`. */
     fun checkWavelengths(
         wavelengths: DoubleArray,
         name: String,
@@ -66,11 +93,22 @@ internal object SpectraFile {
         if (first > 400.0 || last < 700.0) {
             throw unfit("$name covers only $span.", "It must cover 400 to 700 nm, better 380 to 720 nm.", null, null)
         }
-        if (steps.max() > 20.0 || wavelengths.size < 6) {
+        if (wavelengths.size < 6) {
             throw unfit(
                 "$name has only ${wavelengths.size} wavelengths from $span.",
                 "Give a spectrum every 20 nm or finer; 5 nm is usual.",
                 steps.max(),
+                20.0,
+            )
+        }
+        val inside = steps.indices.filter { wavelengths[it] < 720.0 && wavelengths[it + 1] > 380.0 }
+        val widest = inside.maxBy { steps[it] }
+        if (steps[widest] > 20.0) {
+            throw unfit(
+                "$name has a gap of ${short(steps[widest])} nm: nothing from ${short(wavelengths[widest])} to " +
+                    "${short(wavelengths[widest + 1])} nm.",
+                "Give a spectrum every 20 nm or finer; 5 nm is usual. A list of lines alone is no spectrum.",
+                steps[widest],
                 20.0,
             )
         }

@@ -8,7 +8,6 @@ import org.camssf.spectra.ChartTable
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
-import org.junit.jupiter.api.Assertions.assertNotNull
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
@@ -281,12 +280,9 @@ class PoseTest {
     fun `a pose tells its corners and patches as points`() {
         val quads = DoubleArray(16) { it + 0.5 }
         val pose = ChartPose("classic24", leaning, quads, 3, "by hand", 0.9, listOf("a note"))
-        assertEquals(Corners.of(*leaning), pose.outline)
+        assertEquals(Corners.of(*leaning), pose.corners)
         assertEquals(listOf(Corners.of(*quads.copyOf(8)), Corners.of(*quads.copyOfRange(8, 16))), pose.patches)
         assertArrayEquals(quads, pose.quads)
-        @Suppress("DEPRECATION")
-        assertArrayEquals(leaning, pose.corners)
         assertEquals(listOf("a note"), pose.notes)
-        assertNotNull(pose.outline.toArray())
     }
 }

@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.CalibrationException
+import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
 import org.camssf.Underexposed
@@ -127,6 +128,24 @@ class SignalsTest {
             assertEquals(0.26 / 5 to 0.05, loud.value to loud.threshold)
             assertEquals("Shot 1: the white frame is known to 5% only.", loud.message)
         }
+    }
+
+    /** Brighter by more than 0.5 % of the range, in more than half of the patches and channels. */
+    @Test
+    fun `white and dark frame in each other's place are said`() {
+        val swapped = refused(FramesDiffer::class.java, means(chart, dark, flat))
+        assertEquals(
+            "Shot 1: the dark frame is brighter than the white frame: they look swapped.",
+            swapped.message,
+        )
+        val size = 3 * n
+        for (share in listOf(0.0, 0.5)) {
+            val bright = frame { if (it < share * size) 900.0 else 60.0 }
+            refused(Underexposed::class.java, means(chart, frame { 60.0 }, bright))
+        }
+        val mostlyBright = frame { if (it <= 0.5 * size) 900.0 else 60.0 }
+        refused(FramesDiffer::class.java, means(chart, frame { 60.0 }, mostlyBright))
+        refused(Underexposed::class.java, means(chart, frame { 60.0 }, frame { 60.0 }))
     }
 
     /** In each channel the range is the white level less that channel's black. */

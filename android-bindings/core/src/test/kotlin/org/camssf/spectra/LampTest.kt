@@ -114,6 +114,30 @@ class LampTest {
     }
 
     @Test
+    fun `a standard deviation beside the power is left out`() {
+        val plain = Lamp.parse("lamp.csv", csv(*flat()))
+        fun rows(third: Double) = flat().joinToString("\n") { "${it.first},${it.second},$third" }
+        for (head in listOf("", "nm,power,std\n", "nm,W/m2,power_sigma\n", "nm,I,Error\n")) {
+            assertArrayEquals(plain.values, Lamp.parse("x.csv", "$head${rows(0.02)}".toByteArray()).values)
+        }
+        for (text in listOf(rows(2.0), rows(0.5), rows(-0.1), rows(Double.NaN), "nm,lamp A,lamp B\n${rows(0.02)}")) {
+            val error = assertThrows(InvalidArgument::class.java) { Lamp.parse("x.csv", text.toByteArray()) }
+            assertTrue("no standard deviation" in error.message, error.message)
+        }
+        val mixed = "${flat().joinToString("\n") { "${it.first},1" }}\n740,1,0.01"
+        assertThrows(InvalidArgument::class.java) { Lamp.parse("x.csv", mixed.toByteArray()) }
+    }
+
+    @Test
+    fun `a gap is named where it is, and one beyond the grid is none`() {
+        fun without(vararg nm: Int) = csv(*flat().filter { it.first !in nm }.toTypedArray())
+        val error = assertThrows(LampUnfit::class.java) { Lamp.parse("x.csv", without(520, 525, 530, 535)) }
+        assertTrue("x.csv has a gap of 25 nm: nothing from 515 to 540 nm." in error.message, error.message)
+        Lamp.parse("x.csv", without(520, 525, 530))
+        Lamp.parse("x.csv", csv(*flat(), 790 to 2.0))
+    }
+
+    @Test
     fun `what is held is said`() {
         assertTrue("held constant outside 400 to 700 nm" in Lamp.parse("x.csv", csv(*flat(400, 700))).source)
     }

@@ -43,9 +43,8 @@ internal class Lattices(private val blobs: Blobs) {
         for (seed in 0 until blobs.size) {
             if (used[seed] || !basis(seed)) continue
             val count = grow(seed)
-            if (count < FEWEST || 2 * known(count) > count) continue
+            if (count < FEWEST) continue
             val grid = settle(count) ?: continue
-            for (i in 0 until count) used[queueBlob[i]] = true
             for (i in grid.blob) used[i] = true
             grids += grid
         }
@@ -113,10 +112,10 @@ internal class Lattices(private val blobs: Blobs) {
         return best < Double.POSITIVE_INFINITY
     }
 
-    /** Blobs reached from the seed step by step; each step is what the last one was. How many they are. */
+    /** Free blobs reached from the seed step by step; each step is what the last one was. How many they are. */
     private fun grow(seed: Int): Int {
         places.fill(-1)
-        taken.fill(false)
+        used.copyInto(taken)
         places[ORIGIN * SIDE + ORIGIN] = seed
         taken[seed] = true
         queueU[0] = 0
@@ -252,14 +251,10 @@ internal class Lattices(private val blobs: Blobs) {
         together(bounds)
     }
 
-    /** How many of the grown blobs are in a lattice already. */
-    private fun known(count: Int): Int {
-        var known = 0
-        for (i in 0 until count) if (used[queueBlob[i]]) known++
-        return known
-    }
-
-    /** Keeps the most places that hang together, by steps of at most [BRIDGE]; what lies apart is by chance, or another's. */
+    /**
+     * Keeps the places that hang together, by steps of at most [BRIDGE], and hold most of the blobs that grew; what lies apart
+     * is by chance, or another's.
+     */
     private fun together(bounds: IntArray) {
         groups.fill(0)
         var group = 0
@@ -279,14 +274,16 @@ internal class Lattices(private val blobs: Blobs) {
         for (spot in places.indices) if (groups[spot] != most) places[spot] = -1
     }
 
-    /** Marks all places that hang together with this one; how many they are. */
+    /** Marks all places that hang together with this one; how many of their blobs grew from the seed. */
     private fun spread(start: Int, group: Int): Int {
         groups[start] = group
         queueU[0] = start
         var count = 1
         var next = 0
+        var grown = 0
         while (next < count) {
             val spot = queueU[next++]
+            if (taken[places[spot]] && !used[places[spot]]) grown++
             for (du in -BRIDGE..BRIDGE) {
                 for (dv in -BRIDGE..BRIDGE) {
                     val other = spot + du * SIDE + dv
@@ -296,7 +293,7 @@ internal class Lattices(private val blobs: Blobs) {
                 }
             }
         }
-        return count
+        return grown
     }
 
     private companion object {

@@ -129,16 +129,7 @@ class ChartFinderTest {
         val samples = ShortArray(region.width * region.height) {
             whole.samples[(region.top + it / region.width) * whole.width + region.left + it % region.width]
         }
-        val part = Mosaic(
-            "part",
-            whole.width,
-            whole.height,
-            region,
-            samples,
-            cfa = whole.cfa,
-            black = whole.black,
-            white = whole.white,
-        )
+        val part = Mosaic(Mosaic.Origin("part"), whole.width, whole.height, region, samples, whole.sensor)
         val found = finder.find(Picture.of(part)).sighting!!
         for ((a, b) in expected.patches.zip(found.patches)) assertTrue(abs(a.x - b.x) < 0.5 && abs(a.y - b.y) < 0.5)
     }

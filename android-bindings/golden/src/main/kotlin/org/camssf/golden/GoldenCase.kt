@@ -119,8 +119,7 @@ internal class GoldenCase private constructor(val name: String, private val json
 
         /** What a runner may have; golden/README.md explains each. */
         val CAPABILITIES = setOf(
-            "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "deflate",
-            "jpeg-strips", "scattered-strips", "jpeg-restart", "point-transform", "metadata", "colour", "finder",
+            "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "metadata", "colour", "finder",
         )
         private val PROBLEM = setOf("matrix", "target", "covariance", "l2", "gamma", "nonnegative")
         private val ROWS = setOf(
@@ -168,7 +167,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "verdict" to setOf(
                 "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
                 "lamp_modes", "signals", "standard_error", "used", "white_is_patch", "white", "dark", "shots",
-                "centres", "scores", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals",
+                "centres", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals",
             ),
             "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
             "regions" to setOf("photo", "areas", "dark", "lens_shading"),

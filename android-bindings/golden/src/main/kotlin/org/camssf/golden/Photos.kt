@@ -88,7 +88,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         val corners = forms.resolve(case.inputs.getValue("corners")).values
         val found = ChartPose.refine(read(case.inputs.text("dng")), Corners.of(*corners), chart)
         return mapOf(
-            "corners" to Tensor(found.outline.toArray(), 4, 2),
+            "corners" to Tensor(found.corners.toArray(), 4, 2),
             "quads" to Tensor(found.quads, found.quads.size / 8, 4, 2),
             "quarter_turns" to found.quarterTurns,
             "score" to Tensor.scalar(found.score),

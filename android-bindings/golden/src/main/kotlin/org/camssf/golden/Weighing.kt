@@ -97,7 +97,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             inputs.getValue("alone").jsonArray.map { answer(it.jsonObject) },
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { foretold(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
-            inputs["unnamed"]?.jsonPrimitive?.boolean ?: false,
+            List(k) { inputs["unnamed"]?.jsonPrimitive?.boolean ?: false },
         ) {
             inputs.getValue("rivals").jsonArray.map { entry ->
                 val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }
@@ -109,11 +109,10 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
 
     private fun shots(inputs: JsonObject, lamps: List<Lamp>, n: Int): List<MeasuredShot> {
         val centres = forms.resolve(inputs.getValue("centres")).values
-        val scores = forms.resolve(inputs.getValue("scores")).values
         val photo = Photo("golden", 600, 400, 1, null, null, false, "golden", "golden", "")
         return inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
             val quads = DoubleArray(8 * n) { centres[2 * (j * n + it / 8) + it % 2] + SQUARE[it % 8] }
-            val pose = ChartPose("classic24", SQUARE, quads, 0, "by hand", scores[j], emptyList())
+            val pose = ChartPose("classic24", SQUARE, quads, 0, "by hand", 1.0, emptyList())
             val means = frames.means(entry.jsonObject)
             val (bright, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
             MeasuredShot(lamps[j], photo, bright, dark, pose, means, LensShading.AS_STORED)

@@ -2,18 +2,23 @@ package org.camssf.passport
 
 import org.camssf.PassportInvalid
 
-/** Payload → passport. Of the result only what says that it is one: it may be of another release of camssf. */
+/** Payload → passport: Python's data/passport.schema.json, of the result what [ResultForm] checks. */
 internal object Claims {
     const val FORMAT = "camssf-passport/1"
-    const val RESULT = "camssf-result/"
 
     fun read(payload: ByteArray): Passport {
-        val text = Parts.text(payload, "payload")
-        val found = Parts.members(text, "payload")
+        val text = Parts.text(payload, "payload", Parts.WHAT)
+        val found = Parts.members(text, "payload", Parts.WHAT)
         val claims = found.values
         for ((name, right) in FORM) {
+            if (name == "result" && ResultForm.isRefused(claims[name])) {
+                throw PassportInvalid("The passport's result was refused: it is no calibration.", "Calibrate again.")
+            }
             if (name !in claims || !right(claims[name])) {
-                throw PassportInvalid("The passport's $name is missing or not as it must be.", ASK)
+                throw PassportInvalid(
+                    "The passport's $name is missing or not as it must be.",
+                    Parts.advice(Parts.WHAT),
+                )
             }
         }
         val serials = (claims["serials"] as Members).values
@@ -43,19 +48,20 @@ internal object Claims {
         aperture = (of["aperture"] as Numeral?)?.text?.toDouble(),
     )
 
-    private fun isSecond(value: Any?): Boolean = (value as? Numeral)?.whole?.let { it in 0 until AFTER_ALL } ?: false
+    fun isSecond(value: Any?): Boolean = (value as? Numeral)?.whole?.let { it in 0 until AFTER_ALL } ?: false
 
-    private fun isSize(value: Any?): Boolean = value == null || (value is Numeral && value.text.toDouble() > 0)
+    private fun isSize(value: Any?): Boolean = value == null ||
+        (value is Numeral && value.text.toDouble().let { it > 0 && it <= Double.MAX_VALUE })
 
     private fun isUnit(value: Any?): Boolean = value is Members &&
-        listOf("make", "model", "camera_id", "serial", "lens").all { value.values[it] is String } &&
+        listOf("make", "model", "camera_id", "serial", "lens").all { ResultForm.isText(value.values[it]) } &&
         listOf("focal_length", "aperture").all { it in value.values && isSize(value.values[it]) }
 
-    private fun areSerials(value: Any?): Boolean = value is Members && value.values["chart"] is String &&
-        (value.values["lamps"] as? List<*>)?.all { it is String } ?: false
+    private fun areSerials(value: Any?): Boolean = value is Members && ResultForm.isText(value.values["chart"]) &&
+        (value.values["lamps"] as? List<*>)?.let { it.size <= 64 && it.all(ResultForm::isText) } ?: false
 
-    private fun isResult(value: Any?): Boolean = value is Members && "ssf" in value.values &&
-        (value.values["format"] as? String)?.startsWith(RESULT) ?: false
+    private fun isSoftware(value: Any?): Boolean = value is Members && ResultForm.isText(value.values["version"]) &&
+        ("name" !in value.values || ResultForm.isText(value.values["name"]))
 
     private val HASH = Regex("[0-9a-f]{64}")
     private val FORM: Map<String, (Any?) -> Boolean> = linkedMapOf(
@@ -65,10 +71,10 @@ internal object Claims {
         "nbf" to ::isSecond,
         "exp" to ::isSecond,
         "unit" to ::isUnit,
-        "captured" to { it is String },
+        "captured" to ResultForm::isText,
         "serials" to ::areSerials,
-        "software" to { it is Members && it.values["version"] is String },
-        "result_sha256" to { it is String && HASH.matches(it) },
-        "result" to ::isResult,
+        "software" to ::isSoftware,
+        "result_sha256" to { it is String && HASH.matches(it) && it.any { digit -> digit != '0' } },
+        "result" to ResultForm::holds,
     )
 }

@@ -71,14 +71,14 @@ internal object P256 {
         false
     }
 
-    /** 0 < r < n, 0 < s ≤ n / 2: of the two signatures that anybody can turn into each other, one. */
+    /** 0 < r < n, 0 < s < n. (r, s) and (r, n - s) both fit: a signature's bytes identify nothing. */
     fun isInBounds(signature: ByteArray): Boolean {
         val r = unsigned(signature, 0)
         val s = unsigned(signature, 32)
-        return r.signum() > 0 && r < order && s.signum() > 0 && s <= order.shiftRight(1)
+        return r.signum() > 0 && r < order && s.signum() > 0 && s < order
     }
 
-    /** DER → r and the smaller s; null if it is no signature of this curve. */
+    /** DER → r and s; null if it is no signature of this curve. */
     fun raw(der: ByteArray): ByteArray? {
         if (der.size !in 8..72 || der[0].toInt() != 0x30 || der[1].toInt() != der.size - 2) return null
         val numbers = ArrayList<BigInteger>()
@@ -90,7 +90,7 @@ internal object P256 {
             at = end
         }
         if (at != der.size || numbers.size != 2 || numbers.any { it.signum() <= 0 || it >= order }) return null
-        return fixed(numbers[0]) + fixed(numbers[1].min(order - numbers[1]))
+        return fixed(numbers[0]) + fixed(numbers[1])
     }
 
     private fun der(r: BigInteger, s: BigInteger): ByteArray {

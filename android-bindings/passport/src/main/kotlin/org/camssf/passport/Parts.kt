@@ -2,13 +2,11 @@ package org.camssf.passport
 
 import org.camssf.PassportInvalid
 
-internal const val ASK = "Ask the one who signed it for the passport as it was written; trust nothing in this one."
-
 /** In bytes, as Python's. */
-internal const val LARGEST_PASSPORT = 128 * 1024 * 1024
+internal const val LARGEST_PASSPORT = 100_000
 
 /**
- * A compact JWS (RFC 7515) in the one form that passports have.
+ * A compact JWS (RFC 7515) in the one form that passports and lists have. What messages call it is `what`, "the passport".
  *
  * @property kid the name of the key that it says it is signed by.
  * @property length how many of its first bytes are signed.
@@ -21,55 +19,73 @@ internal class Parts private constructor(
 ) {
     companion object {
         const val ALGORITHM = "ES256"
-        const val TYPE = "camssf-passport+jwt"
+        const val PASSPORT = "camssf-passport+jwt"
+        const val WHAT = "the passport"
 
         /** Characters that a header may have. */
         private const val HEADER = 1024
 
-        fun header(kid: String): String = """{"alg":"$ALGORITHM","kid":"$kid","typ":"$TYPE"}"""
+        fun header(kid: String): String = """{"alg":"$ALGORITHM","kid":"$kid","typ":"$PASSPORT"}"""
 
-        fun read(data: ByteArray): Parts {
-            if (data.size > LARGEST_PASSPORT) {
-                throw PassportInvalid("The passport is larger than $LARGEST_PASSPORT bytes.", ASK)
+        fun advice(what: String): String =
+            "Ask the one who signed it for $what as it was written; trust nothing in this one."
+
+        /** If one of the trusted [points], by their names, signed these bytes. */
+        fun verified(data: ByteArray, type: String, points: Map<String, ByteArray>, what: String): Parts {
+            val parts = read(data, type, what)
+            val point = points[parts.kid] ?: throw PassportInvalid(
+                "${begin(what)} is signed by the key ${parts.kid}, which is not trusted.",
+                "Give that signer's public key, if you trust him.",
+            )
+            if (!P256.isInBounds(parts.signature)) throw invalid(what, "'s signature is out of its bounds")
+            if (!P256.verify(point, data, parts.length, parts.signature)) {
+                throw invalid(what, "'s signature does not fit: it was changed")
             }
+            return parts
+        }
+
+        fun read(data: ByteArray, type: String, what: String): Parts {
             val first = data.indexOf('.'.code.toByte())
             val last = data.lastIndexOf('.'.code.toByte())
             val dots = data.count { it == '.'.code.toByte() }
             if (dots != 2 || first > HEADER) {
-                throw PassportInvalid("It has not the form of a passport, three parts with a dot between them.", ASK)
+                val form = what.replaceFirst("the ", "a ")
+                throw PassportInvalid(
+                    "It has not the form of $form, three parts with a dot between them.",
+                    advice(what),
+                )
             }
-            val header = decoded(data, 0, first)
-            val payload = decoded(data, first + 1, last)
-            val signature = decoded(data, last + 1, data.size)
-            val values = members(header, "header").values
+            val header = decoded(data, 0, first, what)
+            val payload = decoded(data, first + 1, last, what)
+            val signature = decoded(data, last + 1, data.size, what)
+            val values = members(text(header, "header", what), "header", what).values
             val kid = values["kid"] as? String
-            if (kid == null || !PassportKeys.KEY.matches(kid)) {
-                throw PassportInvalid("The passport names no key.", ASK)
+            if (kid == null || !PassportKeys.KEY.matches(kid)) throw invalid(what, " names no key")
+            if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to type)) { // `none`, HS256, crit, jwk
+                throw invalid(what, "'s header asks for something else than $ALGORITHM and $type")
             }
-            if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to TYPE)) { // `none`, HS256, crit, jwk
-                throw PassportInvalid("The passport's header asks for something else than $ALGORITHM.", ASK)
-            }
-            if (signature.size != 64) {
-                throw PassportInvalid("The passport's signature has ${signature.size} bytes, not 64.", ASK)
-            }
+            if (signature.size != 64) throw invalid(what, "'s signature has ${signature.size} bytes, not 64")
             return Parts(kid, payload, signature, last)
         }
 
-        private fun decoded(data: ByteArray, from: Int, until: Int): ByteArray =
+        private fun begin(what: String) = what.replaceFirstChar { it.uppercaseChar() }
+
+        private fun invalid(what: String, why: String, cause: Throwable? = null) =
+            PassportInvalid("${begin(what)}$why.", advice(what), cause = cause)
+
+        private fun decoded(data: ByteArray, from: Int, until: Int, what: String): ByteArray =
             Base64Url.decode(data, from, until)
-                ?: throw PassportInvalid("A part of the passport is not base64url.", ASK)
+                ?: throw PassportInvalid("A part of $what is not base64url.", advice(what))
 
-        fun members(data: ByteArray, name: String): Members = members(text(data, name), name)
+        fun members(text: String, name: String, what: String): Members =
+            sound(name, what) { Sound.parse(text) } as? Members ?: throw invalid(what, "'s $name is no object")
 
-        fun members(text: String, name: String): Members = sound(name) { Sound.parse(text) } as? Members
-            ?: throw PassportInvalid("The passport's $name is no object.", ASK)
+        fun text(data: ByteArray, name: String, what: String): String = sound(name, what) { Sound.text(data) }
 
-        fun text(data: ByteArray, name: String): String = sound(name) { Sound.text(data) }
-
-        private fun <T> sound(name: String, read: () -> T): T = try {
+        private fun <T> sound(name: String, what: String, read: () -> T): T = try {
             read()
         } catch (error: UnsoundException) {
-            throw PassportInvalid("The passport's $name is not sound JSON.", ASK, cause = error)
+            throw invalid(what, "'s $name is not sound JSON", error)
         }
     }
 }

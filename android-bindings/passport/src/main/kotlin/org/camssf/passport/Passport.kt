@@ -27,8 +27,9 @@ import kotlin.time.Instant
  * @property chartSerial of the chart; "" where nobody said.
  * @property lampSerials of each shot's lamp, likewise.
  * @property software the version of camssf that wrote it.
- * @property resultSha256 of the result's file, byte for byte.
- * @property result the result document, JSON: what `Standardiser.read` takes.
+ * @property resultSha256 of the whole result's file, byte for byte.
+ * @property result the excerpt of the result, JSON: what `Standardiser.read` takes. It holds curves, bands and verdict, not the
+ *   covariance and the patches, so colours look about twice as uncertain as with the whole result.
  */
 public class Passport internal constructor(
     public val id: String,
@@ -71,7 +72,7 @@ public class Passport internal constructor(
      *
      * @param keys on P-256, of the Android Keystore or of any provider; the private one is used and not kept, and its
      *   provider's words go into no message.
-     * @throws InvalidArgument the key is another one or does not sign, the two are no pair, or the result is too large.
+     * @throws InvalidArgument the key is another one or does not sign, the two are no pair, or the result has too many shots.
      */
     public fun sign(keys: KeyPair): ByteArray = sign(keys.public) { data ->
         try {
@@ -94,13 +95,19 @@ public class Passport internal constructor(
      */
     public fun sign(public: PublicKey, signer: PassportSigner): ByteArray {
         val point = P256.point(public)
-        val text = listOf(Parts.header(PassportKeys.name(point)), toJson()).joinToString(".") {
+        val payload = toJson()
+        try {
+            Claims.read(payload.toByteArray())
+        } catch (error: PassportInvalid) { // what no verifier takes is not signed
+            throw InvalidArgument(error.message, error.advice, cause = error)
+        }
+        val text = listOf(Parts.header(PassportKeys.name(point)), payload).joinToString(".") {
             Base64Url.encode(it.toByteArray())
         }
-        if (text.length > LARGEST_PASSPORT - 128) {
+        if (text.length + SIGNATURE > LARGEST_PASSPORT) {
             throw InvalidArgument(
                 "The passport would be larger than $LARGEST_PASSPORT bytes.",
-                "Sign a smaller result.",
+                "Sign a result of fewer shots.",
             )
         }
         val data = text.toByteArray()
@@ -121,6 +128,9 @@ public class Passport internal constructor(
         private const val VERSION = "0.1.0"
         private const val LARGEST_DOCUMENT = 64 * 1024 * 1024
         private const val LONGEST_DAYS = 36500
+
+        /** Characters of a signature, and the dot before it. */
+        private const val SIGNATURE = 87
 
         /** Only its class: what a provider says of a private key is nobody's business. */
         private fun unfit(error: Exception) = InvalidArgument(
@@ -147,13 +157,17 @@ public class Passport internal constructor(
             now: Instant = Clock.System.now(),
             photos: List<Photo> = emptyList(),
         ): Passport {
-            val (text, document) = document(result)
+            val whole = document(result)
+            val document = whole.values
             val camera = (document["camera"] as? Members)?.values ?: throw noResult("has no camera")
             val shots = document["shots"] as? List<*> ?: throw noResult("has no shots")
-            if (document["format"] != Claims.RESULT + "1") throw noResult("has another format")
-            if ("ssf" !in document) {
+            if (document["format"] != "camssf-result/1") throw noResult("has another format")
+            if ("ssf" !in document || ResultForm.isRefused(whole)) {
                 throw InvalidArgument("The result was refused: it has no curves to sign.", "Calibrate again.")
             }
+            if ("excerpt" in document) throw noResult("is the excerpt that a passport holds")
+            val excerpt = Excerpt.of(whole)
+            if (!ResultForm.holds(excerpt)) throw noResult("breaks its form")
             var unit = said.unit
             for (photo in photos) {
                 if (shots.none { photo.sha256.isNotEmpty() && sha256(it) == photo.sha256 }) {
@@ -194,7 +208,7 @@ public class Passport internal constructor(
                 lampSerials = lamps,
                 software = VERSION,
                 resultSha256 = hex(PassportKeys.sha256(result)),
-                result = Sound.compact(text),
+                result = Sound.write(excerpt),
             ).also { it.unit.toJson() }
         }
 
@@ -204,11 +218,10 @@ public class Passport internal constructor(
             return photo?.values?.get("sha256")
         }
 
-        private fun document(result: ByteArray): Pair<String, Map<String, Any?>> {
+        private fun document(result: ByteArray): Members {
             if (result.size > LARGEST_DOCUMENT) throw noResult("is larger than $LARGEST_DOCUMENT bytes")
             return try {
-                val text = Sound.text(result)
-                text to ((Sound.parse(text) as? Members)?.values ?: throw noResult("is no object"))
+                Sound.parse(Sound.text(result)) as? Members ?: throw noResult("is no object")
             } catch (error: UnsoundException) {
                 throw noResult("is not sound JSON (${error.message})")
             }
@@ -223,13 +236,13 @@ public class Passport internal constructor(
             data.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
 
         /**
-         * The passport, if it is one: whole, signed by a trusted key, in its time, not called back.
+         * The passport, if it is one: whole, signed by a trusted key, in its form and time, not called back.
          *
          * @param data as received.
          * @param trusted public keys, of [PassportKeys.readPublic] or any provider.
          * @param revoked of [PassportKeys.readRevoked].
          * @param now at what time.
-         * @param result the bytes of a result's file that it shall belong to.
+         * @param result the bytes of the whole result's file, which it shall belong to.
          * @throws PassportInvalid anything of it is not as it must be.
          * @throws InvalidArgument a trusted key is not on P-256.
          */
@@ -243,25 +256,41 @@ public class Passport internal constructor(
             result: ByteArray? = null,
         ): Passport {
             val received = data.copyOf() // what is verified is what is read, whatever the caller does meanwhile
-            val points = trusted.map { P256.point(it) }.associateBy { PassportKeys.name(it) }
-            val parts = Parts.read(received)
-            val kid = parts.kid
-            val point = points[kid] ?: throw PassportInvalid(
-                "The passport is signed by the key $kid, which is not trusted.",
-                "Give that signer's public key, if you trust him.",
-            )
-            if (!P256.isInBounds(parts.signature)) {
-                throw PassportInvalid("The passport's signature is out of its bounds.", ASK)
-            }
-            if (!P256.verify(point, received, parts.length, parts.signature)) {
-                throw PassportInvalid("The passport's signature does not fit: it was changed.", ASK)
-            }
+            val points = PassportKeys.points(trusted)
+            checkSize(received)
+            val parts = Parts.verified(received, Parts.PASSPORT, points, Parts.WHAT)
             val passport = Claims.read(parts.payload)
-            check(passport, kid, revoked, now)
-            if (result != null && hex(PassportKeys.sha256(result)) != passport.resultSha256) {
+            check(passport, parts.kid, revoked, now)
+            if (result != null) checkBelongs(passport, result)
+            return passport
+        }
+
+        private fun checkSize(data: ByteArray) {
+            if (data.size > LARGEST_PASSPORT) {
+                throw PassportInvalid(
+                    "The passport is larger than $LARGEST_PASSPORT bytes.",
+                    Parts.advice(Parts.WHAT),
+                )
+            }
+        }
+
+        /** The very bytes that were signed, and the excerpt is what they hold. */
+        private fun checkBelongs(passport: Passport, result: ByteArray) {
+            if (hex(PassportKeys.sha256(result)) != passport.resultSha256) {
                 throw PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
             }
-            return passport
+            val whole = try {
+                document(result)
+            } catch (error: InvalidArgument) {
+                val words = "The result that was signed is not in the form of one."
+                throw PassportInvalid(words, Parts.advice(Parts.WHAT), cause = error)
+            }
+            if (!Sound.isSame(Excerpt.of(whole), Sound.parse(passport.result))) {
+                throw PassportInvalid(
+                    "The passport's excerpt is not what the signed result holds.",
+                    Parts.advice(Parts.WHAT),
+                )
+            }
         }
 
         private fun check(passport: Passport, kid: String, revoked: Set<String>, now: Instant) {
@@ -286,7 +315,9 @@ public class Passport internal constructor(
          */
         @JvmStatic
         public fun show(data: ByteArray): Shown {
-            val parts = Parts.read(data.copyOf())
+            val received = data.copyOf()
+            checkSize(received)
+            val parts = Parts.read(received, Parts.PASSPORT, Parts.WHAT)
             return Shown(Claims.read(parts.payload), parts.kid)
         }
     }

@@ -1,10 +1,13 @@
 package org.camssf.passport
 
 import org.camssf.InvalidArgument
+import org.camssf.PassportInvalid
 import java.security.MessageDigest
 import java.security.PublicKey
+import kotlin.time.Clock
+import kotlin.time.Instant
 
-/** Public keys by name and by file, and the list of what was called back. Private keys stay where they are. */
+/** Public keys by name and by file, and the signed list of what was called back. Private keys stay where they are. */
 public object PassportKeys {
     /** A public key's name in passports, its thumbprint (RFC 7638, SHA-256): 43 characters, the same in every language. */
     @JvmStatic
@@ -35,40 +38,29 @@ public object PassportKeys {
     }
 
     /**
-     * Ids of passports and names of keys that were called back: text, a name a line, # begins a comment.
+     * What a signed list calls back: ids of passports and names of keys. `camssf passport revoke` writes and renews it.
      *
-     * @throws InvalidArgument a line is no name. A list that is half understood protects nobody.
+     * @param list as received.
+     * @param trusted public keys, of [readPublic] or any provider; one of them must have signed it.
+     * @param now at what time.
+     * @throws PassportInvalid the list is not signed, by a stranger, changed, in no form, or has ended.
+     * @throws InvalidArgument a trusted key is not on P-256.
      */
     @JvmStatic
-    public fun readRevoked(list: ByteArray): Set<String> {
-        if (list.size > LARGEST_LIST) throw InvalidArgument("The list is larger than $LARGEST_LIST bytes.", MEANT)
-        val text = try {
-            Sound.text(list).removePrefix("\ufeff")
-        } catch (_: UnsoundException) {
-            throw InvalidArgument("The list is not text in UTF-8.", "Write one passport or key a line.")
-        }
-        val names = HashSet<String>()
-        for ((number, line) in text.split(LINES).withIndex()) {
-            val name = line.substringBefore('#').trim()
-            if (name.isEmpty()) continue
-            if (!PASSPORT.matches(name) && !KEY.matches(name)) {
-                throw InvalidArgument(
-                    "The list's line ${number + 1} is neither a passport's id nor a key's name.",
-                    "Write what `camssf passport show` says as id (32 hexadecimal digits) or key (43 characters).",
-                )
-            }
-            names += name
-        }
-        return names
-    }
+    @JvmOverloads
+    public fun readRevoked(
+        list: ByteArray,
+        trusted: Collection<PublicKey>,
+        now: Instant = Clock.System.now(),
+    ): Set<String> = Revocations.read(list.copyOf(), points(trusted), now.epochSeconds)
+
+    internal fun points(trusted: Collection<PublicKey>): Map<String, ByteArray> =
+        trusted.map { P256.point(it) }.associateBy { name(it) }
 
     internal fun sha256(data: ByteArray): ByteArray = MessageDigest.getInstance("SHA-256").digest(data)
 
     internal val PASSPORT = Regex("[0-9a-f]{32}")
     internal val KEY = Regex("[A-Za-z0-9_-]{43}")
     private val PEM = Regex("-----BEGIN PUBLIC KEY-----\\s([A-Za-z0-9+/=\\s]+)-----END PUBLIC KEY-----")
-    private val LINES = Regex("\r\n|[\n\r\u000b\u000c\u001c-\u001e\u0085\u2028\u2029]")
     private const val LARGEST_KEY = 64 * 1024
-    private const val LARGEST_LIST = 16 * 1024 * 1024
-    private const val MEANT = "Give the file that was meant."
 }

@@ -192,21 +192,49 @@ internal class Sound private constructor(private val text: String) {
         /** The value that a text is. */
         fun parse(text: String): Any? = Sound(text).document()
 
-        /** The same sound JSON without blanks. */
-        fun compact(text: String): String {
-            val out = StringBuilder(text.length)
-            var inside = false
-            var i = 0
-            while (i < text.length) {
-                val letter = text[i++]
-                if (inside || !isBlank(letter)) out.append(letter)
-                if (inside && letter == '\\') {
-                    out.append(text[i++])
-                } else if (letter == '"') {
-                    inside = !inside
+        /** A value as JSON without blanks; numbers as they were written. */
+        fun write(value: Any?): String = StringBuilder().also { write(value, it) }.toString()
+
+        private fun write(value: Any?, out: StringBuilder) {
+            when (value) {
+                is Members -> {
+                    out.append('{')
+                    for ((name, member) in value.values) {
+                        if (out.last() != '{') out.append(',')
+                        out.append(quote(name)).append(':')
+                        write(member, out)
+                    }
+                    out.append('}')
                 }
+
+                is List<*> -> {
+                    out.append('[')
+                    for ((i, entry) in value.withIndex()) {
+                        if (i > 0) out.append(',')
+                        write(entry, out)
+                    }
+                    out.append(']')
+                }
+
+                is String -> out.append(quote(value))
+
+                is Numeral -> out.append(value.text)
+
+                else -> out.append(value)
             }
-            return out.toString()
+        }
+
+        /** Two values that say the same: numbers by their values, members in any order. */
+        fun isSame(one: Any?, other: Any?): Boolean = when (one) {
+            is Members ->
+                other is Members && one.values.keys == other.values.keys &&
+                    one.values.all { (name, value) -> isSame(value, other.values[name]) }
+
+            is List<*> -> other is List<*> && one.size == other.size && one.indices.all { isSame(one[it], other[it]) }
+
+            is Numeral -> other is Numeral && one.text.toDouble() == other.text.toDouble()
+
+            else -> one == other
         }
 
         /** A string as JSON; half a character is U+FFFD, as Python writes it. */

@@ -20,6 +20,7 @@ import java.security.KeyPairGenerator
 import java.security.PublicKey
 import java.security.Signature
 import java.security.spec.ECGenParameterSpec
+import java.util.zip.GZIPInputStream
 import kotlin.time.Instant
 
 /** What `python tests/signed_passports.py` wrote, and keys of this run. */
@@ -37,15 +38,17 @@ internal object Fixtures {
     }
 
     val FOLDER = File(System.getProperty("camssf.root"), "tests/passports")
-    private val content = Json.parseToJsonElement(File(FOLDER, "python.json").readText()).jsonObject
+    private val content = GZIPInputStream(File(FOLDER, "python.json.gz").inputStream()).reader().use {
+        Json.parseToJsonElement(it.readText()).jsonObject
+    }
     val CASES = content.getValue("cases").jsonArray.map { Case(it.jsonObject) }
     val RESULT = content.getValue("result").jsonPrimitive.content.toByteArray()
 
-    /** As short as a result can be. */
-    val SMALL = """
-        { "format": "camssf-result/1", "camera": {"make": "Maker", "model": "Model A"},
-          "shots": [{}], "ssf": {}, "note": "\"a  b\" \\ {\ud800}", "verdict": {"status": "doubtful"} }
-    """.trimIndent()
+    /** A whole result, about as short as one can be. */
+    val SMALL = content.getValue("small").jsonPrimitive.content
+
+    /** Lists of what was called back, and what Python says of them. */
+    val LISTS = content.getValue("lists").jsonArray.map { it.jsonObject }
     val LATER: Instant = case("small").at
     val SIGNER: PublicKey = PassportKeys.readPublic(pem("signer").toByteArray())
 
@@ -66,6 +69,9 @@ internal object Fixtures {
         update(data)
         sign()
     }
+
+    /** What a passport holds of a result. */
+    fun excerpt(result: String): String = Sound.write(Excerpt.of(Sound.parse(result) as Members))
 
     fun refused(data: ByteArray, key: PublicKey, words: String = ""): PassportInvalid {
         val error = assertThrows<PassportInvalid> { Passport.verify(data, listOf(key), now = LATER) }

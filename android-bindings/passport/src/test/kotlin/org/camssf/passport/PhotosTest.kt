@@ -1,5 +1,11 @@
 package org.camssf.passport
 
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonObject
+import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
 import org.camssf.InvalidArgument
 import org.camssf.photo.Photo
 import org.camssf.photo.dng.DngSource
@@ -22,10 +28,14 @@ class PhotosTest {
     private val result = result(photo)
     private val whole = CameraUnit("Maker", "Model 1", "", "body 9", "Wide 24 mm", 24.7, 1.8)
 
+    /** [Fixtures.SMALL] of these photos. */
     private fun result(vararg of: Photo): ByteArray {
-        val shots = of.joinToString(",") { """{"photo":{"sha256":"${it.sha256}"}}""" }
-        val camera = """{"make":"Maker","model":"Model 1"}"""
-        return """{"format":"camssf-result/1","camera":$camera,"shots":[$shots],"ssf":{}}""".toByteArray()
+        val whole = Json.parseToJsonElement(Fixtures.SMALL).jsonObject
+        val shot = whole.getValue("shots").jsonArray.single().jsonObject
+        val shots = of.map { JsonObject(shot + ("photo" to JsonObject(mapOf("sha256" to JsonPrimitive(it.sha256))))) }
+        val camera = mapOf("make" to "Maker", "model" to "Model 1").mapValues { JsonPrimitive(it.value) }
+        val changed = mapOf("shots" to JsonArray(shots), "camera" to JsonObject(camera))
+        return JsonObject(whole + changed).toString().toByteArray()
     }
 
     @Test

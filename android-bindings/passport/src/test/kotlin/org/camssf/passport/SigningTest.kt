@@ -1,5 +1,6 @@
 package org.camssf.passport
 
+import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
@@ -38,7 +39,7 @@ class SigningTest {
         val found = Passport.verify(drawn.sign(keys), listOf(keys.public), now = now + 1.days, result = result)
         assertEquals(drawn.toJson(), found.toJson())
         assertEquals(CameraUnit("Maker", "Model A", "", "A1", "35 mm", 35.0), found.unit)
-        assertEquals(Fixtures.plain(Fixtures.SMALL), Fixtures.plain(found.result))
+        assertEquals(Fixtures.plain(Fixtures.excerpt(Fixtures.SMALL)), Fixtures.plain(found.result))
         assertEquals("2026-11-20T00:00:00", found.captured)
         assertEquals(90.days, found.ends - found.begins)
         assertEquals(Instant.parse("2026-11-22T03:00:00Z"), found.issued)
@@ -50,22 +51,22 @@ class SigningTest {
         assertTrue(found.toString().startsWith("passport ${found.id} of CameraUnit(make=Maker"))
     }
 
-    /** Some of a provider's signatures have the larger s, numbers of 31 bytes and of 33: all become 64 bytes. */
+    /** Half of a provider's signatures have the larger s; numbers of 31 bytes and of 33: all become 64 bytes. */
     @Test
     fun `a hundred signatures`() {
         val drawn = Passport.drawUp(result, now = now)
-        var turned = 0
+        var high = 0
         repeat(100) {
             val data = drawn.sign(keys.public) { text ->
                 val der = Fixtures.ecdsa(keys, text)
                 val s = BigInteger(der.copyOfRange(der.size - der[4 + der[3] + 1], der.size))
-                if (s > P256.order.shiftRight(1)) turned++
+                if (s > P256.order.shiftRight(1)) high++
                 der
             }
             assertEquals(64, Fixtures.signature(data).size)
             assertEquals(drawn.toJson(), Passport.verify(data, listOf(keys.public), now = now).toJson())
         }
-        assertTrue(turned in 20..80, "$turned")
+        assertTrue(high in 20..80, "$high")
     }
 
     @Test
@@ -81,6 +82,11 @@ class SigningTest {
         refused("has no shots", """{"camera":{}}""")
         refused("another format", Fixtures.SMALL.replace("result/1", "result/2"))
         refused("was refused", Fixtures.SMALL.replace("\"ssf\"", "\"no\""))
+        refused("was refused", Fixtures.SMALL.replace("\"doubtful\"", "\"refused\""))
+        refused("breaks its form", Fixtures.SMALL.replace("\"channel_gain\"", "\"no\""))
+        refused("the excerpt", Fixtures.SMALL.replaceFirst("{", "{\"excerpt\": {}, "))
+        val long = Passport.drawUp(result, Said(chartSerial = "x".repeat(4097)), now)
+        assertTrue("serials" in assertThrows<InvalidArgument> { long.sign(keys) }.message)
         refused("2 serials of lamps for 1 shots", said = Said(lampSerials = listOf("a", "b")))
         for (days in listOf(0.0, -1.0, Double.NaN, Double.POSITIVE_INFINITY, 36501.0)) {
             refused("days", said = Said(days = days))
@@ -118,19 +124,37 @@ class SigningTest {
 
     @Test
     fun `what was called back`() {
+        val good = Fixtures.LISTS.single { it.getValue("name").jsonPrimitive.content == "good" }
+        val list = good.getValue("data").jsonPrimitive.content.toByteArray()
+        val names = PassportKeys.readRevoked(list, listOf(Fixtures.SIGNER), Fixtures.LATER)
+        val small = Fixtures.case("small").data
+        val error = assertThrows<PassportInvalid> {
+            Passport.verify(small, listOf(Fixtures.SIGNER), names, Fixtures.LATER)
+        }
+        assertTrue("The passport was called back" in error.message)
+        val kid = setOf(Fixtures.keyName("signer"))
+        assertThrows<PassportInvalid> { Passport.verify(small, listOf(Fixtures.SIGNER), kid, Fixtures.LATER) }
+        Passport.verify(small, listOf(Fixtures.SIGNER), names - Passport.show(small).passport.id, Fixtures.LATER)
+        assertThrows<PassportInvalid> { PassportKeys.readRevoked(list, listOf(Fixtures.SIGNER), now + 99.days) }
+        assertThrows<PassportInvalid> { PassportKeys.readRevoked(list, listOf(keys.public), now) }
+        assertThrows<PassportInvalid> { PassportKeys.readRevoked("f".repeat(32).toByteArray(), listOf(keys.public)) }
+    }
+
+    @Test
+    fun `the excerpt is what the signed result holds`() {
         val drawn = Passport.drawUp(result, now = now)
-        val data = drawn.sign(keys)
-        val kid = PassportKeys.name(keys.public)
-        for (line in listOf(drawn.id, "  $kid  # lost with a phone")) {
-            val list = PassportKeys.readRevoked("\ufeff# a comment\r\n\n${"f".repeat(32)}\u2028$line".toByteArray())
-            val error = assertThrows<PassportInvalid> { Passport.verify(data, listOf(keys.public), list, now) }
-            assertTrue("called back" in error.message)
+        assertTrue(drawn.sign(keys).size < 100_000)
+        val other = Passport.drawUp(Fixtures.SMALL.replace("Model A", "Model B").toByteArray(), now = now)
+        val claims = other.toJson().replace(other.resultSha256, drawn.resultSha256)
+        val text = Base64Url.encode(Parts.header(PassportKeys.name(keys.public)).toByteArray()) + "." +
+            Base64Url.encode(claims.toByteArray())
+        val data = text.toByteArray() +
+            ".${Base64Url.encode(P256.raw(Fixtures.ecdsa(keys, text.toByteArray()))!!)}".toByteArray()
+        Passport.verify(data, listOf(keys.public), now = now)
+        val error = assertThrows<PassportInvalid> {
+            Passport.verify(data, listOf(keys.public), now = now, result = result)
         }
-        Passport.verify(data, listOf(keys.public), PassportKeys.readRevoked("f".repeat(32).toByteArray()), now)
-        val broken = listOf("0123\n", drawn.id.uppercase(), "id " + "0".repeat(32), "$kid $kid").map {
-            it.toByteArray()
-        }
-        for (list in broken + byteArrayOf(-1, -2)) assertThrows<InvalidArgument> { PassportKeys.readRevoked(list) }
+        assertTrue("excerpt is not what" in error.message)
     }
 
     @Test

@@ -118,6 +118,7 @@ public object DngReader {
                     activeArea = area,
                 ),
                 captured = captured(tiff, exif),
+                uniqueModel = tiff.text(first, Tag.UNIQUE_MODEL),
             )
             val colours = Mosaic.Colours(
                 colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),

@@ -354,10 +354,11 @@ internal class Huffman private constructor(
     private fun fill(): Boolean {
         var code = 0
         var index = 16
+        val categories = HashSet<Int>()
         for (length in 1..16) {
             repeat(stored[length - 1].toInt()) {
                 val category = stored[index++].toInt()
-                if (category !in 0..16 || code >= 1 shl length) return false
+                if (category !in 0..16 || code >= 1 shl length || !categories.add(category)) return false
                 if (length <= BITS) fill(code, length, category)
                 code++
             }

@@ -58,6 +58,10 @@ private class Piece(
     private val at = picture.offsets[number]
     private val length = picture.counts[number].toInt()
     private val width = minOf(picture.pieceWidth, picture.width - left)
+
+    /** Rows to decode: all where the wanted ones reach the active area's end, so that damage below them is found. */
+    private val decoded =
+        if (top + rows.last + 1 < picture.area.bottom) rows.last + 1 else picture.rows(number)
     private val order = if (picture.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
 
     fun plain(scratch: Scratch) {
@@ -78,7 +82,7 @@ private class Piece(
         val bytes = scratch.of(length + LosslessJpeg.SLACK)
         tiff.read(at, bytes, 0, length)
         val samples = picture.pieceWidth.toLong() * picture.rows(number)
-        jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * (rows.last + 1), ::put)
+        jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * decoded, ::put)
     }
 
     /** Lays `line`, which begins at sample `from` of the piece, over the piece's rows. */
@@ -101,16 +105,16 @@ private class Piece(
         val packed = Packed(bytes, picture.bits, order)
         val stream = Inflated(tiff, at, length)
         try {
-            for (y in 0..rows.last) {
+            for (y in 0 until decoded) {
                 stream.read(bytes, picture.rowBytes)
-                if (y < rows.first) continue
+                if (y !in rows) continue
                 packed.copy(0, row.size, row, 0)
                 if (picture.differences) accumulate(row)
                 window.put(left, top + y, width) { from, count, into, at ->
                     System.arraycopy(row, from, into, at, count)
                 }
             }
-            if (rows.last == picture.rows(number) - 1) stream.finish()
+            if (decoded == picture.rows(number)) stream.finish()
         } finally {
             stream.close()
         }

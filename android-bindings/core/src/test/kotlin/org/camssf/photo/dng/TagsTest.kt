@@ -138,6 +138,8 @@ class TagsTest {
             assertEquals(400.0, found.iso)
         }
         assertEquals("Maker Model 1", read(first = mapOf(272 to null)).model)
+        assertEquals("Maker Model 1", read(bits = 10).origin.uniqueModel)
+        assertEquals("", read(first = mapOf(50708 to null)).origin.uniqueModel)
         assertEquals(1, read(first = mapOf(274 to Value.short(9))).orientation)
     }
 

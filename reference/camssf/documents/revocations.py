@@ -1,0 +1,112 @@
+"""The list of passports and keys that were called back: signed, dated, and good until a day that it names.
+
+A compact JWS (`jws.py`) by a key like those of passports. It is renewed by signing its names anew: an old one is
+refused, since it may lack what was called back since.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from camssf.documents.jws import advice, sign_jws, verify_jws
+from camssf.documents.keys import KEY_ID
+from camssf.errors import InvalidArgument, PassportInvalid
+
+FORMAT, TYPE = "camssf-revocations/1", "camssf-revocations+jwt"
+LARGEST_LIST = 16 * 2**20
+LONGEST_DAYS = 366
+PASSPORT_ID = re.compile(r"[0-9a-f]{32}")
+
+_WHAT = "the list of what was called back"
+
+
+def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, now: datetime | None = None) -> bytes:
+    """A signed list.
+
+    Args:
+        names: ids of passports and names of keys.
+        key: of `keys.read_private`.
+        days: how long it is good.
+        now: the time of issue; the clock's unless given.
+
+    Raises:
+        InvalidArgument: a name is none, or no list is good that long.
+    """
+    for name in names:
+        if not _is_name(name):
+            raise InvalidArgument(
+                f"{name!r} is neither a passport's id nor a key's name.",
+                "Give what `camssf passport show` says as id (32 hexadecimal digits) or key (43 characters).",
+            )
+    if not 0 < days <= LONGEST_DAYS:
+        raise InvalidArgument(f"Good for {days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
+    issued = (now or datetime.now(UTC)).timestamp()
+    payload = {
+        "format": FORMAT,
+        "iat": int(issued),
+        "exp": int(issued + max(1.0, timedelta(days=days).total_seconds())),
+        "revoked": sorted(set(names)),
+    }
+    signed = sign_jws(payload, TYPE, key)
+    if len(signed) > LARGEST_LIST:
+        raise InvalidArgument(f"The list would be larger than {LARGEST_LIST} bytes.", "Call a key back instead.")
+    return signed
+
+
+def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
+    """What a list calls back, if it is signed by a trusted key and not too old.
+
+    Args:
+        data: as received.
+        trusted: of `keys.read_public`.
+        now: at what time; the clock's unless given. A list that was issued after it is good: it knows more.
+
+    Raises:
+        PassportInvalid: the list is not signed, by a stranger, changed, in no form, or has ended.
+    """
+    names, ends = _read(data, trusted)
+    if (now or datetime.now(UTC)).timestamp() >= ends:
+        when = datetime.fromtimestamp(ends, UTC).isoformat()
+        raise PassportInvalid(
+            f"The list of what was called back ended at {when}.",
+            "Get its newest from its signer, who renews it by `camssf passport revoke`.",
+        )
+    return names
+
+
+def names_of(data: bytes, trusted: Mapping[str, Any]) -> frozenset[str]:
+    """What a list calls back, whether it has ended or not: for the signer, who renews it.
+
+    Raises:
+        PassportInvalid: as `read_revoked`, but for the time.
+    """
+    return _read(data, trusted)[0]
+
+
+def _read(data: bytes, trusted: Mapping[str, Any]) -> tuple[frozenset[str], int]:
+    if len(data) > LARGEST_LIST:
+        raise PassportInvalid(f"The list of what was called back is larger than {LARGEST_LIST} bytes.", advice(_WHAT))
+    if data.count(b".") != 2:
+        raise PassportInvalid(
+            "The list of what was called back is not signed.",
+            "Get it from its signer; `camssf passport revoke` signs one.",
+        )
+    payload, _ = verify_jws(data, TYPE, trusted, _WHAT)
+    names: Any = payload.get("revoked")
+    issued, ends = (payload.get(name) for name in ("iat", "exp"))
+    sound = (
+        payload.get("format") == FORMAT
+        and all(type(time) is int and 0 <= time < 253402300800 for time in (issued, ends))
+        and isinstance(names, list)
+        and all(isinstance(name, str) and _is_name(name) for name in names)
+    )
+    if not sound:  # a list that is half understood protects nobody
+        raise PassportInvalid(f"The list of what was called back is not in the form {FORMAT}.", advice(_WHAT))
+    return frozenset(names), int(ends or 0)
+
+
+def _is_name(name: str) -> bool:
+    return bool(PASSPORT_ID.fullmatch(name) or KEY_ID.fullmatch(name))

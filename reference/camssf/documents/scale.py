@@ -1,0 +1,71 @@
+"""Result document → the channels' own scale, which curves of peak 1 do not have."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import Floats
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.text import looks_like_file
+
+_CHANNELS = ("red", "green", "blue")
+
+
+def channel_scale(document: dict[str, Any]) -> Floats | None:
+    """Factors (3,) that turn the document's curves of peak 1 into the camera's own, the largest 1.
+
+    A raw white signal is g_c = k_c Σ ρ_w L s_c dλ with the curve s_c of peak 1, the first shot's lamp L and the
+    reflectance ρ_w of what was white there. `channel_gain` holds g_c / g_green, so k_c = g_c / Σ ρ_w L s_c dλ: the
+    curves k_c s_c give white its raw signals, and so the camera's white balance.
+
+    None where the lamp of the first shot is neither in the document nor here, or where a channel sees no white.
+    """
+    shot = document["shots"][0]
+    white = _lamp(shot)
+    if white is None:
+        return None
+    if shot["white_reference"] == "white patch":
+        white = white * _white_patch(document["chart"])
+    seen = np.array([white @ np.array(document["ssf"][channel]) for channel in _CHANNELS])
+    raw = np.array(document["channel_gain"], dtype=np.float64)
+    if not ((raw > 0).all() and (seen > 0).all()):
+        return None
+    scale = raw / seen
+    return np.asarray(scale / scale.max())
+
+
+def no_scale(lamp: str) -> InvalidArgument:
+    """The error where `channel_scale` is None; `lamp` is the first shot's, as it was named."""
+    return InvalidArgument(
+        f"Nothing ties the three channels of this result together: the lamp of its first shot, {lamp}, is not here, "
+        "or a channel sees no white under it.",
+        "Put the lamp's file where it was, or calibrate again: results now keep the lamp's spectrum.",
+    )
+
+
+def _lamp(shot: dict[str, Any]) -> Floats | None:
+    """Power (681,): of a light that nobody named as it was found, else as the document keeps it, or by name."""
+    found: dict[str, Any] | None
+    for found in (shot.get("light"), shot["lamp"]):
+        if found is not None and "power" in found:
+            return np.array(found["power"], dtype=np.float64)
+    try:
+        return read_lamp(shot["lamp"]["name"]).values
+    except CalibrationError:  # a result of before it was kept, and its lamp was a file
+        return None
+
+
+def _white_patch(chart: dict[str, Any]) -> Floats:
+    """Reflectance (681,) of the chart's white patch by its table's name; of a measured table, the printed chart's."""
+    for name in (chart["name"], chart["layout"]):
+        if looks_like_file(name):
+            continue
+        try:
+            table = read_chart(name)
+        except CalibrationError:
+            continue
+        return np.asarray(table.values[table.white])
+    return np.ones(1)

@@ -1,0 +1,290 @@
+"""The results of one unit over time: does its camera drift, and which of its results could not be compared.
+
+Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 400 to 700 nm, where there is light.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from camssf.errors import InvalidArgument
+from camssf.fleet.compare import ACCEPTED, INSIDE, NM, UNIT, by_unit, counts_in_words, read_curves
+from camssf.fleet.registry import Registry, Wanted
+from camssf.fleet.rows import CHANNELS
+from camssf.grid import Floats
+
+FALSE_ALARMS = 0.01
+"""Of a unit that does not drift, over all features together."""
+SMALLEST_DRIFT = 1.0
+"""nm: what is smaller is no alarm, however certain; a lamp's or a chart's table moves a curve as much."""
+FEWEST = 4
+"""Results of a unit that a drift can be told from."""
+FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
+DOUBTFUL, NO_CURVES, NO_TIME, NO_UNIT = "doubtful", "no curves", "no time", "unit not certain"
+"""Why a result was left out."""
+ADVICE = {
+    DOUBTFUL: "Clear its doubt with another photo, or count doubtful results by --doubtful.",
+    NO_CURVES: "Take another photo of the unit: a refused one tells nothing of a drift.",
+    NO_TIME: "Add it again with the time of its photo (--captured).",
+    NO_UNIT: "Add it again with its --camera-id and --lens.",
+}
+"""What to do where the newest result was left out."""
+COLUMNS = (
+    "key",
+    "captured",
+    "added",
+    "status",
+    "code",
+    "reason",
+    "array_to_string(list_sort(inputs), ' ') AS inputs",
+)
+
+
+@dataclass(frozen=True)
+class Drift:
+    """One feature of one unit over time.
+
+    Attributes:
+        feature: of FEATURES, nm.
+        results, days: how many, and from the first to the last.
+        slope: nm a year, with its standard error.
+        slope_error: likewise.
+        change: nm that the slope makes from the first to the last.
+        step: nm between the last and the mean of those before it.
+        p_trend, p_step: how likely as much would be without a drift.
+        alarm: "trend", "step", or "" for none.
+    """
+
+    feature: str
+    results: int
+    days: float
+    slope: float
+    slope_error: float
+    change: float
+    step: float
+    p_trend: float
+    p_step: float
+    alarm: str
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A result of the unit, or one that may be of it, that the drift was not computed from.
+
+    Attributes:
+        key: SHA-256 of its file.
+        captured: ISO 8601 in UTC; None where unknown.
+        status, code, reason: of its verdict.
+        why: DOUBTFUL, NO_CURVES (refused), NO_TIME or NO_UNIT (silent about a camera or lens that others name).
+        newest: no counted result is certainly newer. One without a time may be as new as the day it was added. A
+            result of the same photos as a counted one is not new.
+        steps: nm from the mean of the counted results, in the order of FEATURES; None without curves.
+    """
+
+    key: str
+    captured: str | None
+    status: str
+    code: str
+    reason: str
+    why: str
+    newest: bool
+    steps: tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
+class UnitDrift:
+    """One unit over time.
+
+    Attributes:
+        features: each of FEATURES over the results that count.
+        doubtful: how many of these are doubtful.
+        left_out: results that do not count, by time.
+    """
+
+    features: tuple[Drift, ...]
+    doubtful: int
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def alarms(self) -> tuple[Drift, ...]:
+        """The features that drift."""
+        return tuple(each for each in self.features if each.alarm)
+
+    @property
+    def outcome(self) -> str:
+        """drift; undecided, where there is no alarm but the newest result was left out; no_drift."""
+        if self.alarms:
+            return "drift"
+        return "undecided" if any(each.newest for each in self.left_out) else "no_drift"
+
+
+def drift_of(
+    registry: Registry,
+    serial: str,
+    *,
+    make: str = "",
+    model: str = "",
+    camera_id: str = "",
+    lens: str = "",
+    statuses: Sequence[str] = ACCEPTED,
+) -> UnitDrift:
+    """The features of a unit over time, and the results that were left out.
+
+    Args:
+        registry: where its results are.
+        serial: which unit.
+        make, model, camera_id, lens: which, where several have that serial number; "" for any.
+        statuses: of the results that count.
+
+    Raises:
+        InvalidArgument: fewer than FEWEST results with a time, or of several units.
+    """
+    wanted = Wanted(make=make, model=model, serial=serial)
+    found = read_curves(registry, wanted, (*UNIT, *COLUMNS))
+    counts = np.isin(np.asarray(found["status"], dtype=str), list(statuses))
+    places, _ = by_unit({name: column[counts] for name, column in found.items()}, camera_id, lens)
+    if len(places) > 1:
+        raise _several(serial, list(places))
+    own = np.flatnonzero(counts)[sorted(i for each in places.values() for i in each)].astype(int)
+    used = own[~np.ma.getmaskarray(found["captured"])[own]]
+    seconds = found["captured"][used].astype("datetime64[s]").astype(float)
+    order = np.argsort(seconds, kind="stable")
+    used, seconds = used[order], np.asarray(seconds[order])
+    values = features(found["curves"]) if len(found["key"]) else np.zeros((0, len(FEATURES)))
+    rest = [_row(found, i) | {"values": values[i]} for i in sorted(set(range(len(values))) - set(used.tolist()))]
+    rest += _without_curves(registry, wanted)
+    units = (make, model, camera_id, serial, lens), *places
+    rest = [each for each in rest if all(_may_be(each["unit"], unit) for unit in units)]
+    left_out = _left_out(rest, statuses, values[used], (seconds, set(np.asarray(found["inputs"])[used])))
+    if not places and not left_out:
+        raise InvalidArgument(
+            f"The registry has no result of a unit with the serial number {serial}"
+            f"{' and the other options' if any((make, model, camera_id, lens)) else ''}.",
+            "See `camssf registry list` for those that it has.",
+        )
+    if len(used) < FEWEST:
+        more = f" Left out: {counts_in_words(Counter(each.why for each in left_out))}." if left_out else ""
+        count = f"{len(used)} {' or '.join(statuses)} results"
+        raise InvalidArgument(
+            f"{count} of the unit {serial} have a time; a drift needs {FEWEST}.{more}",
+            "Add more, each with the time of its photo (--captured).",
+        )
+    doubtful = int(np.sum(np.asarray(found["status"])[used] == "doubtful"))
+    return UnitDrift(drifts(seconds / 86400, values[used]), doubtful, left_out)
+
+
+def _several(serial: str, units: Sequence[tuple[str, ...]]) -> InvalidArgument:
+    named = {name: sorted({unit[i] for unit in units}) for i, name in enumerate(UNIT)}
+    differ = {name: words for name, words in named.items() if len(words) > 1}
+    words = "; ".join(f"{name} {', '.join(map(repr, each))}" for name, each in differ.items())
+    options = " or ".join(f"--{name.replace('_', '-')}" for name in differ)
+    return InvalidArgument(f"Several units have the serial number {serial}: {words}.", f"Name one by {options}.")
+
+
+# What is left out
+
+
+def _without_curves(registry: Registry, wanted: Wanted) -> list[dict[str, Any]]:
+    where, values = wanted.where()
+    columns = ", ".join((*UNIT, *COLUMNS))
+    found = registry.arrays(f"SELECT {columns} FROM rows WHERE {where} AND coalesce(len(red), 0) = 0", values)
+    return [_row(found, i) | {"values": None} for i in range(len(found["key"]))]
+
+
+def _row(found: dict[str, Any], i: int) -> dict[str, Any]:
+    """A row that is left out; `latest`: seconds, when it was photographed at the latest."""
+    time = None if np.ma.getmaskarray(found["captured"])[i] else found["captured"][i]
+    added = found["added"][i]
+    words = {name: str(found[name][i] or "") for name in ("key", "status", "code", "reason", "inputs")}
+    latest = float(np.datetime64(added if time is None else time, "s").astype(float))
+    captured = None if time is None else f"{np.datetime64(time, 's')}Z"
+    return words | {"unit": tuple(str(found[name][i] or "") for name in UNIT), "captured": captured, "latest": latest}
+
+
+def _may_be(unit: tuple[str, ...], words: tuple[str, ...]) -> bool:
+    """No word of the one contradicts the other's; a silent one contradicts nothing."""
+    return all(not one or not other or one == other for one, other in zip(unit, words, strict=True))
+
+
+def _left_out(
+    rows: list[dict[str, Any]], statuses: Sequence[str], values: Floats, counted: tuple[Floats, set[str]]
+) -> tuple[LeftOut, ...]:
+    """The rows by time.
+
+    Args:
+        rows: what was left out.
+        statuses: of the results that count.
+        values: (n, 6) FEATURES of those that count.
+        counted: their times, rising, and their photos.
+    """
+    (times, photos), found = counted, []
+    for row in sorted(rows, key=lambda row: (row["latest"], row["key"])):
+        why = NO_TIME if row["captured"] is None else NO_UNIT
+        if row["status"] not in statuses or row["values"] is None:
+            why = NO_CURVES if row["values"] is None else DOUBTFUL
+        newest = not len(times) or (row["latest"] >= times[-1] and (not row["inputs"] or row["inputs"] not in photos))
+        steps = None
+        if row["values"] is not None and len(values):
+            steps = tuple((row["values"] - values.mean(axis=0)).tolist())
+        words = {name: row[name] for name in ("key", "captured", "status", "code", "reason")}
+        found.append(LeftOut(**words, why=why, newest=newest, steps=steps))
+    return tuple(found)
+
+
+# Features over time
+
+
+def features(curves: Floats) -> Floats:
+    """(n, 3, wavelengths) → (n, 6) FEATURES, nm: each channel's centre of mass, and its width about it."""
+    nm, s = NM[INSIDE], np.maximum(curves, 0.0)
+    weight = s.sum(axis=-1)
+    centre = (s @ nm) / weight
+    width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)
+    return np.stack([centre, width], axis=-1).reshape(len(curves), -1)
+
+
+def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
+    """A straight line through each feature, and the last against those before it.
+
+    Both are t tests, each at FALSE_ALARMS divided by their number. What scatters is taken from the results
+    themselves: it holds the light, the chart's place and the noise, as they are.
+
+    Args:
+        days: (n,) rising, n at least FEWEST.
+        values: (n, 6) FEATURES.
+    """
+    n, (first, last) = len(days), (days[0], days[-1])
+    level = FALSE_ALARMS / (2 * len(FEATURES))
+    found = []
+    for name, y in zip(FEATURES, values.T, strict=True):
+        x = days - days.mean()
+        slope, error, p_trend = 0.0, float("inf"), 1.0
+        if np.sum(x**2) > 0:
+            slope = float(x @ y / np.sum(x**2))
+            rest = y - y.mean() - slope * x
+            error = float(np.sqrt(np.sum(rest**2) / (n - 2) / np.sum(x**2)))
+            p_trend = _two_sided(slope, error, n - 2)
+        before = y[:-1]
+        step = float(y[-1] - before.mean())
+        p_step = _two_sided(step, float(before.std(ddof=1) * np.sqrt(1 + 1 / (n - 1))), n - 2)
+        change = slope * float(last - first)
+        trend = p_trend < level and abs(change) >= SMALLEST_DRIFT
+        jump = p_step < level and abs(step) >= SMALLEST_DRIFT
+        alarm = "trend" if trend and (not jump or p_trend <= p_step) else "step" if jump else ""
+        found.append(
+            Drift(name, n, float(last - first), slope * 365.25, error * 365.25, change, step, p_trend, p_step, alarm)
+        )
+    return tuple(found)
+
+
+def _two_sided(value: float, error: float, freedom: int) -> float:
+    from scipy.special import stdtr
+
+    if value == 0:
+        return 1.0
+    return float(2 * stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0

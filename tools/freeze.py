@@ -1,0 +1,392 @@
+"""What users get, kept and compared: `python -m tools.freeze write FOLDER`, later `... compare FOLDER`.
+
+Twelve simulated captures with fixed seeds, their documents, four of their pages (with pictures of them where Chromium
+is there), every export of one result, the error codes with their pages, and the hash of the golden manifest. All of
+it is made through the command line, so names within the package may change. `compare` makes everything anew and
+prints every difference with its path; it ends with 1 where there is one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from difflib import unified_diff
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Json: TypeAlias = Any
+
+ROOT = Path(__file__).parents[1]
+RELATIVE, NOUGHT = 1e-12, 1e-18
+"""Numbers differ beyond this part of the largest in their list, and by more than the second: gaps are noise there."""
+PIXELS = 1e-3
+"""Part of a picture's pixels that may differ."""
+AT_ONCE = 2
+CAMERA = "Canon EOS 5D Mark II"
+"""Of the bundled table."""
+FRAME = ("--size", "600x450", "--fill", "0.85")
+WHITE_DARK = ("--white", "white.dng", "--dark", "dark.dng")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One capture: what is simulated, and how it is calibrated.
+
+    Attributes:
+        scene: options of `simulate`.
+        call: photos and options of `calibrate`; files of the scene's folder.
+        maker: put into the simulated files in place of "camssf", the same length or shorter; "" to leave it.
+    """
+
+    scene: tuple[str, ...]
+    call: tuple[str, ...]
+    maker: str = ""
+
+
+DAY = ("--lamp", "D55")
+CAPTURES = {
+    "accepted": Capture(DAY, ("chart.dng", *DAY, *WHITE_DARK)),
+    "reference": Capture((*DAY, "--seed", "1"), ("chart.dng", *DAY, *WHITE_DARK, "--engine", "reference")),
+    "gaussian": Capture(
+        (*DAY, "--no-noise"), ("chart.dng", *DAY, *WHITE_DARK, "--basis", "gaussian", "--fit", "7-18")
+    ),
+    "tungsten-turned": Capture(
+        ("--lamp", "A", "--rotation", "180", "--cfa", "GBRG", "--seed", "2"),
+        ("chart.dng", "--lamp", "bulb", *WHITE_DARK),
+    ),
+    "two-shots": Capture(
+        (*DAY, "--lamp", "A", "--seed", "3"),
+        ("chart-D55.dng", "chart-A.dng", *DAY, "--lamp", "A", "--white", "white-D55.dng", "--white", "white-A.dng",
+         "--dark", "dark-D55.dng", "--dark", "dark-A.dng"),
+    ),
+    "unnamed": Capture(
+        (*DAY, "--camera", "phone.csv", "--seed", "4"), ("chart.dng", *WHITE_DARK), "Apple"
+    ),
+    "unnamed-camera": Capture((*DAY, "--seed", "5"), ("chart.dng", *WHITE_DARK)),
+    "semi-gloss": Capture(
+        (*DAY, "--chart", "sg140:sg.csv", "--size", "1200x900", "--seed", "6"),
+        ("chart.dng", *DAY, *WHITE_DARK, "--chart", "sg140:sg.csv", "--corners", "corners.json"),
+    ),
+    "doubtful": Capture((*DAY, "--glare", "0.03", "--seed", "8"), ("chart.dng", *DAY, "--white", "white.dng")),
+    "no-white": Capture((*DAY, "--vignetting", "0.15", "--seed", "7"), ("chart.dng", *DAY, "--dark", "dark.dng")),
+    "overexposed": Capture((*DAY, "--fault", "clipped", "--severity", "3"), ("chart.dng", *DAY, *WHITE_DARK)),
+    "covered": Capture((*DAY, "--fault", "covered", "--severity", "3"), ("chart.dng", *DAY, *WHITE_DARK)),
+}  # fmt: skip
+PAGES = ("accepted", "two-shots", "unnamed", "overexposed")
+EXPORTED = "accepted"
+
+
+# What is made
+
+
+def make(folder: Path) -> None:
+    """Everything, into an empty folder."""
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(AT_ONCE) as pool:
+        work = Path(place)
+        write_phone(work / "phone.csv")
+        write_semi_gloss(work / "sg.csv")
+        jobs = [pool.submit(capture, work, name, folder) for name in CAPTURES]
+        jobs.append(pool.submit(error_codes, folder))
+        for job in jobs:
+            job.result()
+        exports(work / EXPORTED / "out" / "result.json", folder / "exports")
+    manifest = ROOT / "golden" / "manifest.json"
+    put(folder / "golden.txt", f"{hashlib.sha256(manifest.read_bytes()).hexdigest()}\n")
+
+
+def capture(work: Path, name: str, folder: Path) -> None:
+    """Simulate and calibrate; keep the document, the exit status and, of PAGES, the page."""
+    each, own = CAPTURES[name], work / name
+    own.mkdir()
+    for table in ("phone.csv", "sg.csv"):
+        shutil.copy(work / table, own / table)
+    camera = () if "--camera" in each.scene else ("--camera", CAMERA)
+    camssf(own, "simulate", *FRAME, *camera, *each.scene, "-o", ".")
+    if each.maker:
+        for photo in own.glob("*.dng"):
+            rename_maker(photo, each.maker)
+    run = camssf(own, "calibrate", *each.call, "-o", "out", check=False)
+    put(folder / "results" / f"{name}.status", f"{run.returncode}\n")
+    document = own / "out" / "result.json"
+    if not document.exists():
+        raise SystemExit(f"{name}: calibrate wrote no result:\n{run.stderr}")
+    put(folder / "results" / f"{name}.json", document.read_text("utf-8"))
+    if name in PAGES:
+        page = own / "out" / "report.html"
+        put(folder / "pages" / f"{name}.txt", text_of_page(page.read_text("utf-8")))
+        picture_of(page, folder / "pages" / f"{name}.png", own / "profile")
+
+
+def exports(result: Path, folder: Path) -> None:
+    """One result in every format that `export --help` names."""
+    words = " ".join(camssf(result.parent, "export", "--help").stdout.split())
+    found = re.search(r"--to FORMAT One of ([\w, -]+)\.", words)
+    if found is None:
+        raise SystemExit("`camssf export --help` names no formats in the words that are looked for.")
+    for name in found[1].split(", "):
+        out = result.parent / f"exported.{name}"
+        camssf(result.parent, "export", result.name, "--to", name, "--licence", "CC0-1.0", "-o", out.name)
+        folder.mkdir(exist_ok=True)
+        shutil.copy(out, folder / name)
+
+
+def error_codes(folder: Path) -> None:
+    """The list of the codes, and what is said of each."""
+    listed = camssf(folder, "explain").stdout
+    put(folder / "errors" / "list.txt", listed)
+    for code in re.findall(r"^\s*([a-z]+(?:_[a-z]+)*)\b", listed, re.MULTILINE):
+        put(folder / "errors" / f"{code}.txt", camssf(folder, "explain", code).stdout)
+
+
+def camssf(folder: Path, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+    """A run of the command line: one thread for linear algebra, wide lines, no colours, one time in every export."""
+    one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    environment = {**os.environ, **one, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb", "SOURCE_DATE_EPOCH": "0"}
+    run = subprocess.run(
+        [sys.executable, "-m", "camssf", *words], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    if check and run.returncode:
+        raise SystemExit(f"camssf {' '.join(words)} ended with {run.returncode}:\n{run.stderr}")
+    return run
+
+
+def put(path: Path, text: str) -> None:
+    """Write a text and the folders above it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, "utf-8")
+
+
+def rename_maker(photo: Path, maker: str) -> None:
+    """Put another maker into a simulated file, whose tags lie at the same places."""
+    old = b"camssf\0"
+    data = photo.read_bytes()
+    if old not in data or len(maker) >= len(old):
+        raise SystemExit(f"{photo.name}: no maker of {len(old) - 1} letters to replace by {maker}.")
+    photo.write_bytes(data.replace(old, maker.encode().ljust(len(old), b"\0"), 1))
+
+
+def write_phone(path: Path) -> None:
+    """Curves like a phone's: bells with a flank."""
+    nm = np.arange(380, 721, 5)
+
+    def bell(centre: float, width: float) -> Any:
+        return np.exp(-0.5 * ((nm - centre) / width) ** 2)
+
+    red = bell(600, 32) + 0.12 * bell(525, 35) + 0.04 * bell(450, 25)
+    green = bell(530, 36) + 0.10 * bell(600, 30) + 0.06 * bell(460, 25)
+    blue = bell(460, 27) + 0.12 * bell(510, 25) + 0.02 * bell(600, 30)
+    write_table(path, ["wavelength_nm", "red", "green", "blue"], np.column_stack([nm, red, green, blue]))
+
+
+def write_semi_gloss(path: Path) -> None:
+    """A chart of 14 by 10 patches with smooth spectra: greys around, colours within, one white."""
+    nm, draw = np.arange(380, 721, 10), np.random.default_rng(140)
+    rise = 1 / (1 + np.exp((nm[:, None] - np.array([490, 585])) / 15))
+    bands = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]])
+    names: list[str] = []
+    columns = []
+    for row in range(1, 11):
+        for letter in "ABCDEFGHIJKLMN":
+            border = letter in "AN" or row in (1, 10)
+            grey = (0.9, 0.2, 0.04)[(len(names) + row) % 3]
+            weights = np.full(3, grey) if border else draw.uniform(0.04, 0.8, 3)
+            names.append(f"{letter}{row}")
+            columns.append((np.full(3, 0.9) if names[-1] == "E5" else weights) @ bands)
+    write_table(path, ["wavelength_nm", *names], np.column_stack([nm, *columns]))
+
+
+def write_table(path: Path, head: Sequence[str], rows: Any) -> None:
+    """A CSV."""
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows([[f"{value:.8g}" for value in row] for row in rows])
+
+
+# Pages
+
+
+class _Text(HTMLParser):
+    """The texts of a page, those of drawings included, one a line."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+        self._silent = 0
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self._silent += tag in ("style", "script")
+        self.lines += [value for name, value in attributes if name in ("alt", "aria-label", "title") and value]
+
+    def handle_endtag(self, tag: str) -> None:
+        self._silent -= tag in ("style", "script")
+
+    def handle_data(self, data: str) -> None:
+        if data.strip() and not self._silent:
+            self.lines.append(" ".join(data.split()))
+
+
+def text_of_page(html: str) -> str:
+    """What a page says, without its style and pictures."""
+    parser = _Text()
+    parser.feed(html)
+    parser.close()
+    return "".join(f"{line}\n" for line in parser.lines)
+
+
+def picture_of(page: Path, out: Path, profile: Path) -> None:
+    """What Chromium shows of a page; nothing where there is no Chromium."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        return
+    flags = ("headless", "no-sandbox", "disable-gpu", "no-first-run", "disable-background-networking",
+             "hide-scrollbars", "force-device-scale-factor=1", "window-size=1000,6000",
+             f"user-data-dir={profile}", f"screenshot={out}")  # fmt: skip
+    out.parent.mkdir(parents=True, exist_ok=True)
+    subprocess.run(
+        [browser, *(f"--{flag}" for flag in flags), page.as_uri()], check=True, capture_output=True, timeout=180
+    )
+
+
+# What differs
+
+
+def differences(kept: Path, made: Path) -> list[str]:
+    """Every difference of two folders, with its path; pictures that one side lacks are not compared."""
+    names = sorted({path.relative_to(each).as_posix() for each in (kept, made) for path in _files(each)})
+    found: list[str] = []
+    for name in names:
+        old, new = kept / name, made / name
+        if not (old.exists() and new.exists()):
+            if not name.endswith(".png"):
+                found.append(f"{name}: only {'kept' if old.exists() else 'made now'}")
+            continue
+        compare = COMPARED.get(f"{name.partition('/')[0]}{Path(name).suffix}", text_apart)
+        found += [f"{name}{words}" for words in compare(old.read_bytes(), new.read_bytes())]
+    return found
+
+
+def _files(folder: Path) -> Iterable[Path]:
+    return (path for path in folder.rglob("*") if path.is_file())
+
+
+def document_apart(old: bytes, new: bytes) -> list[str]:
+    """Numbers by RELATIVE, all else by equality."""
+    return list(_apart(json.loads(old), json.loads(new), "", 0.0))
+
+
+def _apart(old: Json, new: Json, path: str, scale: float) -> Iterator[str]:
+    """The differences below a path; `scale` is the largest number of the list that the two stand in."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted({*old, *new}):
+            if key in old and key in new:
+                yield from _apart(old[key], new[key], f"{path}/{key}", 0.0)
+            else:
+                yield f"{path}/{key}: only {'kept' if key in old else 'made now'}"
+    elif isinstance(old, list) and isinstance(new, list):
+        if len(old) != len(new):
+            yield f"{path}: {len(old)} entries kept, {len(new)} now"
+            return
+        largest = max((abs(each) for each in (*old, *new) if _is_number(each)), default=0.0)
+        for number, pair in enumerate(zip(old, new, strict=True)):
+            yield from _apart(*pair, f"{path}/{number}", largest)
+    elif _is_number(old) and _is_number(new):
+        bound = max(RELATIVE * max(abs(old), abs(new), scale), NOUGHT)
+        if abs(old - new) > bound and old != new:
+            yield f"{path}: {old!r} kept, {new!r} now (apart by {abs(old - new):.1e}, bound {bound:.1e})"
+    elif type(old) is not type(new) or old != new:
+        yield f"{path}: {_short(old)} kept, {_short(new)} now"
+
+
+def _is_number(value: Json) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _short(value: Json) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def text_apart(old: bytes, new: bytes) -> list[str]:
+    """The lines that differ; of a binary file where it first does."""
+    if old == new:
+        return []
+    try:
+        before, after = old.decode().splitlines(), new.decode().splitlines()
+    except UnicodeDecodeError:
+        first = next(
+            (i for i, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]), min(len(old), len(new))
+        )
+        return [f": {len(old)} bytes kept, {len(new)} now, the first that differs is number {first}"]
+    lines = [line for line in unified_diff(before, after, n=0, lineterm="") if line[:3] not in ("---", "+++")]
+    return [f": {line}" for line in lines if line[:2] != "@@"] or [": the ends of lines differ"]
+
+
+def picture_apart(old: bytes, new: bytes) -> list[str]:
+    """The part of the pixels that differ."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    before, after = (np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=np.int16) for data in (old, new))
+    if before.shape != after.shape:
+        return [f": {before.shape} kept, {after.shape} now"]
+    share = float((np.abs(before - after) > 2).any(axis=-1).mean())
+    return [f": {100 * share:.2f} % of the pixels differ"] if share > PIXELS else []
+
+
+COMPARED: dict[str, Callable[[bytes, bytes], list[str]]] = {
+    "results.json": document_apart,
+    "pages.png": picture_apart,
+}
+"""By a file's folder and ending; all else as text."""
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Write or compare."""
+    parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
+    parser.add_argument("what", choices=("write", "compare"))
+    parser.add_argument("folder", type=Path, help="outside of the repository; empty or new for write")
+    given = parser.parse_args(words)
+    folder = given.folder.resolve()
+    if folder.is_relative_to(ROOT):
+        parser.error(f"{given.folder} lies in the repository: name a folder outside of it.")
+    if given.what == "write":
+        if folder.exists() and any(folder.iterdir()):
+            parser.error(f"{given.folder} is not empty: name another folder.")
+        folder.mkdir(parents=True, exist_ok=True)
+        make(folder)
+        print(f"{sum(1 for _ in _files(folder))} files kept in {folder}")
+        return 0
+    if not (folder / "results").is_dir():
+        parser.error(f"{given.folder} holds nothing that `write` has kept.")
+    with tempfile.TemporaryDirectory() as place:
+        make(Path(place))
+        found = differences(folder, Path(place))
+        pictures = len(list(folder.glob("pages/*.png"))), len(list(Path(place).glob("pages/*.png")))
+    for line in found:
+        print(line)
+    if pictures[0] != pictures[1]:
+        print(f"note: {pictures[0]} pictures kept, {pictures[1]} made now; those without a partner were not compared")
+    print(f"{len(found)} differences" if found else "no difference")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
