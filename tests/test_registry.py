@@ -729,7 +729,7 @@ def test_what_a_spread_and_the_nearest_leave_out_is_counted(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["list", "missing"], "missing is no registry: there is no such folder. Name the folder that"),
+        (["list", "missing"], "There is no folder missing. Name the folder that `camssf registry add`"),
         (["list", "else"], "else is no registry: it holds no registry.json."),
         (["add", "else", "result.json"], "Name a new or an empty folder."),
         (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),

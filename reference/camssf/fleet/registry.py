@@ -42,6 +42,7 @@ ATTEMPTS = 5
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of a list."""
 
+WROTE = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
 MOVE_AWAY = "Move it away, and add its results again from their archive."
 
 _CONFIG = {
@@ -84,7 +85,7 @@ class Registry:
         library("duckdb", "The registry needs", "fleet")
         self.folder = local_folder(folder)
         if not new and not self.folder.exists():
-            raise InvalidArgument(f"There is no folder {self.folder}.", "Check the path of the registry.")
+            raise InvalidArgument(f"There is no folder {self.folder}.", WROTE)
         found = _format(self.folder, new)
         if found != FORMAT:
             raise _no_registry(self.folder, found, new)
@@ -311,8 +312,7 @@ def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
     if new:
         why, advice = "it is a file, or holds something else", "Name a new or an empty folder."
     else:
-        why = f"it holds no {MARK}" if folder.exists() else "there is no such folder"
-        advice = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
+        why, advice = f"it holds no {MARK}", WROTE
     return InvalidArgument(f"{folder} is no registry: {why}.", advice)
 
 

@@ -13,6 +13,8 @@ WINDOW = 33
 """Side of the neighbourhood of an edge, green samples."""
 CONTRAST = 0.3
 """Smallest contrast of an edge, relative to the photo's."""
+STEP = 0.3
+"""Smallest contrast of an edge, relative to its bright side above the black level; falling light is below it."""
 SIGNAL_TO_NOISE = 20.0
 """Smallest contrast of an edge, relative to the noise."""
 
@@ -32,9 +34,11 @@ def edge_width(mosaic: Mosaic) -> float | None:
     down = np.diff(light, axis=0, append=light[-1:])
     around = np.ones((WINDOW, WINDOW), np.uint8)
     steepest = cv2.dilate(np.hypot(across, down), around)
-    contrast = cv2.dilate(light, around) - cv2.erode(light, around)
+    bright = cv2.dilate(light, around)
+    contrast = bright - cv2.erode(light, around)
     noise = 1.4826 * float(np.median(np.abs(across)))
     clear = (contrast > CONTRAST * np.percentile(contrast, 99)) & (contrast > SIGNAL_TO_NOISE * noise)
+    clear &= contrast > STEP * (bright - mosaic.black[row, column])
     if not clear.any():
         return None
     widths = contrast[clear] / steepest[clear] / np.sqrt(2 * np.pi)
