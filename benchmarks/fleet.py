@@ -74,7 +74,7 @@ def shoot(home: Path, count: int) -> Path:
 def batch(manifest: Path, to: Path, *words: str) -> Run:
     """`camssf batch` in a process of its own."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    command = [sys.executable, "-m", "camssf.cli", "batch", str(manifest), "-o", str(to / "archive"), "--registry"]
+    command = [sys.executable, "-m", "camssf", "batch", str(manifest), "-o", str(to / "archive"), "--registry"]
     told = subprocess.run(
         [*command, str(to / "registry"), *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         check=False,

@@ -143,7 +143,7 @@ def test_the_pipe_is_calibrate_in_steps(
 
 @pytest.mark.slow
 def test_a_real_pipe_of_processes(triple: list[str]) -> None:
-    camssf_ = [sys.executable, "-m", "camssf.cli"]
+    camssf_ = [sys.executable, "-m", "camssf"]
     first = subprocess.Popen([*camssf_, "patches", *triple], stdout=subprocess.PIPE)
     with first:
         done = subprocess.run(
@@ -156,7 +156,7 @@ def test_a_real_pipe_of_processes(triple: list[str]) -> None:
 
 def test_a_closed_pipe_is_no_bug() -> None:
     done = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m camssf.cli lamps | head -n 1"],
+        ["bash", "-c", f"{sys.executable} -m camssf lamps | head -n 1"],
         capture_output=True,
         text=True,
         timeout=60,
@@ -597,7 +597,7 @@ def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], resu
     }.get(command, [command])
     with FULL.open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "camssf.cli", *arguments],
+            [sys.executable, "-m", "camssf", *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -616,7 +616,7 @@ def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], resu
 
 def test_a_closed_stdout_is_said() -> None:
     done = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m camssf.cli lamps >&-"], stderr=subprocess.PIPE, text=True, timeout=60
+        ["bash", "-c", f"{sys.executable} -m camssf lamps >&-"], stderr=subprocess.PIPE, text=True, timeout=60
     )
     assert done.returncode == InvalidArgument.exit_status
     assert "Standard output is closed" in done.stderr
@@ -1093,12 +1093,12 @@ def test_main_is_the_console_script() -> None:
     import tomllib
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["scripts"]["camssf"] == "camssf.cli:main"
+    assert project["scripts"]["camssf"] == "camssf.__main__:main"
     done = subprocess.run(
         [
             sys.executable,
             "-c",
-            "import sys; from camssf.cli import main; sys.argv = ['camssf', 'nosuch']; sys.exit(main())",
+            "import sys; from camssf.__main__ import main; sys.argv = ['camssf', 'nosuch']; sys.exit(main())",
         ],
         capture_output=True,
         timeout=60,

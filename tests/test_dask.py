@@ -137,6 +137,13 @@ def test_not_for_ever(drop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
 
 
+def test_a_cluster_that_lost_all_workers_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pools, "WORKERLESS", 0.0)
+    monkeypatch.setattr(Client, "nthreads", lambda self: {})
+    with pytest.raises(InvalidArgument, match="has had no worker for 0 s"):
+        hand_out(tmp_path, monkeypatch, 1, DROPS["lost"])
+
+
 def test_a_client_that_closed_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def closed(*_: Any, **__: Any) -> None:
         raise distributed.client.ClosedClientError("Can't perform action on a closed client")

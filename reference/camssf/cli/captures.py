@@ -281,8 +281,7 @@ def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], 
     if len(models) > MOST_MODELS:
         say("", f"         and {len(models) - MOST_MODELS} more models")
     for code, count in found.by_code.most_common():
-        if code:
-            say("", f"{count:>8} {code}")
+        say("", f"{count:>8} {code}")
     if crashed := found.by_status["failed"]:
         say("", f"{crashed:>8} failed: a process died, or a fault of camssf")
     rest = f"{found.resumed} from before, {found.duplicates} duplicates"

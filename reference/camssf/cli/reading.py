@@ -204,6 +204,8 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
         else:
             with open(local(source), "rb") as file:
                 data = file.read(most + 1)
+    except IsADirectoryError:
+        raise InvalidArgument(f"{name} is a folder, not a file.", "Name the files in it, as folder/*.json.") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise InvalidArgument(
             f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."

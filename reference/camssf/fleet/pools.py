@@ -11,6 +11,7 @@ import os
 import secrets
 import shutil
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -37,6 +38,8 @@ DEATHS = 2
 """Of processes that worked on a job, after which it is put aside until its files or its rows change."""
 ANSWER = 30.0
 """Seconds in which a scheduler answers, and has a worker."""
+WORKERLESS = 60.0
+"""Seconds without any worker, after which a cluster is given up; a nanny begins a new one in less."""
 AGAIN = 8
 """Times that a job is handed out again because workers died while it waited, or the cluster gave no answer."""
 PUT_ASIDE = "The process that worked on it died, twice (memory, or a damaged file). It is put aside."
@@ -125,7 +128,7 @@ def on_dask(todo: Iterator[Item], one: One, where: tuple[str, Path], desk: Desk,
 
     Raises:
         InvalidArgument: the library is missing, nobody answers, a worker has no camssf or another version, or the
-            scheduler went away; what was done until then is kept.
+            scheduler or all workers went away; what was done until then is kept.
     """
     distributed = library("distributed", "The option --dask needs", "dask")
     first = next(todo, None)
@@ -179,9 +182,18 @@ def _hand_out(
     item, todo = jobs
     running: dict[Any, Item] = {}
     lost: dict[str, int] = {}
+    seen = time.monotonic()
     try:
         while item is not None or running:
-            room = AHEAD * max(1, sum(client.nthreads().values()))
+            threads = sum(client.nthreads().values())
+            seen = time.monotonic() if threads else seen
+            if time.monotonic() - seen > WORKERLESS:
+                raise InvalidArgument(
+                    f"The Dask cluster has had no worker for {WORKERLESS:.0f} s.",
+                    "Start some with `dask worker ADDRESS --nthreads 1`, and the same command: what was done is not "
+                    "done again.",
+                )
+            room = AHEAD * max(1, threads)
             while item is not None and len(running) < room:
                 running[_submit(client, task, item)] = item
                 item = next(todo, None)

@@ -45,8 +45,8 @@ class Summary:
     """What became of a manifest.
 
     Attributes:
-        by_status: jobs by their status; by_code: by their first reason; by_model: by make and model, "" where nothing
-            was found out of it, and status.
+        by_status: jobs by their status; by_code: those with a reason, by the first one; by_model: by make and model, ""
+            where nothing was found out of it, and status.
         resumed: of these, done in an earlier run.
         duplicates: of these, made from the same files as another name.
         seconds: it took.
@@ -67,7 +67,8 @@ class Summary:
     def count(self, status: str, code: str, model: str) -> None:
         """One job."""
         self.by_status[status] += 1
-        self.by_code[code] += 1
+        if code:
+            self.by_code[code] += 1
         self.by_model.setdefault(model, Counter())[status] += 1
 
     @property
