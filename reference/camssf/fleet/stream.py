@@ -45,7 +45,7 @@ class Summary:
     """What became of a manifest.
 
     Attributes:
-        by_status: jobs by their status; by_code: those with a reason, by the first one; by_model: by make and model, ""
+        by_status: jobs by their status; by_code: those with a reason, by the first; by_model: by make and model, ""
             where nothing was found out of it, and status.
         resumed: of these, done in an earlier run.
         duplicates: of these, made from the same files as another name.
