@@ -243,6 +243,18 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert f"{value:.4f}" in err
 
 
+@pytest.mark.parametrize("name", ["chart.dng", "white.dng", "truth.csv"])
+def test_a_simulation_replaces_no_file_of_another(name: str, shots: Path, tmp_path: Path) -> None:
+    words = ["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)]
+    own = tmp_path / name
+    own.write_bytes(b"mine")
+    assert cli.main(words) == InvalidArgument.exit_status
+    assert own.read_bytes() == b"mine"
+    assert list(tmp_path.iterdir()) == [own]
+    own.unlink()
+    assert [cli.main(words), cli.main(words)] == [0, 0]  # its own it replaces
+
+
 def test_simulate_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "shots"
     arguments = ["simulate", "--lamp", "D55", "--lamp", "2856K", "--size", "480x360", "--no-noise", "-o", str(out)]

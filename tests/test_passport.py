@@ -26,6 +26,7 @@ from test_report import document, refused
 from camssf import cli
 from camssf.documents.report import report
 from camssf.errors import InvalidArgument, PassportInvalid, UnreadableRaw
+from camssf.exports import read_result
 from camssf.photo.unit import Taken, Unit, read_unit
 
 pytest.importorskip("cryptography", reason="cryptography is not here")
@@ -253,8 +254,11 @@ def test_what_was_printed_can_be_verified_again() -> None:
         {"excerpt": None},
     ):  # fmt: skip
         refuses(json.dumps(whole | change).encode())
+        with pytest.raises((InvalidArgument, PassportInvalid)):
+            read_result(whole | change)
     for gone in ("basis", "excerpt"):
         refuses(json.dumps({name: value for name, value in whole.items() if name != gone}).encode())
+    assert read_result(whole).sha256 == whole["excerpt"]["result_sha256"]
     with pytest.raises(InvalidArgument, match="excerpt"):
         draw_up(data, Said())
 

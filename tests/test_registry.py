@@ -710,6 +710,21 @@ def test_what_is_left_out_of_a_drift_is_named(
     assert found.features[0].results == 5
 
 
+def test_an_older_result_that_was_left_out_is_listed(one: Registry, capsys: pytest.CaptureFixture[str]) -> None:
+    one.add([*history(5, 0), last(captured=START + timedelta(days=45))])
+    assert run("compare", one.folder, "--serial", "A1") == 0
+    found = validated(json.loads(capsys.readouterr().out), "camssf-drift/1")
+    assert [each["newest"] for each in found["left_out"]] == [False]
+
+
+def test_a_time_to_come_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    words = ("add", tmp_path / "new", tmp_path / "result.json", "--serial", "A", "--captured", "9000-01-01")
+    assert run(*words) == InvalidArgument.exit_status
+    assert "lies in the future" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
 def test_what_a_spread_and_the_nearest_leave_out_is_counted(
     one: Registry, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -54,8 +54,6 @@ STOPPED = "Run the same command again to resume: what is done is not done again.
 MOST_MODELS = 20
 """Of a batch's summary on the terminal; the JSON has all."""
 DEMO_SIZE = (1800, 1350)
-SIMULATED = "camssf"
-"""The maker that a simulated camera names."""
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
 
@@ -102,11 +100,12 @@ def demo(
 def _check_demo(out: Path) -> None:
     """Raise where a demo would replace the result of a real capture."""
     from camssf.documents.report import holds_result, read_document
+    from camssf.simulation.dng import MAKE
 
     if not holds_result(local_folder(out)):
         return
     with suppress(InvalidArgument):
-        if read_document(out / "result.json")["camera"]["make"] == SIMULATED:
+        if read_document(out / "result.json")["camera"]["make"] == MAKE:
             return
     raise InvalidArgument(
         f"{out} holds a result that is no demo's, and would be replaced.", "Give the demo another folder by -o."
@@ -136,7 +135,7 @@ def calibrate(
     """RAW photos of a chart to the camera's curves."""
     from camssf.calibration import attempt
     from camssf.documents.beside import taken
-    from camssf.documents.report import report
+    from camssf.documents.report import report, verdict_in
     from camssf.options import Options
 
     if out is not None:
@@ -173,7 +172,10 @@ def calibrate(
             emit(document)
         else:
             progress("writing the report", 0.95)
-            report(document, result.previews, beside=taken(photos)).save(out)
+            page = report(document, result.previews, beside=taken(photos))
+            if document["verdict"]["status"] == "doubtful" and verdict_in(out) == "accepted":
+                say("", f"{out} held an accepted result; this doubtful one takes its place")
+            page.save(out)
     summarise(document, None if out is None else out / "report.html")
     finish(document)
 

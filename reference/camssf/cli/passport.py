@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from camssf.cli.options import CameraId, Captured, Document, Lens
-from camssf.cli.reading import given_paths, parse_time, read_bytes, read_list, read_received, spare
+from camssf.cli.reading import check_captured, given_paths, parse_time, read_bytes, read_list, read_received, spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument, PassportInvalid
 
@@ -93,6 +93,7 @@ def sign(
     from camssf.files import write_file
     from camssf.photo.unit import Unit
 
+    check_captured(captured)
     data = read_bytes(result, LARGEST_DOCUMENT)
     said = Said(
         unit=Unit(serial=serial, camera_id=camera_id, lens=lens),

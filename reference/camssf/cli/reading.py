@@ -6,7 +6,7 @@ import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -268,6 +268,17 @@ def parse_time(text: str | None) -> datetime | None:
         return datetime.fromisoformat(text).astimezone()
     except (ValueError, OverflowError):
         raise InvalidArgument(f"{text!r} is not a time.", "Write ISO 8601, as 2026-11-22T10:30:00+01:00.") from None
+
+
+def check_captured(text: str) -> None:
+    """Raise unless this is a time that has passed, a day for time zones and clocks aside; "" is none.
+
+    Raises:
+        InvalidArgument: it is not.
+    """
+    time = parse_time(text or None)
+    if time is not None and time > datetime.now().astimezone() + timedelta(days=1):
+        raise InvalidArgument(f"The photo's time {text} lies in the future.", "Give the time at which it was taken.")
 
 
 def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:

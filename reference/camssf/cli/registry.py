@@ -15,7 +15,7 @@ import typer
 
 from camssf import __version__
 from camssf.cli.options import CameraId, Captured, Lens
-from camssf.cli.reading import given_paths, name_of, parse_time, read_bytes, read_list, read_result
+from camssf.cli.reading import check_captured, given_paths, name_of, read_bytes, read_list, read_result
 from camssf.cli.terminal import PARTED, UNDECIDED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
 
@@ -68,7 +68,7 @@ def add(
     from camssf.fleet.rows import Origin, row
     from camssf.photo.unit import Unit
 
-    parse_time(captured or None)
+    check_captured(captured)
     found, rows, read, passports = Registry(folder, new=True), [], [], []
     for path in given_paths("RESULT", results):
         data = read_bytes(path, LARGEST_DOCUMENT)

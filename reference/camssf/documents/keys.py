@@ -193,6 +193,8 @@ def _bytes(path: Path | str, most: int, *, private: bool = False) -> bytes:
         raise InvalidArgument(
             f"{path} cannot be read ({getattr(error, 'strerror', None) or error}).", "Check the path."
         ) from error
+    if private and b"PUBLIC KEY" in data:
+        raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
     if private and os.name == "posix" and mode & 0o077:
         raise InvalidArgument(
             f"Others than its owner may read or change the private key {path} (mode {mode:03o}).",

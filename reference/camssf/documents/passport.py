@@ -284,6 +284,16 @@ def as_document(token: bytes, passport: Passport) -> Json:
     return _printed(_token(token)[0], passport)
 
 
+def check_printed(document: Json) -> None:
+    """Check that what was printed of a passport is what the passport holds; its signature is not looked at.
+
+    Raises:
+        PassportInvalid: it is not.
+    """
+    token = document["excerpt"]["passport"].encode("utf-8", "replace")
+    _check_printed(document, token, read(token)[0])
+
+
 def _printed(token: bytes, passport: Passport) -> Json:
     return passport.result | {"excerpt": {"result_sha256": passport.result_sha256, "passport": token.decode()}}
 
@@ -350,7 +360,7 @@ def _check_claim(claims: Json, name: str) -> None:
             raise BrokenError("", "must be written without a fraction")
         if name == "result":
             excerpt_of = {"result_sha256": claims["result_sha256"], "passport": ""}
-            check_document(value | {"excerpt": excerpt_of}, "it", excerpt=True)
+            check_document(value | {"excerpt": excerpt_of}, "the result", excerpt=True)
     except (BrokenError, InvalidArgument) as error:
         why = error.message if isinstance(error, InvalidArgument) else f"{name}{error.args[0]} {error.args[1]}."
         raise PassportInvalid(

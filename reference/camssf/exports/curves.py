@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from camssf.documents.passport import check_printed
 from camssf.documents.report import check_document, document_bytes
 from camssf.documents.scale import channel_scale, no_scale
 from camssf.errors import InvalidArgument
@@ -112,8 +113,11 @@ def read_result(document: dict[str, Any]) -> Curves:
 
     Raises:
         InvalidArgument: the document breaks its form, or it was refused and has no curves.
+        PassportInvalid: an excerpt is not what its passport holds.
     """
     checked = check_document(document, "document", excerpt=True)
+    if "excerpt" in checked:
+        check_printed(checked)
     verdict = checked["verdict"]
     codes = tuple(dict.fromkeys(reason["code"] for reason in verdict["reasons"]))
     if "ssf" not in checked:

@@ -227,7 +227,8 @@ def _left_out(
         why = NO_TIME if row["captured"] is None else NO_UNIT
         if row["status"] not in statuses or row["values"] is None:
             why = NO_CURVES if row["values"] is None else DOUBTFUL
-        newest = not len(times) or (row["latest"] >= times[-1] and (not row["inputs"] or row["inputs"] not in photos))
+        other_photos = not row["inputs"] or row["inputs"] not in photos
+        newest = not len(times) or (row["latest"] >= float(times[-1]) and other_photos)
         steps = None
         if row["values"] is not None and len(values):
             steps = tuple((row["values"] - values.mean(axis=0)).tolist())

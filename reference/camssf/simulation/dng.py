@@ -13,6 +13,9 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.simulation.setup import FileTags
 from camssf.spectra import CameraCurves, colour_science
 
+MAKE = "camssf"
+"""What a simulated photo names as its maker."""
+
 
 def write_dng(
     path: Path,
@@ -30,7 +33,7 @@ def write_dng(
     height, width = samples.shape
     pattern = bytes("RGB".index(letter) for letter in tags.cfa)
     extra: list[tuple[int, int, int, Any, bool]] = [
-        (271, 2, 0, "camssf", True),
+        (271, 2, 0, MAKE, True),
         (272, 2, 0, camera.name.encode("ascii", "replace").decode(), True),
         (274, 3, 1, 1, True),
         (33421, 3, 2, (2, 2), True),

@@ -8,6 +8,7 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from os import PathLike
@@ -15,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from camssf.errors import InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import local_folder
 from camssf.grid import Floats
 from camssf.photo.pose import Pose
+from camssf.photo.unit import read_unit
 from camssf.simulation.camera import Sensor, check_sensor
-from camssf.simulation.dng import write_dng, write_truth
+from camssf.simulation.dng import MAKE, write_dng, write_truth
 from camssf.simulation.scene import (
     Scene,
     check_scene,
@@ -98,7 +100,8 @@ def simulate(
         change: what goes wrong with the last lamp's shot (`camssf.simulation.faults`).
 
     Raises:
-        InvalidArgument: a setting is out of range, or the chart does not fit into the picture.
+        InvalidArgument: a setting is out of range, the chart does not fit into the picture, or a file that no
+            simulation wrote would be replaced.
     """
     scene, sensor = scene or Scene(), sensor or Sensor()
     body = read_camera(camera)
@@ -148,6 +151,8 @@ def simulate(
             Path(aside, "corners.json").write_text(corners_json(poses), "utf-8")
             written = sorted(Path(aside).iterdir())
             for path in written:
+                _check_replaced(folder / path.name)
+            for path in written:
                 if (folder / path.name).is_dir():
                     raise IsADirectoryError(errno.EISDIR, f"{path.name} is a folder there")
             for path in written:
@@ -159,6 +164,19 @@ def simulate(
         ) from error
     truth, corners = folder / "truth.csv", folder / "corners.json"
     return Simulation(tuple(shots), truth, pose, body.name, table.name, scene, sensor, seed, corners)
+
+
+def _check_replaced(path: Path) -> None:
+    """Raise where a file that no simulation wrote would be replaced."""
+    if not path.is_file():
+        return
+    if path.suffix == ".dng":
+        with suppress(CalibrationError):
+            if read_unit(path).unit.make == MAKE:
+                return
+    elif (path.parent / "corners.json").is_file():
+        return
+    raise InvalidArgument(f"{path} is no simulated file, and would be replaced.", "Name another folder by -o.")
 
 
 def corners_json(poses: Mapping[str, Pose]) -> str:
