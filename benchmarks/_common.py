@@ -21,16 +21,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from camssf.curves import basis as bases
-from camssf.curves.basis import Basis, interpolate
-from camssf.curves.engine import onnx_runtime
-from camssf.curves.evidence import Evidence
-from camssf.curves.finish import finish, finish_steps
-from camssf.curves.layers import DEPTH, LAYERS
-from camssf.curves.problem import Problem as Convex
-from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery import basis as bases
+from camssf.recovery.basis import Basis, interpolate
+from camssf.recovery.elastic_net import ElasticNet as Convex
+from camssf.recovery.layers import DEPTH, LAYERS
+from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.onnx_model import onnx_runtime
+from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
 from camssf.spectra import read_chart, read_lamp
 
 Long: TypeAlias = NDArray[np.longdouble]
@@ -92,10 +92,10 @@ class Problem:
         return anchor(basis, self.inputs["white_reflectance"] * self.inputs["lamp"][0])
 
     @property
-    def evidence(self) -> Evidence:
+    def evidence(self) -> Observation:
         """What the model is told, as the reference takes it."""
         given = self.inputs
-        return Evidence(
+        return Observation(
             (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
             given["reflectance"],
             given["lamp"],
@@ -107,19 +107,19 @@ class Problem:
             lamp_modes=given["lamp_modes"],
         )
 
-    def sensing(self, basis: Basis) -> Sensing:
+    def sensing(self, basis: Basis) -> LinearModel:
         """The reference's rows and covariance."""
-        return sense(self.evidence, basis)
+        return linear_model(self.evidence, basis)
 
-    def penalties(self, sensing: Sensing) -> Floats:
+    def penalties(self, linear: LinearModel) -> Floats:
         """(p,) γ of each of the convex problems."""
-        return np.full(len(sensing.matrix), self.gamma)
+        return np.full(len(linear.matrix), self.gamma)
 
 
 @cache
 def cameras() -> tuple[dict[str, Floats], str]:
     """Measured cameras, name → (681, 3), and a sentence that says which."""
-    from camssf.tools.training import read_curves
+    from camssf.learning.training import read_curves
 
     return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
 
@@ -205,25 +205,25 @@ def make_problem(
     return Problem(inputs, basis, label)
 
 
-def whiten(sensing: Sensing) -> tuple[Floats, Floats]:
+def whiten(linear: LinearModel) -> tuple[Floats, Floats]:
     """Σ^-½ A (p, N, r) and Σ^-½ b (p, N) by Cholesky: neither engine's inverse."""
     from scipy.linalg import solve_triangular
 
     rows, targets = [], []
-    for A, b, sigma in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True):
+    for A, b, sigma in zip(linear.matrix, linear.target, linear.covariance, strict=True):
         root = np.linalg.cholesky(sigma)
         rows.append(solve_triangular(root, A, lower=True))
         targets.append(solve_triangular(root, b, lower=True))
     return np.stack(rows), np.stack(targets)
 
 
-def whiten_finely(sensing: Sensing) -> tuple[Long, Long]:
+def whiten_finely(linear: LinearModel) -> tuple[Long, Long]:
     """The same in long double, from the same float64 numbers: 11 bits more, so that rounding is the judged's alone.
 
     Gauss' elimination of (Σ | A | b), row by row; its pivot rows over the pivots' roots are L⁻¹ (A | b).
     """
     rows, targets = [], []
-    for A, b, sigma in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True):
+    for A, b, sigma in zip(linear.matrix, linear.target, linear.covariance, strict=True):
         system = np.column_stack([sigma, A, b]).astype(np.longdouble)
         for i in range(len(b)):
             system[i] /= np.sqrt(system[i, i])
@@ -246,9 +246,9 @@ def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
 def relative_gap(A: Floats | Long, b: Floats | Long, x: Floats, l2: float, gamma: float, nonnegative: bool) -> float:
     """Relative duality gap of x from whitened rows (N, r), (N,), in their precision; γ > 0 or λ₂ > 0.
 
-    The two gaps of `camssf.curves.proof`, written anew: with λ₂ > 0 the penalty's conjugate in its plain form,
-    (|g| - γ)₊² / (2 λ₂), which cancels where the engine's does not. A code with a negative entry where x ≥ 0 is asked
-    is judged after that entry is set to zero.
+    The two gaps of `camssf.recovery.duality_gap`, written anew: with λ₂ > 0 the penalty's conjugate in its plain
+    form, (|g| - γ)₊² / (2 λ₂), which cancels where the engine's does not. A code with a negative entry where x ≥ 0 is
+    asked is judged after that entry is set to zero.
     """
     z = np.asarray(np.maximum(x, 0.0) if nonnegative else x, dtype=A.dtype)
     r = b - A @ z
@@ -271,17 +271,17 @@ def gaps(A: Floats | Long, b: Floats | Long, x: Floats, problem: Problem) -> Flo
     return np.array([relative_gap(*each, problem.l2, problem.gamma, problem.nonnegative) for each in given])
 
 
-def convex(sensing: Sensing, problem: Problem) -> list[Convex]:
+def convex(linear: LinearModel, problem: Problem) -> list[Convex]:
     """The convex problems of a call, as the reference's layers take them."""
     return [
-        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative) for A, b in zip(*whiten(sensing), strict=True)
+        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative) for A, b in zip(*whiten(linear), strict=True)
     ]
 
 
 def forced(each: Convex) -> Floats:
     """The exact code: the finish from the layers' answer, whether their own proof asks for it or not."""
     z = LAYERS["splitting"](each).unroll(DEPTH)
-    return finish(each, z, finish_steps(z.size))[0]
+    return pivot_to_optimum(each, z, finish_steps(z.size))[0]
 
 
 def curves(basis: Basis, code: Floats) -> Floats:
@@ -297,7 +297,7 @@ def distance(s: Floats, other: Floats) -> Floats:
 
 
 def open_model(content: bytes) -> Any:
-    """An ONNX model as a session of one thread, its graph as it stands: what `camssf.curves.engine` does."""
+    """An ONNX model as a session of one thread, its graph as it stands: what `camssf.recovery.onnx_model` does."""
     runtime = onnx_runtime()
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

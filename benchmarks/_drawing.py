@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import Floats
-from camssf.photo.finder.kinds import kinds
-from camssf.photo.layouts import LAYOUTS, block_corners, map_points
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.layouts import LAYOUTS, block_corners, map_points
+from camssf.photo.read.dng import Mosaic
 
 BLACK, WHITE = 512.0, 16383.0
 CAMERA = np.array([[0.75, 0.18, 0.02], [0.22, 0.70, 0.20], [0.03, 0.12, 0.78]])
@@ -106,7 +106,9 @@ def _put(drawing: Drawing, picture: NDArray[np.float32]) -> None:
     """The chart, four samples a pixel: patches of 0.88 pitch or less in a black frame, that in a grey holder."""
     layout = LAYOUTS[drawing.chart]
     height, width = picture.shape[:2]
-    colours = {kind.name: kind.colours for kind in kinds()}["sg140" if layout.columns == 14 else "classic24"] @ CAMERA
+    colours = {kind.name: kind.colours for kind in chart_colours()}[
+        "sg140" if layout.columns == 14 else "classic24"
+    ] @ CAMERA
     back = np.linalg.inv(_plane(drawing))
     corners = truth(drawing)[0]
     middle = corners.mean(axis=0)

@@ -12,14 +12,14 @@ import numpy as np
 
 from benchmarks.spectrograph import Spectrograph, shoot
 from camssf.calibration import calibrate
-from camssf.curves.basis import Basis
 from camssf.direct.spectrograph import divide
 from camssf.errors import CalibrationError
-from camssf.evidence.scores import rmse, rmsre, validate
+from camssf.fit.scores import rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import measure
 from camssf.photo.signals import normalise
+from camssf.recovery.basis import Basis
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene

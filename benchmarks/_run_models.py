@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 
-from camssf.curves.engine import load_model
+from camssf.recovery.onnx_model import load_model
 
 
 def main(given: str, made: str) -> None:

@@ -33,10 +33,11 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks._common import CURVES, RESULTS, chart, console, lamp, one_thread, progress, save, table, versions
-from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.choice import recover
-from camssf.curves.code import solve as solve_code
-from camssf.curves.covariance import (
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.learning.basis import learn
+from camssf.learning.training import maker_of, read_curves
+from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.covariance import (
     ABSOLUTE,
     CHANNEL_SHARE,
     CHART_CORRELATION,
@@ -48,14 +49,13 @@ from camssf.curves.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.curves.evidence import Evidence
-from camssf.curves.penalties import GAMMA, L2
-from camssf.curves.sensing import Sensing, anchor, sense
-from camssf.curves.ssf import Ssf, moves_of_peak_one, own_blocks
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.penalties import GAMMA, L2
+from camssf.recovery.sensitivity import Ssf, moves_of_peak_one, own_blocks
+from camssf.recovery.solve import solve as solve_code
 from camssf.spectra import read_chart, read_lamp
-from camssf.tools.learn import learn
-from camssf.tools.training import maker_of, read_curves
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 BINS = tuple(range(400, 700, 20))
@@ -179,17 +179,17 @@ def judge(found: Found, camera: Floats) -> tuple[Floats, Floats | None]:
     return rmse, None if std is None else (np.abs(wrong) <= 1.96 * std.T).astype(float)
 
 
-def apart(sensing: Sensing) -> Sensing:
+def apart(linear: LinearModel) -> LinearModel:
     """The same rows, where no channel knows of another's errors."""
-    channel = np.repeat(np.arange(3), sensing.target.shape[1] // 3)
-    return replace(sensing, covariance=np.where(channel[:, None] == channel, sensing.covariance, 0.0))
+    channel = np.repeat(np.arange(3), linear.target.shape[1] // 3)
+    return replace(linear, covariance=np.where(channel[:, None] == channel, linear.covariance, 0.0))
 
 
-def answer_of(sensing: Sensing, evidence: Evidence, basis: Basis) -> Found:
+def answer_of(linear: LinearModel, observation: Observation, basis: Basis) -> Found:
     """What `recover` makes of rows on a basis with a prior, at the product's penalties."""
-    code = solve_code(sensing, L2, np.array([GAMMA]))
+    code = solve_code(linear, L2, np.array([GAMMA]))
     x = code.values.reshape(3, -1)
-    book = anchor(basis, evidence.white_reflectance * evidence.lamp[0])
+    book = anchor(basis, observation.white_reflectance * observation.lamp[0])
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, x)
     moves = moves_of_peak_one(book, curves)
     spread = own_blocks(np.linalg.inv(code.precision[0] + np.eye(x.size)))
@@ -198,10 +198,10 @@ def answer_of(sensing: Sensing, evidence: Evidence, basis: Basis) -> Found:
     return (curves / peak).T, (std / peak).T
 
 
-def declared(setting: Setting, y: Floats, error: Floats) -> Evidence:
+def declared(setting: Setting, y: Floats, error: Floats) -> Observation:
     """The signals, and what is told of chart, white and lamps."""
     lamps = np.stack([lamp(name) for name in setting.lamps])
-    return Evidence(y, chart()[slice(*setting.patches)], lamps, standard_error=error, **setting.tolerances())
+    return Observation(y, chart()[slice(*setting.patches)], lamps, standard_error=error, **setting.tolerances())
 
 
 def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis) -> Found:
@@ -210,10 +210,12 @@ def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis)
     told = setting.tolerances()
     if method == PAPER:
         told = {key: told[key] for key in ("chart_tolerance", "white_tolerance")}
-        return recover(Evidence(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian").peak()
+        return recover(
+            Observation(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian"
+        ).peak()
     evidence = declared(setting, y, error)
     if method == APART:
-        return answer_of(apart(sense(evidence, basis)), evidence, basis)
+        return answer_of(apart(linear_model(evidence, basis)), evidence, basis)
     l2, gamma = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
     return recover(evidence, basis=basis, l2=l2, gamma=gamma, engine="reference").peak()
 
@@ -292,7 +294,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
         y = y * (1.0 + DRIFT * rng.normal(size=(len(lamps), 1, 1)))
         own = INDEPENDENT_SHARE * told["chart_tolerance"] * y
         y = y + np.hypot(error, own) * rng.normal(size=y.shape)
-        answer = recover(Evidence(y, given, lamps, standard_error=error, **told), basis="cameras")
+        answer = recover(Observation(y, given, lamps, standard_error=error, **told), basis="cameras")
         got, std = answer.peak()
         assert std is not None
         errors.append((got - camera / camera.max(axis=0))[SEEN])

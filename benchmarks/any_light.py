@@ -29,20 +29,20 @@ from benchmarks.accuracy import LOW, SEEN
 from benchmarks.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.wrong_lamps import populations, stands_in
 from camssf.calibration import solve
-from camssf.curves.basis import Basis
-from camssf.curves.light import temperature
-from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError
-from camssf.evidence.problem import pose_problem
+from camssf.fit.capture_fit import prepare_fit
 from camssf.grid import Floats
+from camssf.learning.training import maker_of
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
-from camssf.photo.layouts import LAYOUTS
+from camssf.photo.find.layouts import LAYOUTS
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
-from camssf.photo.pose import Pose
+from camssf.recovery.basis import Basis
+from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
-from camssf.spectra.families import FAMILIES, Kind, principal_modes
-from camssf.tools.training import maker_of
+from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
@@ -89,7 +89,7 @@ def unnamed(lamp: str) -> Unnamed:
     found = []
     for each in Unnamed().kinds:
         family = FAMILIES[each.name]
-        if isinstance(family, Kind) and lamp in family.members:
+        if isinstance(family, LampKind) and lamp in family.members:
             rest = [read_lamp(member).values for member in family.members if member != lamp]
             mean, modes = principal_modes(rest, family.components)
             each = replace(each, values=mean / mean.mean(), modes=modes)
@@ -134,9 +134,9 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
         done = solve(asked, options=options)
         status, codes, ssf = done.verdict.status, tuple(each.code for each in done.verdict.reasons), done.ssf
     except CalibrationError as error:
-        problem = pose_problem(asked, options)
+        fit = prepare_fit(asked, options)
         status, codes = "refused", tuple(each.code for each in error.reasons) or (error.code,)
-        ssf = problem.solve(problem.signals.used, None)
+        ssf = fit.solve(fit.signals.used, None)
     curves, std = ssf.peak()
     assert std is not None  # both bases have bands
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]

@@ -18,25 +18,25 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks._common import console, one_thread, save, table, versions
-from camssf.curves.basis import read_basis
-from camssf.curves.choice import FAMILIES, recover
-from camssf.curves.engine import Model
-from camssf.curves.evidence import Evidence
-from camssf.curves.light import Guess, by_modes, recover_in_any_light
-from camssf.curves.ssf import answer
 from camssf.grid import Floats
+from camssf.recovery.basis import read_basis
+from camssf.recovery.hypotheses import FAMILIES, recover
+from camssf.recovery.observation import Observation
+from camssf.recovery.onnx_model import Model
+from camssf.recovery.sensitivity import answer
+from camssf.recovery.unnamed_light import LampGuess, by_modes, recover_in_any_light
 from camssf.spectra import Unnamed, read_chart, read_lamp
 
 BAR = 3.0
 """Calls with four kinds, in calls with one lamp."""
 
 
-def named() -> Evidence:
+def named() -> Observation:
     """The mean phone under D55, by its name."""
     chart, lamp = read_chart("classic24"), read_lamp("D55")
     s = read_basis("phones").mean.T
     y = ((chart.values * lamp.values) @ s) / (lamp.values @ s)
-    return Evidence(
+    return Observation(
         y[None], chart.values, lamp.values[None], standard_error=np.hypot(0.005 * y, 0.001)[None],
         chart_tolerance=chart.tolerance, lamp_tolerance=np.array([lamp.tolerance]),
     )  # fmt: skip
@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     rounds = parser.parse_args(arguments).rounds
     given = named()
     guesses = [
-        Guess((kind.name,), replace(given, lamp=kind.values[None], lamp_tolerance=np.array([kind.tolerance]),
+        LampGuess((kind.name,), replace(given, lamp=kind.values[None], lamp_tolerance=np.array([kind.tolerance]),
                                     lamp_modes=kind.modes[None]))
         for kind in Unnamed().kinds
     ]  # fmt: skip
@@ -65,11 +65,11 @@ def main(arguments: list[str] | None = None) -> int:
 
     calls: dict[str, Callable[[], object]] = {"one lamp, by name": lambda: answer(given, "phones")}
     for guess in guesses:
-        calls[f"{guess.kinds[0]}, by kind"] = lambda guess=guess: answer(guess.evidence, "phones")  # type: ignore[misc]
-        calls[f"{guess.kinds[0]}, its light"] = lambda guess=guess: answer(by_modes(guess.evidence), "phones")  # type: ignore[misc]
+        calls[f"{guess.kinds[0]}, by kind"] = lambda guess=guess: answer(guess.observation, "phones")  # type: ignore[misc]
+        calls[f"{guess.kinds[0]}, its light"] = lambda guess=guess: answer(by_modes(guess.observation), "phones")  # type: ignore[misc]
     calls["an answer, lamp named"] = lambda: recover(given)
     calls["an answer, four kinds"] = lambda: [
-        answer(guess.evidence, name, prior_scale=scale)
+        answer(guess.observation, name, prior_scale=scale)
         for guess in guesses
         for name in FAMILIES
         for scale in (1.0, 2.0)
@@ -78,7 +78,8 @@ def main(arguments: list[str] | None = None) -> int:
     by_name = {guess.kinds[0]: guess for guess in guesses}
     solved = [weight for weight in found.choice if weight.probability >= 0.001]
     calls["an answer's lights"] = lambda: [
-        answer(by_modes(by_name[each.kinds[0]].evidence), each.basis, prior_scale=each.prior_scale) for each in solved
+        answer(by_modes(by_name[each.kinds[0]].observation), each.basis, prior_scale=each.prior_scale)
+        for each in solved
     ]
     times: dict[str, list[float]] = {name: [] for name in calls}
     Model.run = timed  # type: ignore[method-assign]

@@ -28,8 +28,8 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.certify import draw
-from camssf.curves.engine import OUTPUTS, SHIPPED, load_model
 from camssf.grid import Floats
+from camssf.recovery.onnx_model import OUTPUTS, SHIPPED, load_model
 
 BAR, GAP_BAR = 1e-10, 1e-9
 UNCOMPARED = ("gap", "layers_gap", "finish_steps")

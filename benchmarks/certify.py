@@ -72,13 +72,13 @@ from benchmarks._common import (
 )
 from benchmarks.lamps import draw as draw_kind
 from benchmarks.lamps import tolerance as tolerance_of_kind
-from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.code import solve
-from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
-from camssf.curves.engine import SHIPPED, load_model
-from camssf.curves.penalties import GAMMA, L2
-from camssf.curves.ssf import LARGEST_GAP
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.recovery.onnx_model import SHIPPED, load_model
+from camssf.recovery.penalties import GAMMA, L2
+from camssf.recovery.sensitivity import LARGEST_GAP
+from camssf.recovery.solve import solve
 from camssf.spectra import read_chart
 from camssf.spectra.families import FAMILIES
 

@@ -31,14 +31,13 @@ from benchmarks.phones import OTHERS, Device, phones_left_out
 from benchmarks.wrong_lamps import stands_in
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
-from camssf.evidence.checks import Check
-from camssf.evidence.reasons import Verdict
+from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture, Shot
-from camssf.simulation.setup import Setup
+from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import Light, read_chart, read_lamp
-from camssf.tools.learn import read_curves
-from camssf.tools.training import maker_of
+from camssf.verdict.checks import Check
+from camssf.verdict.reasons import Verdict
 
 BULBS = ("2000K", "2150K", "2300K", "2500K", "2700K", "3000K", "3500K", "4000K")
 DAYLIGHT = ("D:4500", "D:5000", "D:5500", "D:6000", "D:6500", "D:7000", "D:7500", "D:8500", "D:10000")
@@ -101,9 +100,9 @@ def of_phone(device: Device, number: int, draws: int) -> Iterator[tuple[str, Jud
                 yield NO_MAKER, judged(shot, unnamed(lamp), "", "", half)
 
 
-def offset(setup: Setup, what: str, size: float, white: bool) -> Setup:
+def offset(plan: ShotPlan, what: str, size: float, white: bool) -> ShotPlan:
     """No dark frame, and stray light or a black level that the file does not tell; in even light without a white."""
-    scene, sensor = setup.scene, setup.sensor
+    scene, sensor = plan.scene, plan.sensor
     if not white:
         scene = replace(scene, vignetting=0.4 * scene.vignetting)
     if what == "stray light":
@@ -112,7 +111,7 @@ def offset(setup: Setup, what: str, size: float, white: bool) -> Setup:
     if what == "black level":
         sensor = replace(sensor, black=sensor.black + size * (sensor.white_level - sensor.black))
     return replace(
-        setup, scene=scene, sensor=sensor, tags=dict.fromkeys(("chart", "white", "dark"), told),
+        plan, scene=scene, sensor=sensor, tags=dict.fromkeys(("chart", "white", "dark"), told),
         handed_in={"chart": "chart", "white": "white" if white else None, "dark": None},
     )  # fmt: skip
 

@@ -45,15 +45,15 @@ from camssf.colour.camera import OwnWhite
 from camssf.colour.spaces import white_of, xyz_of
 from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import FOLDS, fit, signals_of, terms
-from camssf.curves.basis import Basis, interpolate
-from camssf.curves.choice import recover
-from camssf.curves.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
-from camssf.curves.evidence import Evidence
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.learning.training import HANDFUL, maker_of, read_curves
+from camssf.recovery.basis import Basis, interpolate
+from camssf.recovery.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.observation import Observation
 from camssf.spectra import colour_science, read_chart, read_lamp
 from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
-from camssf.tools.training import HANDFUL, maker_of, read_curves
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}
@@ -105,11 +105,11 @@ def calibrate(case: Case, names: tuple[str, ...], rng: np.random.Generator, *, o
     seen = read_chart("classic24:ohta").values
     y = ((true[:, None, :] * seen) @ case.curves) / (true @ case.curves)[:, None, :]
     error = np.hypot(LOW[0] * y, LOW[1])
-    evidence = Evidence(
+    observation = Observation(
         y + error * rng.normal(size=y.shape), chart(), lamps, standard_error=error, chart_tolerance=CHART,
         white_tolerance=WHITE, lamp_tolerance=0.02 if off else 0.0,
     )  # fmt: skip
-    answer = recover(evidence, basis=case.basis, engine="reference")
+    answer = recover(observation, basis=case.basis, engine="reference")
     raw = true[0] @ case.curves
     own = OwnWhite(raw / raw[1], read_lamp(names[0]))
     return camera_of_ssf(answer, case.basis, lamps[0], own)

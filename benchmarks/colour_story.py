@@ -34,9 +34,9 @@ from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import signals_of
 from camssf.files import write_file
 from camssf.grid import Floats
+from camssf.learning.training import maker_of
 from camssf.spectra import read_chart
 from camssf.spectra.appearance import delta_e00
-from camssf.tools.training import maker_of
 
 NAMES = ("Canon EOS 5D", "Nikon D5100", "Sony ILCE-7M3")
 UNDER = "FL2"

@@ -1,12 +1,12 @@
 """How far does the unrolled part come alone? `python -m benchmarks.depth [--cameras 12] [--seed 0]`
 
-For each depth, the layers of both constructors (`camssf.curves.layers`: `splitting`, which ships, and `ista`) without
-the finish: distance of their curve from the exact one, in parts of its peak, over cameras x lamps x channels: worst,
-and in brackets the median. Then what the finish makes of the shipped layers' answer at that depth: the same distance,
-how many calls' layers are proof enough by themselves (relative gap <= 1e-10: the finish takes no step), and how many
-pivots it takes from there in the others. Exact: the shipped depth and the finish, taken whatever the layers' own
-proof says; its relative duality gap, recomputed in long double (`_common.relative_gap`), must be <= 1e-9; the largest
-is printed. Where it is not, cvxpy is asked (`benchmarks.certify`), and that is counted.
+For each depth, the layers of both constructors (`camssf.recovery.layers`: `splitting`, which ships, and `ista`)
+without the finish: distance of their curve from the exact one, in parts of its peak, over cameras x lamps x
+channels: worst, and in brackets the median. Then what the finish makes of the shipped layers' answer at that depth:
+the same distance, how many calls' layers are proof enough by themselves (relative gap <= 1e-10: the finish takes no
+step), and how many pivots it takes from there in the others. Exact: the shipped depth and the finish, taken whatever
+the layers' own proof says; its relative duality gap, recomputed in long double (`_common.relative_gap`), must be
+<= 1e-9; the largest is printed. Where it is not, cvxpy is asked (`benchmarks.certify`), and that is counted.
 
 24 patches, noise 0.1 % with a foot; lamps D55 | D55 + A | FL2 on `cameras` (one problem of 72 unknowns; γ 0.05 with
 λ₂ 1, γ 1.4 with λ₂ 0, signed, full Σ of the chart's 3 %), D55 | A | FL2 on `gaussian` (a problem a channel;
@@ -45,12 +45,12 @@ from benchmarks._common import (
     whiten_finely,
 )
 from benchmarks.certify import oracle
-from camssf.curves.basis import read_basis
-from camssf.curves.finish import PROVEN, finish, finish_steps
-from camssf.curves.layers import DEPTH, LAYERS
-from camssf.curves.problem import Problem as Convex
-from camssf.curves.proof import prove
 from camssf.grid import Floats
+from camssf.recovery.basis import read_basis
+from camssf.recovery.duality_gap import duality_gap
+from camssf.recovery.elastic_net import ElasticNet as Convex
+from camssf.recovery.layers import DEPTH, LAYERS
+from camssf.recovery.pivoting import PROVEN, finish_steps, pivot_to_optimum
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64, 128, 512)
 LIGHTS = {
@@ -130,7 +130,7 @@ def measure(problem: Problem, depths: tuple[int, ...]) -> Measured:
     finished, pivots = [], []
     for z in codes["splitting"]:
         done = [
-            (x, 0) if prove(one, x)[1] <= PROVEN else finish(one, x, finish_steps(x.size))
+            (x, 0) if duality_gap(one, x)[1] <= PROVEN else pivot_to_optimum(one, x, finish_steps(x.size))
             for one, x in zip(each, z, strict=True)
         ]
         finished.append(_distance(curves(basis, np.stack([x for x, _ in done])), truth))

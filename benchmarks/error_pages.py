@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from camssf.evidence.codes import Explained, codes, explain_code, limit_in_words, limits_of, without_holes
+from camssf.error_codes import Explained, codes, explain_code, limit_in_words, limits_of, without_holes
 from camssf.files import write_file
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"

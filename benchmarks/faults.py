@@ -37,8 +37,18 @@ from benchmarks.accuracy import SEEN, left_out
 from benchmarks.phones import PHONES, taught
 from camssf.calibration import calibrate as from_files
 from camssf.calibration import solve
-from camssf.curves.basis import Basis, interpolate
-from camssf.curves.covariance import (
+from camssf.errors import CalibrationError
+from camssf.fit.capture_fit import prepare_fit
+from camssf.grid import STEP, Floats
+from camssf.learning.training import HANDFUL, maker_of, read_curves
+from camssf.options import Options
+from camssf.photo.capture import Capture, Shot, photo_of
+from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.find.search import agreement, plain_signals
+from camssf.photo.patches import measure_patches
+from camssf.photo.read.dng import Mosaic
+from camssf.recovery.basis import Basis, interpolate
+from camssf.recovery.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
@@ -47,24 +57,14 @@ from camssf.curves.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.errors import CalibrationError
-from camssf.evidence.problem import pose_problem
-from camssf.evidence.reasons import Verdict
-from camssf.grid import STEP, Floats
-from camssf.options import Options
-from camssf.photo.capture import Capture, Shot, photo_of
-from camssf.photo.mosaic import Mosaic
-from camssf.photo.patches import measure_patches
-from camssf.photo.pose import Pose, find_chart
-from camssf.photo.search import agreement, plain_signals
 from camssf.simulation.camera import Sensor
-from camssf.simulation.faults import FAULTS, SEVERITIES, strike
+from camssf.simulation.faults import FAULTS, SEVERITIES, apply_fault
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene, true_pose
-from camssf.simulation.setup import Setup
 from camssf.simulation.shot import take
+from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf.tools.training import HANDFUL, maker_of, read_curves
+from camssf.verdict.reasons import Verdict
 
 SIZE = (720, 540)
 LAMPS = ("D55", "A", "LED-B3", "D65", "FL2", "3200K", "LED-B5", "D:5000")
@@ -84,7 +84,7 @@ BEGIN, END = "<!-- python -m benchmarks.faults --docs -->", "<!-- end -->"
 class Staged:
     """A capture before the fault, and who takes it."""
 
-    setup: Setup
+    setup: ShotPlan
     number: int
     maker: str
 
@@ -177,11 +177,11 @@ def stage(number: int, name: str, camera: Floats, lamp: str) -> Staged:
     sensor = Sensor(exposure=float(rng.uniform(0.6, 0.85)), full_well=float(rng.choice([5000.0, 20000.0])))
     curves = camera * np.array([rng.uniform(0.4, 0.9), 1.0, rng.uniform(0.5, 0.9)])
     body = CameraCurves(name, curves, "measured")
-    setup = Setup(
+    plan = ShotPlan(
         body, replace(light, values=light.values * ripple), real_chart(number, rng), scene, sensor, lamp, "classic24",
         white_level=float(np.exp(0.01 * rng.normal())),
     )  # fmt: skip
-    return Staged(setup, number, maker_of(name))
+    return Staged(plan, number, maker_of(name))
 
 
 def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
@@ -198,33 +198,33 @@ def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
     return replace(table, values=np.clip(table.values + off, 0.004, 1.1))
 
 
-def mosaic(setup: Setup, frames: dict[str, Any], role: str, frame: str, number: int) -> Mosaic:
+def mosaic(plan: ShotPlan, frames: dict[str, Any], role: str, frame: str, number: int) -> Mosaic:
     """A frame as `read_dng` would give it."""
-    tags = setup.file_tags(frame)
-    camera = setup.camera.values * np.array(setup.sensor.gains)
+    tags = plan.file_tags(frame)
+    camera = plan.camera.values * np.array(plan.sensor.gains)
     white = (read_lamp("D65").values @ camera) * np.exp(MATRIX * np.random.default_rng([9, number]).normal(size=3))
     return Mosaic(
         path=role, samples=frames[frame], cfa=tags.cfa, black=np.full((2, 2), tags.black),
-        white=float(tags.white_level), make="", model=setup.camera.name, exposure=tags.exposure, iso=tags.iso,
+        white=float(tags.white_level), make="", model=plan.camera.name, exposure=tags.exposure, iso=tags.iso,
         orientation=1, gain_maps=(), color_matrix1=None, color_matrix2=None, as_shot_neutral=None, sha256=EMPTY,
         neutrals=((21, white / white[1]),),
     )  # fmt: skip
 
 
-def shoot(staged: Staged, setup: Setup, *, search: bool) -> Shot:
+def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> Shot:
     """Take it and measure it; refusals of the stages leave as errors."""
-    taken = take(setup, (staged.number,))
+    taken = take(plan, (staged.number,))
     frames = {"chart": taken.chart, "white": taken.white, "dark": taken.dark}
     photos = {
-        role: None if frame is None else mosaic(setup, frames, role, frame, staged.number)
-        for role, frame in setup.handed_in.items()
+        role: None if frame is None else mosaic(plan, frames, role, frame, staged.number)
+        for role, frame in plan.handed_in.items()
     }
-    chart, told = photos["chart"], read_chart(setup.stated_chart)
+    chart, told = photos["chart"], read_chart(plan.stated_chart)
     assert chart is not None
     if search:
         pose = find_chart(chart, told)
     else:
-        true = true_pose(setup.scene)
+        true = true_pose(plan.scene)
         pitch = np.ptp(true.corners[:, 0]) / 6
         off = np.random.default_rng([5, staged.number]).normal(0, 0.01 * pitch, 2)
         pose = Pose(true.layout, true.corners + off, true.patches + off, 0, "detected", 1.0, ())
@@ -234,7 +234,7 @@ def shoot(staged: Staged, setup: Setup, *, search: bool) -> Shot:
         pose = replace(pose, score=max(score, 0.0))
     facts = {role: None if each is None else photo_of(each) for role, each in photos.items()}
     assert facts["chart"] is not None
-    lamp = read_lamp(setup.stated_lamp)
+    lamp = read_lamp(plan.stated_lamp)
     return Shot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
 
 
@@ -249,8 +249,8 @@ def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
             if not error.reasons:
                 return Outcome("refused", (error.code,), None, None, (error.message,))
             verdict = Verdict("refused", error.reasons)
-            problem = pose_problem(capture, options)
-            ssf = problem.solve(problem.signals.used, None)
+            fit = prepare_fit(capture, options)
+            ssf = fit.solve(fit.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None
@@ -299,7 +299,7 @@ def clean_and_faulty(
             tally = Tally()
             for j in range(captures):
                 staged, known = good[(37 * f + 13 * severity + 29 * j) % clean]
-                setup = strike(name, severity)(staged.setup)
+                setup = apply_fault(name, severity)(staged.setup)
                 shot = partial_shot(staged, setup, search=name in SEARCHED)
                 tally.outcomes.append(tried(shot, bases[staged.maker], staged.setup.camera.values))
                 assert known.rmse is not None
@@ -309,8 +309,8 @@ def clean_and_faulty(
     return good, tallies
 
 
-def partial_shot(staged: Staged, setup: Setup, *, search: bool) -> Callable[[], Sequence[Shot]]:
-    return lambda: [shoot(staged, setup, search=search)]
+def partial_shot(staged: Staged, plan: ShotPlan, *, search: bool) -> Callable[[], Sequence[Shot]]:
+    return lambda: [shoot(staged, plan, search=search)]
 
 
 OF_LAMPS = ("wrong-lamp", "two-lamps", "wall")
@@ -327,10 +327,10 @@ def without_matrix(
             tally = Tally()
             for j in range(captures):
                 staged, known = good[(41 * f + 17 * severity + 23 * j) % len(good)]
-                setup = strike(name, severity)(staged.setup)
+                setup = apply_fault(name, severity)(staged.setup)
 
-                def shots(staged: Staged = staged, setup: Setup = setup) -> list[Shot]:
-                    shot = shoot(staged, setup, search=False)
+                def shots(staged: Staged = staged, plan: ShotPlan = setup) -> list[Shot]:
+                    shot = shoot(staged, plan, search=False)
                     return [replace(shot, photo=replace(shot.photo, neutrals=()))]
 
                 tally.outcomes.append(tried(shots, bases[staged.maker], staged.setup.camera.values))
@@ -368,7 +368,7 @@ def two_shots(
         advance()
         for fault in OF_TWO:
             which = (number + OF_TWO.index(fault)) % 2
-            setup = strike(fault, 3)(pair[which].setup)
+            setup = apply_fault(fault, 3)(pair[which].setup)
             bad = tried_pair(pair, which, setup, shots, basis, camera)
             words = " ".join(bad.words)
             assert known.rmse is not None
@@ -396,12 +396,12 @@ def two_shots(
 
 
 def tried_pair(
-    pair: Sequence[Staged], which: int, setup: Setup, shots: Sequence[Shot], basis: Basis, camera: Floats
+    pair: Sequence[Staged], which: int, plan: ShotPlan, shots: Sequence[Shot], basis: Basis, camera: Floats
 ) -> Outcome:
     """The pair with one shot taken again, spoilt."""
 
     def again() -> list[Shot]:
-        return [shoot(pair[j], setup, search=False) if j == which else shots[j] for j in range(2)]
+        return [shoot(pair[j], plan, search=False) if j == which else shots[j] for j in range(2)]
 
     return tried(again, basis, camera)
 
@@ -446,7 +446,7 @@ def through_files(
     for f, name in enumerate(("clean", *FAULTS)):
         staged = good[(17 * f) % len(good)][0]
         basis, setup = bases[staged.maker], staged.setup
-        change = None if name == "clean" else strike(name, 2)
+        change = None if name == "clean" else apply_fault(name, 2)
         spoilt = setup if change is None else change(setup)
         memory = tried(partial_shot(staged, spoilt, search=True), basis, setup.camera.values)
         with tempfile.TemporaryDirectory() as folder:

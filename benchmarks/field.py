@@ -42,13 +42,13 @@ from benchmarks.faults import HARM
 from benchmarks.phones import Device
 from benchmarks.wrong_lamps import LEFT_OUT, WRONG, populations, stands_in
 from camssf.grid import Floats
+from camssf.learning.training import maker_of
 from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
-from camssf.photo.pose import Pose
 from camssf.simulation.scene import Scene, true_pose
 from camssf.spectra import Light, read_chart, read_lamp
 from camssf.spectra.surfaces import surfaces
-from camssf.tools.training import maker_of
 
 FRAMED, EVEN, FIELD, BARE = "framed", "even", "field", "field, no gain modes"
 KNOWN, AUTO = "known", "auto"
@@ -126,7 +126,7 @@ def photographed(device: Device, lamp: str, told: Light, at: Place, row: str, ma
 def without_modes() -> Iterator[None]:
     """As it was before there were gain modes."""
     none = lambda capture, per_patch: (np.zeros((len(capture.shots), 0, len(capture.chart.patches))), 0.0)  # noqa: E731
-    with mock.patch("camssf.evidence.problem.gain_modes", none):
+    with mock.patch("camssf.fit.capture_fit.gain_modes", none):
         yield
 
 

@@ -25,11 +25,11 @@ import numpy as np
 from benchmarks._common import console, progress, save, table, versions
 from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.grid import Floats
-from camssf.photo.finder.find import Found, find_sightings
-from camssf.photo.finder.picture import codes_of_bytes, codes_of_mosaic
-from camssf.photo.layouts import LAYOUTS, block_corners, homography, map_points
-from camssf.photo.mosaic import Mosaic, read_dng
-from camssf.photo.search import ACCEPT, Match, finer, match_near, matches_in, plain_signals
+from camssf.photo.find.layouts import LAYOUTS, block_corners, homography, map_points
+from camssf.photo.find.picture import codes_of_bytes, codes_of_mosaic
+from camssf.photo.find.search import ACCEPT, Match, finer, match_near, matches_in, plain_signals
+from camssf.photo.find.sightings import FoundCharts, find_sightings
+from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.spectra import read_chart
 
 ROOT = Path(__file__).parents[1]
@@ -84,7 +84,7 @@ def verdict(found: Floats | None, mirrored: bool, real: Floats | None, told: boo
 def judge(name: str, layout: str, photo: Mosaic, real: Floats | None, told: bool) -> tuple[Row, str, str, float]:
     """A row of the table, both verdicts, and how far the refined poses lie from each other."""
     sighting = next(iter(find_sightings(codes_of_mosaic(photo)).sightings), None)
-    from camssf.tools.kinds import semi_gloss
+    from tools.chart_colours import semi_gloss
 
     expected = plain_signals(semi_gloss() if layout == "sg140" else read_chart(layout))
     known = LAYOUTS[layout]
@@ -113,7 +113,7 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
     """
     from benchmarks.kotlin_calibrate import Unavailable, class_path
 
-    ours: dict[str, Found] = {}
+    ours: dict[str, FoundCharts] = {}
     with tempfile.TemporaryDirectory() as folder:
         for number, drawing in enumerate((*DRAWINGS, *EMPTY)):
             small: Drawing = replace(drawing, size=(640, 480), blur=0.4 * drawing.blur)

@@ -150,7 +150,7 @@ def mutate_tree(value: Any, rng: random.Random) -> Any:
 
 
 def _dng(path: Path) -> None:
-    from camssf.photo.mosaic import read_dng
+    from camssf.photo.read.dng import read_dng
 
     read_dng(path)
 
@@ -175,13 +175,14 @@ def _camera(path: Path) -> None:
 
 def _patches(path: Path) -> None:
     from camssf.cli.reading import PATCHES, read_json
-    from camssf.documents.patches import read_patches
+    from camssf.documents.patches_json import read_patches
 
     read_patches(read_json(str(path), PATCHES))
 
 
 def _result(path: Path) -> None:
-    from camssf.documents.report import read_document, report
+    from camssf.documents.result_json import read_document
+    from camssf.report.build import report
 
     report(read_document(path))
 
@@ -196,7 +197,7 @@ def _manifest(path: Path) -> None:
 def _demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
     from camssf.calibration import solve
-    from camssf.documents.patches import patches_document
+    from camssf.documents.patches_json import patches_document
     from camssf.photo.capture import measure
     from camssf.simulation.frames import simulate
     from camssf.simulation.scene import Scene

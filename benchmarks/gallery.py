@@ -13,8 +13,8 @@ import numpy as np
 
 from camssf import Calibration, Options, calibrate
 from camssf.colour import standard_colour
-from camssf.curves import respond
 from camssf.fonts import prepare_matplotlib
+from camssf.recovery import predict_signals
 from camssf.simulation.frames import Simulation, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import read_camera, read_chart, read_lamp
@@ -75,7 +75,7 @@ def draw(folder: Path) -> list[Path]:
 def _colours(result: Calibration, ax: Any) -> None:
     """The chart's colours in Lab under a bulb: through the table, and through the curves with their errors."""
     lamp, chart, white = read_lamp("A"), read_chart("classic24"), np.ones(681)
-    signals = respond(read_camera(CAMERA).values, chart.values, lamp.values[None], white)[0]
+    signals = predict_signals(read_camera(CAMERA).values, chart.values, lamp.values[None], white)[0]
     found = standard_colour(result, lamp, signals, 0.002)
     error = 1.96 * np.sqrt(np.diagonal(found.lab_covariance, axis1=1, axis2=2))
     hues = result.scores.measured_srgb[0]

@@ -1,6 +1,6 @@
 """What is a lamp worth that is known only by kind? `python -m benchmarks.lamps [--draws 4] [--phones CSV]`
 
-First the families themselves (camssf/families.py), one lamp left out at a time: by how much of the family's mean it
+First the families themselves (spectra/families.py), one lamp left out at a time: by how much of the family's mean it
 differs from it (RMS, 400 to 700 nm, both of one mean power there), and how much of that its modes leave at best.
 
 Then the curves: measured cameras, each with a basis learned without its maker, or with `--phones` (CAMSSF_PHONES)
@@ -23,13 +23,13 @@ import numpy as np
 from benchmarks._common import chart, console, one_thread, progress, save, table, versions
 from benchmarks.accuracy import LAMP_SMOOTH, LOW, SEEN, score
 from benchmarks.phones import asked, each_left_out
-from camssf.curves.basis import interpolate
-from camssf.curves.choice import recover
-from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
+from camssf.recovery.basis import interpolate
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.families import FAMILIES, Kind, principal_modes
+from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 
 SETTINGS = (
     ("daylight",),
@@ -49,7 +49,7 @@ SEED = 7
 def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """A true lamp (681,), and what its kind says of it without it: mean (681,) and modes (q, 681)."""
     family = FAMILIES[kind]
-    if isinstance(family, Kind):
+    if isinstance(family, LampKind):
         name = str(rng.choice(family.members))
         rest = [read_lamp(member).values for member in family.members if member != name]
         power, (mean, modes) = read_lamp(name).values, principal_modes(rest, family.components)
@@ -66,7 +66,7 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
 def tolerance(kind: str, how: str) -> float:
     """The smooth error that the solver is told of a lamp, "known" or known by its "kind"."""
     family = FAMILIES[kind]
-    return max(LAMP_SMOOTH, family.left) if how == "kind" and isinstance(family, Kind) else LAMP_SMOOTH
+    return max(LAMP_SMOOTH, family.left) if how == "kind" and isinstance(family, LampKind) else LAMP_SMOOTH
 
 
 def leave_one_out() -> list[dict[str, Any]]:
@@ -74,7 +74,7 @@ def leave_one_out() -> list[dict[str, Any]]:
     rows = []
     for kind, family in FAMILIES.items():
         before, after = [], []
-        if isinstance(family, Kind):
+        if isinstance(family, LampKind):
             cases = [
                 (
                     read_lamp(name).values,
@@ -157,7 +157,7 @@ def main(arguments: list[str] | None = None) -> int:
                     }
                     for how, (light, modes_) in told.items():
                         answer = recover(
-                            Evidence(
+                            Observation(
                                 y,
                                 given,
                                 light,

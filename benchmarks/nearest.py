@@ -3,7 +3,7 @@
 Measured cameras, each recovered with a basis that does not know its maker, as benchmarks.colour does it (chart of
 another table, lamps off by their 2 %), from one shot (D55) and from two (D55, A). How often the camera's own table is
 the nearest of the 52, or among the nearest three: by the bands, by the whole covariance, by the plain difference
-(`camssf.documents.nearest`); and the distance of the own table.
+(`camssf.report.nearest`); and the distance of the own table.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks._common import console, one_thread, progress, save, table, versions
 from benchmarks.colour import SEED, SHOTS, calibrate, cases
-from camssf.documents.nearest import likenesses
+from camssf.report.nearest import likenesses
 
 WAYS = ("distance", "whole", "rms")
 

@@ -36,17 +36,17 @@ from benchmarks._paper_page import page
 from benchmarks.accuracy import left_out
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.rivals.qr import READINGS
-from camssf.curves.basis import Basis, gaussian_basis, read_basis
-from camssf.curves.choice import recover
-from camssf.curves.code import solve
-from camssf.curves.evidence import Evidence
-from camssf.curves.penalties import GAMMA, L2
-from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.errors import NotConverged
-from camssf.evidence.scores import rmsre
+from camssf.fit.scores import rmsre
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.learning.training import maker_of, read_curves
+from camssf.recovery.basis import Basis, gaussian_basis, read_basis
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.penalties import GAMMA, L2
+from camssf.recovery.solve import solve
 from camssf.spectra import colour_science, read_camera, read_chart
-from camssf.tools.training import maker_of, read_curves
 
 SEED = 7
 DOCS = Path(__file__).parents[1] / "docs"
@@ -218,7 +218,7 @@ def atoms(camera: Camera, index: int) -> Scores:
             for weight in method("tuned").WEIGHTS:
                 try:
                     answer = recover(
-                        Evidence(
+                        Observation(
                             shown.signals, shown.reflectance, shown.lamp, standard_error=shown.standard_error, **PLAIN
                         ),
                         basis=gaussian_basis(count),
@@ -245,7 +245,7 @@ def charts(camera: Camera, index: int) -> Scores:
             key = f"{table_name}|{' + '.join(names)}"
             told = PLAIN if table_name == "same" else TOLD
             answer = recover(
-                Evidence(y, chart(), lights, standard_error=error, **told), basis=camera.basis, engine="reference"
+                Observation(y, chart(), lights, standard_error=error, **told), basis=camera.basis, engine="reference"
             )
             found[f"product|{key}"] = [score(answer.values, camera)]
             found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, told), camera)]
@@ -261,8 +261,8 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
     Light that drifts between a shot's frames, which any capture has, stays one error a shot.
     """
     k, n, _ = y.shape
-    full = sense(
-        Evidence(
+    full = linear_model(
+        Observation(
             y,
             chart(),
             lights,
@@ -276,7 +276,7 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
         basis,
     )
     shots = full.terms["lamp"]
-    loose = Sensing(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
+    loose = LinearModel(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
     code = solve(loose, L2, np.array([GAMMA])).values.reshape(3, -1)
     book = anchor(basis, lights[0])
     return np.asarray((book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T)

@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import CHART, SEED, WHITE, Setting, photograph, score
 from benchmarks.phones import asked, each_left_out
-from camssf.curves.basis import Basis
-from camssf.curves.choice import recover
-from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
+from camssf.recovery.basis import Basis
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
                 y, error = photograph(setting, cameras[name], ohta if setting.ohta else chart(), rng)
                 for i, (_, l2, gamma, count) in enumerate(candidates):
                     answer = recover(
-                        Evidence(y, chart(), light, standard_error=error, **told),
+                        Observation(y, chart(), light, standard_error=error, **told),
                         basis=truncated(bases[name], count),
                         l2=l2,
                         gamma=gamma,

@@ -16,8 +16,8 @@ camera's maker left out; as shipped for phones and the other laboratory's). 20 :
 
 The lamp: told A ± 250 K where it is exactly A, how far off is the temperature that the answer takes it for?
 
-`--choose` compares enlargements instead: how HANDFUL in camssf.tools.learn was chosen. Coverage comes first (.93 to
-.98 in every setting, worst phone .88), then RMSE.
+`--choose` compares enlargements instead: how HANDFUL in camssf.learning.basis was chosen. Coverage comes first
+(.93 to .98 in every setting, worst phone .88), then RMSE.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ from benchmarks.accuracy import (
     power,
 )
 from benchmarks.accuracy import judge as against
-from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.choice import SCALES, UNUSUAL
-from camssf.curves.choice import choose as chosen
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import sense
-from camssf.curves.ssf import answer
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
+from camssf.learning.basis import learn
+from camssf.learning.training import HANDFUL, Enlargement, maker_of, read_curves
+from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.hypotheses import SCALES, UNUSUAL
+from camssf.recovery.hypotheses import choose as chosen
+from camssf.recovery.linear_model import linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import answer
 from camssf.spectra import read_chart
-from camssf.tools.learn import learn
-from camssf.tools.training import HANDFUL, Enlargement, maker_of, read_curves
 
 _ACCURACY = {setting.name: setting for setting in SETTINGS}
 JUDGED = (
@@ -200,11 +200,11 @@ def auto(basis: str) -> str:
     return f"auto: {basis}"
 
 
-def answers(device: Device, evidence: Evidence) -> dict[str, tuple[Found, float]]:
+def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, float]]:
     """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
     scaled = {
         name: [
-            replace(answer(evidence, basis, prior_scale=scale, engine="reference"), basis=name) for scale in SCALES
+            replace(answer(observation, basis, prior_scale=scale, engine="reference"), basis=name) for scale in SCALES
         ]
         for name, basis in device.bases.items()
     }
@@ -214,9 +214,9 @@ def answers(device: Device, evidence: Evidence) -> dict[str, tuple[Found, float]
     beliefs = np.log([1.0 - UNUSUAL, UNUSUAL] * 2)
     for name in device.bases:
         if name != CAMERAS:
-            found[auto(name)] = chosen(evidence, [*scaled[name], *scaled[CAMERAS]], beliefs).peak(), float("nan")
+            found[auto(name)] = chosen(observation, [*scaled[name], *scaled[CAMERAS]], beliefs).peak(), float("nan")
     book = device.bases[CAMERAS]
-    found[APART] = answer_of(apart(sense(evidence, book)), evidence, book), float("nan")
+    found[APART] = answer_of(apart(linear_model(observation, book)), observation, book), float("nan")
     return found
 
 

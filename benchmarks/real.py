@@ -35,20 +35,20 @@ import numpy as np
 
 from benchmarks._common import CURVES, console, one_thread, save, table, versions
 from camssf.calibration import calibrate
-from camssf.curves.basis import Basis, interpolate
-from camssf.curves.choice import FAMILIES, SCALES, UNUSUAL, choose, recover
-from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import Ssf, answer
 from camssf.errors import CalibrationError
-from camssf.evidence.gains import patch_modes
-from camssf.evidence.surprise import Weighed
 from camssf.files import write_file
+from camssf.fit.gain_modes import patch_modes
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.learning.basis import learn
+from camssf.learning.training import maker_of, read_curves
 from camssf.photo.signals import Signals
+from camssf.recovery.basis import Basis, interpolate
+from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL, choose, recover
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import Ssf, answer
 from camssf.spectra import ChartTable, Lamp, read_chart
 from camssf.spectra.lamps import MEASURED_LAMP
-from camssf.tools.learn import learn
-from camssf.tools.training import maker_of, read_curves
+from camssf.verdict.goodness_of_fit import VerdictInputs
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT / "data" / "real"
@@ -161,12 +161,12 @@ def light() -> Floats:
 
 def evidence(
     name: str, tolerance: float, noise: float = NOISE, gains: Floats | None = None, light_per_patch: float = 0.0
-) -> Evidence:
+) -> Observation:
     """The capture as the product is told it; `gains` (24,) divide the patches' signals."""
     capture, told = d70(), chart(name)
     modes = patch_modes(24, light_per_patch, capture.white) if light_per_patch else np.zeros((0, 24))
     y = (capture.signals if gains is None else capture.signals / gains[:, None])[capture.used]
-    return Evidence(
+    return Observation(
         y,
         told.values[capture.used],
         light(),
@@ -186,7 +186,7 @@ def without(maker: str) -> Basis:
     return Basis("cameras", interpolate(mean[..., None])[..., 0], interpolate(atoms), True, f"no {maker}")
 
 
-def automatic(given: Evidence, left_out: Basis) -> Ssf:
+def automatic(given: Observation, left_out: Basis) -> Ssf:
     """`recover(basis="auto")` with another basis in the place of `cameras`."""
     bases = [left_out if name == SHIPPED else name for name in FAMILIES]
     answers = [answer(given, basis, prior_scale=scale, engine="reference") for basis in bases for scale in SCALES]
@@ -195,7 +195,7 @@ def automatic(given: Evidence, left_out: Basis) -> Ssf:
 
 def solve(
     basis: str, name: str, tolerance: float, gains: Floats | None = None, light_per_patch: float = 0.0
-) -> tuple[Evidence, Ssf]:
+) -> tuple[Observation, Ssf]:
     """One of BASES: what it was told, and its answer."""
     if basis == PAPER:
         told = evidence(name, 0.0, float(np.hypot(NOISE, tolerance)), gains)
@@ -226,7 +226,7 @@ def judged(curves: Floats, std: Floats | None = None) -> dict[str, dict[str, Any
     return found
 
 
-def z_of(told: Evidence, found: Ssf, name: str) -> float:
+def z_of(told: Observation, found: Ssf, name: str) -> float:
     """The verdict's own measure of how ill an answer fits what was told."""
     capture, used = d70(), d70().used
     assert told.standard_error is not None
@@ -241,7 +241,7 @@ def z_of(told: Evidence, found: Ssf, name: str) -> float:
     lamp = Lamp("tungsten", light(), MEASURED_LAMP, np.zeros((0, WAVELENGTHS.size)), "measured")
     rho = whole.values[capture.white]
     modes = told.gain_modes, told.gain_own
-    return Weighed(signals, part, [], [], [lamp], rho, told.white_tolerance, modes).surprise(found).z
+    return VerdictInputs(signals, part, [], [], [lamp], rho, told.white_tolerance, modes).goodness_of_fit(found).z
 
 
 def attempt(

@@ -13,7 +13,7 @@ Populations:
   as `phones` says; units by .15 to .45 of that;
 - as shipped: the same about the mean of `phones` itself;
 - measured: the six measured phones (--table, or CAMSSF_PHONES; they may not be passed on, so without a table this
-  population is left out) and six halfway between two; units shifted, widened and warped as `camssf.tools.learn`
+  population is left out) and six halfway between two; units shifted, widened and warped as `camssf.learning.basis`
   enlarges, by a size of their model's own. `phones` was learned from these six;
 - moved, one chart: as moved, but all photos are of one and the same chart, which is not as its table says (Ohta's,
   told BabelColor's). No number of results can tell this from the phones' own.
@@ -39,9 +39,22 @@ from rich.progress import Progress
 
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import SEEN, _by_channel, judge
-from camssf.curves.basis import Basis, interpolate, read_basis
-from camssf.curves.choice import CLEAR, recover
-from camssf.curves.covariance import (
+from camssf.errors import CalibrationError
+from camssf.fleet.rows import widths_of
+from camssf.grid import STEP, Floats
+from camssf.learning.basis import enlarge
+from camssf.learning.results import (
+    Member,
+    PhotoLikelihood,
+    Population,
+    ReferenceBasis,
+    photo_likelihood,
+    populate,
+    reference_basis,
+)
+from camssf.learning.training import Enlargement, read_curves, training_set_of
+from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     DRIFT,
@@ -52,15 +65,10 @@ from camssf.curves.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import answer
-from camssf.errors import CalibrationError
-from camssf.fleet.rows import widths_of
-from camssf.grid import STEP, Floats
+from camssf.recovery.hypotheses import CLEAR, recover
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import answer
 from camssf.spectra import read_chart
-from camssf.tools.learn import enlarge
-from camssf.tools.results import Member, Old, Population, Said, old_basis, populate, said
-from camssf.tools.training import Enlargement, read_curves, training_set_of
 
 SEED = 19
 MODELS, COUNTS = 12, (10, 50, 200)
@@ -78,14 +86,14 @@ class Phone:
 
     model: int
     curves: Floats
-    evidence: Evidence
+    evidence: Observation
 
 
 @dataclass(frozen=True)
 class Result:
     """What the registry holds of a phone: who it is, and its curves (3, 69)."""
 
-    said: Said
+    likelihood: PhotoLikelihood
     curves: Floats
     truth: Floats
 
@@ -121,7 +129,7 @@ def measured(path: Path, count: int, rng: np.random.Generator) -> list[tuple[int
     return found
 
 
-def photograph(curves: Floats, rng: np.random.Generator, *, one_chart: bool) -> Evidence:
+def photograph(curves: Floats, rng: np.random.Generator, *, one_chart: bool) -> Observation:
     """A photo of a chart by one unit: everything off by what is declared of it."""
     given, light = chart(), lamp("D55")
     long, short, wide = (
@@ -142,7 +150,7 @@ def photograph(curves: Floats, rng: np.random.Generator, *, one_chart: bool) -> 
     own = 0.0 if one_chart else INDEPENDENT_SHARE * CHART * y
     y = y + np.hypot(error, own) * rng.normal(size=y.shape)
     told = {"chart_tolerance": CHART, "white_tolerance": WHITE, "lamp_tolerance": LAMP}
-    return Evidence(y, given, lamp("D55"), standard_error=error, **told)
+    return Observation(y, given, lamp("D55"), standard_error=error, **told)
 
 
 def photos(units: Sequence[tuple[int, Floats]], seed: int, *, one_chart: bool) -> list[Phone]:
@@ -162,24 +170,26 @@ def result_of(phone: Phone, number: int) -> Result | None:
     spread = found.code_covariance.astype(np.float32).astype(np.float64)
     member: Member = (f"maker {phone.model % 4}", f"model {phone.model}", str(number))
     truth = phone.curves[::10].T
-    return Result(said(member, curves, spread, _old(), widths, float(found.gamma[0])), curves, truth)
+    return Result(photo_likelihood(member, curves, spread, _old(), widths, float(found.gamma[0])), curves, truth)
 
 
 @cache
-def _old() -> Old:
-    known = training_set_of(PHONES).known
+def _old() -> ReferenceBasis:
+    known = training_set_of(PHONES).statistics
     assert known is not None
-    return old_basis(read_basis(PHONES), known.names)
+    return reference_basis(read_basis(PHONES), known.names)
 
 
 def population(results: Sequence[Result], how: str) -> Population:
     """What is learned from these."""
     if how == LEARNED:
-        return populate([each.said for each in results], _old())
+        return populate([each.likelihood for each in results], _old())
     # taken for measured: photos of no error
     old, exact = _old(), 1e4 * np.eye(3 * _old().dictionary.shape[2])
-    curves = [(each.said.member, each.truth if how == TRUTH else np.maximum(each.curves, 0.0)) for each in results]
-    return populate([Said(member, exact, exact @ old.codes(each)) for member, each in curves], old)
+    curves = [
+        (each.likelihood.member, each.truth if how == TRUTH else np.maximum(each.curves, 0.0)) for each in results
+    ]
+    return populate([PhotoLikelihood(member, exact, exact @ old.codes(each)) for member, each in curves], old)
 
 
 def taught(found: Population, model: int | None = None) -> Basis:
@@ -231,7 +241,7 @@ def judged(
             rows[f"{how}, {count}, of its model"] = measure([(phone, bases[phone.model]) for phone in test])
     strangers = {}
     for model in range(MODELS):
-        others = [each for each in kept[:50] if each.said.member[1] != f"model {model}"]
+        others = [each for each in kept[:50] if each.likelihood.member[1] != f"model {model}"]
         strangers[model] = taught(population(others, LEARNED))
     rows["learned, 50, its model left out"] = measure([(phone, strangers[phone.model]) for phone in test])
     return {"results": len(kept), "photos": len(train), "left_out": len(test), "rows": rows}

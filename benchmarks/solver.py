@@ -53,11 +53,11 @@ from benchmarks._common import (
     whiten,
 )
 from benchmarks._peers import PEERS, Missing
-from camssf.curves.basis import Basis, gaussian_basis, read_basis
-from camssf.curves.choice import recover
-from camssf.curves.code import solve
-from camssf.curves.engine import load_model
 from camssf.grid import Floats
+from camssf.recovery.basis import Basis, gaussian_basis, read_basis
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.solve import solve
 from camssf.spectra import read_camera
 
 ONNX, REFERENCE = "ONNX model, from raw patch means", "NumPy reference, from signals"
@@ -198,7 +198,7 @@ def load_times(basis: str, sessions: int = 15, processes: int = 5) -> dict[str, 
         load_model.__wrapped__(basis)
         again.append(time.perf_counter() - start)
     script = (
-        "import time, numpy\nfrom camssf.curves.engine import load_model, onnx_runtime\nonnx_runtime()\n"
+        "import time, numpy\nfrom camssf.recovery.onnx_model import load_model, onnx_runtime\nonnx_runtime()\n"
         f"start = time.perf_counter()\nload_model({basis!r})\nprint(time.perf_counter() - start)"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from camssf.curves.basis import FWHM_TO_SIGMA
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import FWHM_TO_SIGMA
 from camssf.simulation.camera import Sensor
 from camssf.spectra import CameraCurves, read_lamp
 

@@ -36,12 +36,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchmarks._common import chart, console, lamp, one_thread, progress, save, table, versions
 from benchmarks.accuracy import CHART, LOW, SEED, SEEN, WHITE, Setting, answer_of, apart, judge, left_out, photograph
-from camssf.curves.covariance import CHANNEL_SHARE
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import Sensing, sense
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.learning.training import maker_of
+from camssf.recovery.covariance import CHANNEL_SHARE
+from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart
-from camssf.tools.training import maker_of
 
 RADIANCE = Path(__file__).parents[1] / "data" / "real" / "d70_mcc24_tungsten.csv"
 SMOOTH, BLUE_END = 4.0, 410.0
@@ -84,11 +84,11 @@ def apart_by(seen: Floats, told: Floats) -> float:
     return float(np.sqrt(np.mean(((seen - told) / told)[:, LEVELLED] ** 2)))
 
 
-def shared(sensing: Sensing, share: float) -> Sensing:
+def shared(linear: LinearModel, share: float) -> LinearModel:
     """The same rows with another share of the chart's error common to the channels."""
-    channel = np.repeat(np.arange(3), sensing.target.shape[1] // 3)
-    between = np.where(channel[:, None] == channel, 0.0, sensing.terms["chart"])
-    return replace(sensing, covariance=sensing.covariance + (share / CHANNEL_SHARE - 1.0) * between)
+    channel = np.repeat(np.arange(3), linear.target.shape[1] // 3)
+    between = np.where(channel[:, None] == channel, 0.0, linear.terms["chart"])
+    return replace(linear, covariance=linear.covariance + (share / CHANNEL_SHARE - 1.0) * between)
 
 
 def compare(
@@ -112,14 +112,14 @@ def compare(
                     for name in cameras:
                         camera = all_cameras[name]
                         y, error = photograph(setting, camera, seen, rng)
-                        evidence = Evidence(
+                        observation = Observation(
                             y, told, lamps, standard_error=error, chart_tolerance=CHART, white_tolerance=WHITE
                         )
                         basis = bases[maker_of(name)]
-                        rows = sense(evidence, basis)
+                        rows = linear_model(observation, basis)
                         ways = {"apart": apart(rows)} | {f"{share:g}": shared(rows, share) for share in SHARES}
                         for way, each in ways.items():
-                            rmse, covered = judge(answer_of(each, evidence, basis), camera)
+                            rmse, covered = judge(answer_of(each, observation, basis), camera)
                             assert covered is not None
                             runs.setdefault(way, []).append((float(rmse.mean()), float(covered[:, SEEN].mean())))
                         bar.advance(task)

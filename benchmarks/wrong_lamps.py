@@ -33,11 +33,11 @@ from benchmarks._common import console, one_thread, progress, save, table, versi
 from benchmarks.faults import HARM, Outcome, shoot, solved, stage
 from benchmarks.phones import CAMERAS, OTHER_MAKER, OTHERS, PHONES, Device, foreign_cameras, measured_cameras
 from benchmarks.phones import phones_left_out as phones_of
-from camssf.curves.basis import Basis
 from camssf.errors import CalibrationError
+from camssf.learning.training import maker_of, read_curves
 from camssf.photo.capture import Shot
+from camssf.recovery.basis import Basis
 from camssf.spectra import read_chart, read_lamp
-from camssf.tools.training import maker_of, read_curves
 
 WRONG = (
     ("A", "LED-BH1"), ("A", "LED-B1"), ("LED-B3", "LED-B4"), ("D55", "D:15000"), ("D65", "A"), ("A", "D55"),

@@ -1,8 +1,8 @@
-"""The cases of the stages `colour` and `regions`: standard colour, from a result and raw signals on.
+"""The cases of the stages `colour` and `regions`: standard colour from a result and raw signals.
 
-The camera is a sum of bells near the mean of the phones; what its result leaves open is a formula, too: the code's
-covariance falls off along the atoms and from one to the next. Its bands are those that the covariance gives. All is
-rounded, and the rounded numbers are the inputs.
+The camera is a sum of Gaussians near the mean of the phones. The covariance of the code is a formula, too, that falls
+off along the atoms and with their distance; the bands follow from it. All is rounded, and the rounded numbers are the
+inputs.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from typing import Any
 import numpy as np
 
 from camssf.colour.camera import modes_of_code
-from camssf.curves.basis import read_basis, widened
 from camssf.grid import Floats
+from camssf.recovery.basis import read_basis, widened
 from camssf.spectra import read_lamp
 from golden.reading import Json, chart, resolve
 from golden.scenes import PHONE
 
 DECIMALS = 6
 GAINS, TINT = (0.55, 1.0, 0.7), (1.008, 1.0, 0.995)
-"""Raw white of the result's first shot, relative to green; what the reference is off by."""
+"""Raw white of the result's first shot, relative to green; factors of the reference's error."""
 FIRST = "D55"
 PATCHES = (0, 6, 12, 15, 18)
-"""Of BabelColor's chart: skin, orange, blue, yellow, white."""
+"""Patches of BabelColor's chart: skin, orange, blue, yellow, white."""
 ATOMS = 24
 
 
 def colours() -> Iterator[Json]:
-    """Every case."""
+    """All cases of the stage `colour`."""
     yield case("named", "A lamp by name, nothing asked of the reference.", stored(), "D65")
     base = {"case": "colour/named"}
     yield case("own-lamp", "The lamp of the result's own first shot.", base, FIRST)
@@ -99,7 +99,7 @@ def colours() -> Iterator[Json]:
 
 
 def regions() -> Iterator[Json]:
-    """Rectangles of golden/dng, measured as patches are."""
+    """All cases of the stage `regions`: rectangles in files of golden/dng, measured like patches."""
     many = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
     yield region("plain", "Rectangles, black level off.", "patches-chart.dng", many)
     yield region("dark", "A dark frame instead of the black level.", "patches-chart.dng", many, "patches-dark.dng")
@@ -160,13 +160,13 @@ VIEW = {"observer": "1931", "white": "lamp", "kind": None}
 
 
 def curves() -> Floats:
-    """(681, 3) at peak 1, rounded."""
+    """(681, 3) curves at peak 1, rounded."""
     values = resolve(PHONE)
     return np.array(rounded(values / values.max(axis=0)))
 
 
 def stored(basis: str = "phones", scale: float = 1.0) -> Json:
-    """What colour reads of a result document."""
+    """The part of a result document that colour reads."""
     values, covariance = curves(), code_covariance()
     white = read_lamp(FIRST).values
     modes = modes_of_code(values, covariance, widened(read_basis(basis), scale), white)
@@ -190,10 +190,10 @@ def code_covariance() -> Floats:
 
 
 def channels(values: Floats) -> Json:
-    """(681, 3) as documents have them."""
+    """(681, 3) curves in the form of documents."""
     return {name: rounded(values[:, c]) for c, name in enumerate(("red", "green", "blue"))}
 
 
 def rounded(values: Any) -> Any:
-    """As plain numbers."""
+    """The values as rounded plain numbers."""
     return (np.round(np.asarray(values, dtype=np.float64), DECIMALS) + 0.0).tolist()

@@ -1,4 +1,4 @@
-"""The metrics of the golden vectors, each defined once, and the optimality of a code without any solver."""
+"""Defines the metrics of the golden vectors, and tests the optimality of a code without a solver."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from numpy.typing import ArrayLike
 from camssf.grid import WAVELENGTHS, Floats
 
 ROUNDINGS = 4
-"""Half units in the last place between two machines' residuals: of the rows, their whitening, x and the sums."""
+"""Rounding errors, in units of 2⁻⁵³, between two machines' residuals: of rows, whitening, x and sums."""
 VISIBLE = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
 
 
 def exact(found: Any, expected: Any) -> float:
-    """0 where shapes and all values are equal, else infinity."""
+    """0 if shapes and all values are equal, else infinity."""
     a, b = np.asarray(found), np.asarray(expected)
     return 0.0 if a.shape == b.shape and bool(np.all(a == b)) else np.inf
 
 
 def norm(found: ArrayLike, expected: ArrayLike) -> float:
-    """max |a - b| / max |b|; max |a| where b is all zero. Infinity for another shape or a NaN."""
+    """max |a - b| / max |b|, or max |a| if b is all zero; infinity for another shape or a NaN."""
     a, b = _pair(found, expected)
     if a.shape != b.shape or not np.isfinite(a).all():
         return np.inf
@@ -31,7 +31,7 @@ def norm(found: ArrayLike, expected: ArrayLike) -> float:
 
 
 def relative(found: ArrayLike, expected: ArrayLike) -> float:
-    """Largest |a - b| / |b| of numbers that are each of their own size (one a problem); |a| where b = 0."""
+    """max |a - b| / |b| element by element, for numbers of different sizes (one a problem); |a| where b = 0."""
     a, b = _pair(found, expected)
     if a.shape != b.shape or not np.isfinite(a).all():
         return np.inf
@@ -39,16 +39,16 @@ def relative(found: ArrayLike, expected: ArrayLike) -> float:
 
 
 def at_most(found: ArrayLike, expected: ArrayLike | None = None) -> float:
-    """The largest of the values themselves; nothing is compared with them but the bound."""
+    """The largest of the found values; only the bound is compared with it."""
     del expected
     a = np.asarray(found, float)
     return float(a.max(initial=0.0)) if np.isfinite(a).all() else np.inf
 
 
 def peak(found: ArrayLike, expected: ArrayLike) -> float:
-    """Curves (681, 3), each divided by its own peak, against the 5-nm nodes (69, 3) of curves at peak 1: max |a - b|.
+    """max |a - b| of curves (681, 3), each divided by its peak, and curves of peak 1 on the 5-nm nodes (69, 3).
 
-    Every tenth value of the found curves counts. Curves on the nodes are taken as they are.
+    Every tenth value of the found curves counts. Found curves that are on the nodes already are not rescaled.
     """
     a, b = _pair(found, expected)
     if a.ndim != 2 or not np.isfinite(a).all() or (a.max(axis=0) <= 0).any():
@@ -69,10 +69,10 @@ def rmse(found: ArrayLike, expected: ArrayLike) -> float:
 
 
 def sums(found: ArrayLike, expected: ArrayLike) -> float:
-    """A symmetric matrix (3 r, 3 r) by its sums over each channel's r columns, (3 r, 3): as `norm`.
+    """`norm` between a symmetric matrix (3 r, 3 r), summed over each channel's r columns, and such sums (3 r, 3).
 
-    Each row counts by itself, and so each column: a twentieth of the numbers tell what all of them would. Sums are
-    taken as they are.
+    Sums replace the matrix to store fewer numbers; every element still counts. Found values that are sums already are
+    compared directly.
     """
     a = np.asarray(found, dtype=float)
     if a.shape == (len(a), 3) == np.shape(expected):
@@ -96,11 +96,11 @@ METRICS: dict[str, Callable[[Any, Any], float]] = {
 def optimality(
     A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool
 ) -> tuple[float, float]:
-    """Objective and relative duality gap of a code x, for one problem: the formulae of `camssf.curves.proof`.
+    """Objective and relative duality gap of a code x, for one problem: the formulae of `camssf.recovery.duality_gap`.
 
-    By the Cholesky factor of Σ, not by its inverse, and without any solver, so that it may judge them all. λ₂ > 0:
-    the residual itself is a dual point, the gap the penalty's own conjugate. λ₂ = 0: the residual, scaled until it is
-    feasible.
+    It uses the Cholesky factor of Σ, not its inverse, and no solver, so that it can judge all solvers. λ₂ > 0: the
+    residual itself is a dual point, and the gap follows from the conjugate of the penalty. λ₂ = 0: the dual point is
+    the residual, scaled until it is feasible.
     """
     root = np.linalg.cholesky(covariance)
     A, b = np.linalg.solve(root, A), np.linalg.solve(root, b)
@@ -122,12 +122,12 @@ def optimality(
 
 
 def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: float) -> float:
-    """How far rounding alone moves the relative gap of x: of each case its own, by its conditioning.
+    """Bound on the change of x's relative duality gap by rounding; it depends on the conditioning of the problem.
 
-    Another machine's rows and whitening differ in the last bits, x is itself rounded, and so g = Fᵀ (y - F x) moves
-    by δ ≤ ROUNDINGS 2⁻⁵³ |F|ᵀ (|F| |x| + |y|). λ₂ = 0: α falls by max δ / γ and xᵀ g moves by |x|ᵀ δ, so the gap
-    grows by at most 2 ‖x‖₁ max δ. λ₂ > 0: its slope in g is soft(g) / λ₂ - x, which an answer has almost at zero, and
-    its curvature at most 1 / λ₂.
+    Rows and whitening differ between machines in the last bits, and x is rounded, so g = Fᵀ (y - F x) changes by
+    δ ≤ ROUNDINGS 2⁻⁵³ |F|ᵀ (|F| |x| + |y|). λ₂ = 0: α falls by max δ / γ and xᵀ g changes by |x|ᵀ δ, so the gap
+    grows by at most 2 ‖x‖₁ max δ. λ₂ > 0: the gap's slope in g is soft(g) / λ₂ - x, almost zero at a solution, and
+    its curvature is at most 1 / λ₂.
     """
     root = np.linalg.cholesky(covariance)
     F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)
@@ -144,7 +144,7 @@ def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: 
 
 
 def _soft(g: Floats, gamma: float, nonnegative: bool) -> Floats:
-    """Soft thresholding, written once more so that what judges shares no code with what is judged."""
+    """Soft thresholding; a separate implementation, so that the test shares no code with the solvers."""
     return np.asarray(np.maximum(g - gamma, 0.0) - (0.0 if nonnegative else np.maximum(-g - gamma, 0.0)))
 
 

@@ -1,4 +1,4 @@
-"""A byte-level writer of small DNG files, odd ones included: independent of the readers, of tifffile and of LibRaw.
+"""Writes small DNG files byte by byte, also unusual ones, independently of the readers, tifffile and LibRaw.
 
 Directories: TIFF 6.0 and DNG Specification 1.7. Lossless JPEG: ITU-T T.81, annex H.
 """
@@ -20,7 +20,7 @@ _CODES = {
     BYTE: "B", ASCII: "B", SHORT: "H", LONG: "I", UNDEFINED: "B", RATIONAL: "II", SRATIONAL: "ii", DOUBLE: "d",
 }  # fmt: skip
 NONE, JPEG, DEFLATE = 1, 7, 8
-"""TIFF's numbers of the codings that this writer knows."""
+"""TIFF's numbers of the compressions that this writer supports."""
 
 
 def opcode(number: int, data: bytes) -> bytes:
@@ -29,7 +29,7 @@ def opcode(number: int, data: bytes) -> bytes:
 
 
 def opcode_list(*opcodes: bytes) -> tuple[int, bytes]:
-    """An opcode list as a tag value; big-endian in every file."""
+    """An opcode list as a tag value; always big-endian."""
     return UNDEFINED, struct.pack(">I", len(opcodes)) + b"".join(opcodes)
 
 
@@ -53,7 +53,7 @@ GAIN_MAP = gain_map([[1.0]], (0, 0, 64, 96))
 
 
 def pack(samples: NDArray[np.integer[Any]], bits: int) -> bytes:
-    """Rows of samples, most significant bit first, each row beginning on a byte."""
+    """Packed rows of samples, most significant bit first; each row begins at a byte."""
     wide = (samples[..., None].astype(np.uint32) >> np.arange(bits - 1, -1, -1)) & 1
     return np.packbits(wide.reshape(len(samples), -1).astype(np.uint8), axis=1).tobytes()
 
@@ -68,16 +68,16 @@ def lossless_jpeg(
     transform: int = 0,
     lines: int | None = None,
 ) -> bytes:
-    """One lossless JPEG (SOF3): the samples in raster order, dealt out to the components.
+    """One lossless JPEG (SOF3) with the samples in raster order, distributed over the components.
 
     Args:
         samples: (h, w) of a strip or tile.
         bits: precision.
-        components: samples next to each other that belong to as many components.
+        components: number of components; that many adjacent samples form one pixel.
         predictor: 1 to 7.
         restart_rows: JPEG lines in a restart interval; 0 for none.
-        transform: the point transform: so many low bits are lost.
-        lines: of the JPEG, where not those of the samples; its columns follow.
+        transform: the point transform: number of low bits that are dropped.
+        lines: number of JPEG lines, if not that of the samples; the number of columns follows.
     """
     planes = samples.reshape(lines or len(samples), -1, components).astype(np.int64) >> transform
     height, width, _ = planes.shape
@@ -124,27 +124,27 @@ def _coded(planes: NDArray[np.int64], predictor: int, bits: int) -> bytes:
 
 
 def _bits(code: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """The lowest `count` bits of each code, the highest of them first, one after the other."""
+    """The lowest `count` bits of each code, most significant first, concatenated."""
     ends = np.repeat(np.cumsum(count), count)
     return ((np.repeat(code, count) >> (ends - 1 - np.arange(ends.size))) & 1).astype(np.uint8)
 
 
 @dataclass
 class Dng:
-    """A DNG to be; `tags` (raw directory), `first` (IFD0) and `exif` override or, with None, remove.
+    """A DNG file to encode; `tags` (raw directory), `first` (IFD0) and `exif` override or, with None, remove tags.
 
     Attributes:
-        samples: (h, w) uint16 as coded, that is, before the LinearizationTable.
+        samples: (h, w) uint16 as stored, before the LinearizationTable.
         cfa: colour numbers of the 2 × 2 cell.
-        bits: of a sample; packed unless 16.
+        bits: bits a sample; packed unless 16.
         order: "<" or ">".
         compression: NONE, JPEG or DEFLATE.
-        predictor: TIFF's, of DEFLATE: 1, or 2 for horizontal differences.
+        predictor: TIFF's predictor for DEFLATE: 1, or 2 for horizontal differences.
         jpeg: arguments of `lossless_jpeg`.
-        tile: rows, columns; else strips of `rows_per_strip`.
+        tile: rows, columns; None for strips of `rows_per_strip`.
         reverse_pieces: the last piece comes first in the file.
-        place: of the raw directory: "first", "chain" (the second of the chain), "sub", or "nested" (a SubIFD of a
-            SubIFD).
+        place: position of the raw directory: "first", "chain" (second in the chain), "sub", or "nested" (a SubIFD of
+            a SubIFD).
     """
 
     samples: NDArray[np.uint16]
@@ -163,7 +163,7 @@ class Dng:
     exif: Tags = field(default_factory=dict)
 
     def pieces(self) -> list[bytes]:
-        """The strips or tiles, edge tiles padded."""
+        """The encoded strips or tiles; tiles at the edges are padded."""
         height, width = self.samples.shape
         if self.tile:
             rows, columns = self.tile
@@ -185,7 +185,7 @@ class Dng:
         return zlib.compress(plain, 9) if self.compression == DEFLATE else plain
 
     def encode(self) -> bytes:
-        """The file."""
+        """The bytes of the file."""
         height, width = self.samples.shape
         pieces = self.pieces()
         offsets, body = [0] * len(pieces), b""
@@ -218,7 +218,7 @@ class Dng:
         return self._assemble(body, raw | self.tags)
 
     def _assemble(self, body: bytes, raw: Tags) -> bytes:
-        """Header, data, directories: children before their parents, IFD0 last."""
+        """Join header, data and directories; children before their parents, IFD0 last."""
         first: Tags = {
             271: (ASCII, b"Maker\0"),
             272: (ASCII, b"Model 1\0"),
@@ -252,7 +252,7 @@ class Dng:
         return magic + struct.pack(self.order + "I", start) + body
 
     def _directory(self, tags: Tags, at: int, following: int) -> bytes:
-        """One directory that will lie at byte `at`, its long values behind it."""
+        """One directory for byte offset `at`, followed by its long values."""
         present = sorted((tag, value) for tag, value in tags.items() if value is not None)
         values_at = at + 2 + 12 * len(present) + 4
         entries, values = b"", b""

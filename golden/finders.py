@@ -1,4 +1,4 @@
-"""The cases of the stage `finder`: small pictures of a chart, of two, of none, drawn by whole numbers."""
+"""The cases of the stage `finder`: small pictures with one, two or no charts, drawn with integer arithmetic."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.photo.finder.kinds import kinds
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.read.dng import Mosaic
 from golden.poses import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, turned
 from golden.reading import Json
 
 FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
-"""What is made of the photo before it is searched: README.md."""
+"""Forms to which the photo is converted before the search (README.md)."""
 WIDE = View((440, 300), (-60 * 8 * 900, 900, 150), (-30 * 8 * 900, -120, 900), (48 * 8 * 900, 30, -12))
 
 
 def planes(photo: Mosaic) -> NDArray[np.int64]:
-    """(h, w, 3) DN above 256 of red, the first green and blue of every cell, at least 0."""
+    """(h, w, 3) DN above black (256), at least 0: red, the first green and blue of every cell."""
     first = [photo.cfa.index(letter) for letter in "RGB"]
     height, width = (side // 2 for side in photo.samples.shape)
     cells = [photo.samples[k // 2 :: 2, k % 2 :: 2][:height, :width].astype(np.int64) for k in first]
@@ -28,12 +28,12 @@ def planes(photo: Mosaic) -> NDArray[np.int64]:
 
 
 def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Eight bits of planes: twice the whole square root."""
+    """(h, w, 3) 8-bit values of planes: twice the integer square root."""
     return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
 
 
 def finders() -> Iterator[Json]:
-    """Every case; the fields of `golden.scenes.case`."""
+    """All cases, with the fields of `golden.scenes.case`."""
 
     def case(name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", **more: Any) -> Json:
         photo, samples = content
@@ -78,8 +78,8 @@ def finders() -> Iterator[Json]:
 
 
 def _semi_gloss(pitch: int) -> Samples:
-    """The 140 patches, upright, each 0.8 pitch wide."""
-    kind = next(kind for kind in kinds() if kind.columns == 14)
+    """An upright chart of 140 patches, each 0.8 pitch wide."""
+    kind = next(kind for kind in chart_colours() if kind.columns == 14)
     colours = BLACK + np.rint(12000 * kind.colours).astype(np.int64)
     height, width = (n * pitch + 60 for n in (kind.rows, kind.columns))
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
@@ -95,7 +95,7 @@ def _semi_gloss(pitch: int) -> Samples:
 
 
 def _clutter(size: tuple[int, int]) -> Samples:
-    """Keys above, tiles of many greys below, marks between."""
+    """A background without a chart: keys in the upper third, grey tiles in the middle, marks below."""
     width, height = size
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
     noise = (29 * x + 37 * y + x * y) % 11 - 5
@@ -107,7 +107,7 @@ def _clutter(size: tuple[int, int]) -> Samples:
 
 
 def keys_beside() -> Samples:
-    """An upright chart, to the left of it, above and below keys that reach its board."""
+    """An upright chart with keys next to its board: left, above and below."""
     chart = draw(turned(32, 0))[10:-10, 10:-10]
     height, width = chart.shape
     y, x = np.mgrid[0 : height + 80, 0 : width + 260].astype(np.int64)
@@ -117,7 +117,7 @@ def keys_beside() -> Samples:
 
 
 def _cluttered() -> Samples:
-    """The tilted chart on it."""
+    """The tilted chart on the background of `_clutter`."""
     samples = _clutter((480, 320))
     chart = draw(TILTED)
     samples[60 : 60 + chart.shape[0], 120 : 120 + chart.shape[1]] = chart

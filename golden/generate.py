@@ -1,13 +1,13 @@
-"""The only writer of golden/: `python -m golden.generate` writes, `--check` proves that nothing drifted.
+"""The only writer of golden/: `python -m golden.generate` writes, `--check` tests that nothing has drifted.
 
-`--check` makes everything anew in memory and compares with the files:
+`--check` makes everything again in memory and compares it with the files:
 
-- what is reproducible on any machine must be equal to the last character: names, comments, expectations, inputs,
-  limits, sources, spectra, the manifest;
-- outputs must keep the case's own limits against the stored ones (another BLAS or CPU rounds differently); how many
-  are equal to the bit is printed;
-- the oracle's numbers must keep the same bound against the stored ones that they set for everybody else, and the gap
-  that is recomputed from the stored code must keep its own, plus what rounding alone makes of it (`compare.blur`).
+- what is reproducible on any machine must be identical: names, comments, expectations, inputs, limits, sources,
+  spectra, the manifest;
+- outputs must agree with the stored ones within the case's limits (another BLAS or CPU rounds differently); the
+  number of identical files is printed;
+- the oracle's numbers must agree with the stored ones within the limits for all others, and the gap recomputed from
+  the stored code must keep its own bound, plus a bound on rounding (`compare.blur`).
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from camssf.curves.basis import widened
-from camssf.curves.choice import AUTO
-from camssf.curves.engine import load_model
-from camssf.curves.finish import SETTLED
-from camssf.curves.layers import DEPTH
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import widened
+from camssf.recovery.hypotheses import AUTO
+from camssf.recovery.layers import DEPTH
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.pivoting import SETTLED
 from golden import reading
 from golden.compare import METRICS, blur, optimality, rmse
 from golden.reading import FORMAT, ROOT, GoldenError, Json, check, digest, paths, read_case, resolve
 from golden.running import basis_of, findings, problem, run
 
 GAP = 1e-9
-"""Largest relative duality gap of any engine's answer."""
+"""Largest relative duality gap of any engine's result."""
 ORACLE_GAP = 5e-10
-"""Largest relative duality gap of the oracle's own answer, but for rounding (`Proof.bound`)."""
+"""Largest relative duality gap of the oracle's solution, apart from rounding (`Proof.bound`)."""
 MARGIN = 0.9
-"""A truth bound must hold with this part of it at generation."""
+"""At generation the RMSE against the truth must be below this fraction of its bound."""
 ARRIVED, ERRING = 1e-9, 1e-6
-"""Parts of the peak between a curve of layers and the optimum's that are rounding rather than an error; to which part
-of itself an error must be found again."""
+"""Distance between a curve of layers and the optimum, relative to the peak, that is rounding; and the relative
+tolerance with which a larger distance must be reproduced."""
 DIGITS = 12
-"""Significant digits of curves, bands and W: beyond their limits of 1e-10, and a quarter less to store."""
+"""Significant digits stored for curves, bands and W; more precise than their limits of 1e-10."""
 COMMAND = "python -m golden.generate"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command; 0 if all is well, 1 if something drifted or does not hold, 2 where cvxpy is missing."""
+    """Run the command; returns 0 on success, 1 if something drifted or violates a limit, 2 if cvxpy is missing."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Write the golden vectors, or check them.")
     parser.add_argument("--check", action="store_true", help="write nothing: make all anew and compare")
     options = parser.parse_args(arguments)
@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     """Relative path and content of every file, the manifest last; made in memory.
 
-    keep: a stored case that holds by its own limits stays as it is, so that this machine's last bits are no change.
+    keep: a stored case within its own limits stays as it is, so that rounding on this machine changes no file.
     """
     from rich.console import Console
     from rich.progress import track
@@ -126,7 +126,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
 
 
 def finish(scene: Json) -> Json:
-    """A scene solved: outputs by the reference, oracle by cvxpy, limits."""
+    """The complete case of a scene: outputs by the reference, oracle by cvxpy, limits."""
     stage = scene["case"].partition("/")[0]
     inputs = _plain(scene["inputs"])
     made: Json = {
@@ -171,7 +171,7 @@ def finish(scene: Json) -> Json:
 
 
 def _written(made: Json, scene: Json) -> Json:
-    """A case whose outputs are what was written; the reference must find them."""
+    """A case whose outputs are the values written to its file; the reference must read the same."""
     made["outputs"] = scene["outputs"]
     made["limits"] = _limits(made, scene)
     broken = [finding for finding in findings(made) if not finding.holds]
@@ -204,7 +204,7 @@ def _truth(made: Json, found: Floats, truth: Json, bound: float) -> Json:
 
 
 def _limits(made: Json, scene: Json) -> list[Json]:
-    """Which value is held against what, how, how closely."""
+    """The case's limits: value, what it is compared with, metric and bound."""
 
     def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:
         return {"value": value, "against": against, "metric": metric, "bound": {"float64": bound},
@@ -252,7 +252,7 @@ def _limits(made: Json, scene: Json) -> list[Json]:
                    ("lamps", "exact", 0.0), ("weights", "norm", 1e-12), ("kinds", "exact", 0.0),
                    ("surprise", "relative", 1e-12), ("far", "exact", 0.0), ("reach", "norm", 1e-9)],
         "regions": [("raw", "norm", 1e-14), ("standard_error", "norm", 1e-13)],
-        # Pictures are below 2000 px wide: 1e-13 of that is far below the 1e-9 px that is asked for.
+        # Pictures are below 2000 px wide: 1e-13 of that is far below the required 1e-9 px.
         "finder": [("findings", "exact", 0.0), ("kinds", "exact", 0.0), ("mirrored", "exact", 0.0),
                    ("seen", "exact", 0.0), ("corners", "norm", 1e-13), ("patches", "norm", 1e-13),
                    ("confidence", "norm", 3e-9)],
@@ -284,7 +284,7 @@ def _limits(made: Json, scene: Json) -> list[Json]:
 
 
 def _layers_limits(made: Json, limit: Any) -> list[Json]:
-    """The product's layers stand at the optimum by themselves; others stand where they stand."""
+    """Limits of the stage `layers`: the product's layers reach the optimum; others must match the stored values."""
     product = "model" in made["requires"]
     if product or made["outputs"]["distance"] <= ARRIVED:
         return [
@@ -299,7 +299,7 @@ def _layers_limits(made: Json, limit: Any) -> list[Json]:
 
 
 def _statistic(name: str, inputs: Json) -> tuple[str, float]:
-    """Metric and bound of a patch statistic: quotients of whole sums are exact, unless a gain is on them."""
+    """Metric and bound of a patch statistic; quotients of integer sums are exact, unless a gain was applied."""
     plain = inputs.get("lens_shading") == "as-stored"
     if name.endswith(("_standard_error", "_gradient")):
         return "norm", 1e-13
@@ -307,13 +307,13 @@ def _statistic(name: str, inputs: Json) -> tuple[str, float]:
 
 
 _METADATA = {"as_shot_white_xy", "noise_profile", "masked_areas", "bad_pixels"}
-"""Fields of a file that Python has no use for."""
+"""Fields of a file that Python does not read."""
 _ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_shot_white_xy"}
-"""Fields that are quotients."""
+"""Fields that are quotients, and so rounded."""
 
 
 _LIGHT = {("light", "power"), ("light", "power_std"), ("light", "predicted")}
-"""More curves of DIGITS digits."""
+"""Further curves stored with DIGITS digits: (stage, name)."""
 
 
 def _requires(stage: str, inputs: Json) -> list[str]:
@@ -329,7 +329,7 @@ def _requires(stage: str, inputs: Json) -> list[str]:
 
 
 def _source(inputs: Json) -> Json:
-    """Where a case comes from: the basis by the hash that the shipped model states, the spectra by name."""
+    """The source of a case: the basis with the hash in the shipped model's metadata, the spectra by name."""
     basis = _basis(inputs)
     shipped = isinstance(basis, str)
     one = isinstance(basis, str) and basis != AUTO
@@ -362,7 +362,7 @@ def _names(value: Any) -> set[str]:
 
 
 def _stored(name: str, value: Any, stage: str) -> Any:
-    """As a file has it: a band that does not exist is null, and what is large is told with fewer numbers."""
+    """A value as it is stored: None for a missing band, and large arrays with fewer numbers or digits."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
     if value is None or not (name in ("ssf", "ssf_std", "code_covariance", "W") or (stage, name) in _LIGHT):
@@ -375,7 +375,7 @@ def _stored(name: str, value: Any, stage: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as lists."""
+    """The value with arrays as lists."""
     if isinstance(value, dict):
         return {key: _plain(v) for key, v in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -386,7 +386,7 @@ def _plain(value: Any) -> Any:
 
 
 def _text(case: Json) -> bytes:
-    """A line a key, and a line a value one level below."""
+    """The case as JSON with one line for each key, and for each value one level below."""
 
     def line(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -402,7 +402,7 @@ def _text(case: Json) -> bytes:
 
 
 def _place(files: dict[str, bytes]) -> None:
-    """Write files, each whole or not at all."""
+    """Write the files that changed, each atomically."""
     for name, content in files.items():
         path = ROOT / name
         if path.exists() and path.read_bytes() == content:
@@ -412,7 +412,7 @@ def _place(files: dict[str, bytes]) -> None:
 
 
 def _kept(name: str, made: Json) -> bytes:
-    """The stored case where it has the same fields and has not drifted, else the new one."""
+    """The stored case if it has the same fields and has not drifted, else the new one."""
     path = ROOT / name
     if path.exists():
         stored = json.loads(path.read_bytes())
@@ -423,7 +423,7 @@ def _kept(name: str, made: Json) -> bytes:
 
 
 def _write(files: dict[str, bytes]) -> None:
-    """All files, and none that no scene makes."""
+    """Write all files, and delete those that no scene makes."""
     _place(files)
     for path in [*paths(), *(ROOT / "dng").glob("*")]:
         if path.relative_to(ROOT).as_posix() not in files:
@@ -456,7 +456,7 @@ def _check_files(files: dict[str, bytes]) -> int:
 
 
 def drift(stored: Json, made: Json) -> list[str]:
-    """What differs between a stored case and its new self by more than its own limits."""
+    """The differences between a stored case and the same case made now that exceed its limits."""
     numbers = ("outputs", "oracle", "truth")
     faults = [f"{key} differs" for key in stored if key not in numbers and stored[key] != made[key]]
     if stored["expect"] != "success" or faults:
@@ -478,7 +478,7 @@ def drift(stored: Json, made: Json) -> list[str]:
 
 
 class Proof(NamedTuple):
-    """Objective and relative gap of one problem's code, and the largest gap it may have on this machine's rows."""
+    """Objective and relative gap of one problem's code, and the largest gap allowed on this machine."""
 
     objective: float
     gap: float
@@ -486,7 +486,7 @@ class Proof(NamedTuple):
 
 
 def proofs(case: Json) -> list[Proof]:
-    """Of the stored oracle's code, recomputed from it problem by problem, without cvxpy."""
+    """Objective and gap of the stored oracle's code, recomputed for each problem without cvxpy."""
     given, sensing = case["inputs"], problem(case)
     gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     return [
@@ -501,7 +501,7 @@ def proofs(case: Json) -> list[Proof]:
 
 
 def _manifest_drift(stored: Json, made: Json) -> list[str]:
-    """Case hashes follow the cases, which are judged by themselves; all else must be equal."""
+    """The faults of the stored manifest; hashes of cases need only match the files, all else must be equal."""
     keys = ("format", "count", "generator", "spectra", "dng")
     faults = [f"manifest.json: {key} differs" for key in keys if stored.get(key) != made[key]]
     if set(stored.get("cases", {})) != set(made["cases"]):
@@ -513,7 +513,7 @@ def _manifest_drift(stored: Json, made: Json) -> list[str]:
     return faults
 
 
-assert WAVELENGTHS.size == 681  # the shapes in the scenes are written out
+assert WAVELENGTHS.size == 681  # the scenes contain this number in shapes
 
 if __name__ == "__main__":
     sys.exit(main())

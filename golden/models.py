@@ -1,4 +1,4 @@
-"""The golden cases on the shipped models: `python -m golden.models`; exit status 1 where one fails."""
+"""Runs the golden cases on the shipped models: `python -m golden.models`; exit status 1 if one fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from golden.running import by_model, findings
 
 
 def main() -> int:
-    """Run every case, say which fail and by how much."""
+    """Run every case and print which fail and by how much."""
     passed, failed = 0, 0
     for path in reading.paths():
         try:

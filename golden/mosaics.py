@@ -1,7 +1,7 @@
 """The cases of the stage `mosaic`: small DNG files by formula, and what a reader must find in them.
 
-Expectations come from what was written, never from a reader. Samples are by a formula of place; what a file says
-beside them is spelled out in each case.
+Expected values come from what was written, never from a reader. Samples are a formula of their position; each case
+lists the other fields of its file.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Samples = NDArray[np.uint16]
 
 
 def mosaics() -> Iterator[Json]:
-    """Every case: name, comment, file, expectation; the fields of `golden.scenes.case`."""
+    """All cases: name, comment, file, expected values; with the fields of `golden.scenes.case`."""
     yield from _plain()
     yield from _jpeg()
     yield from _deflate()
@@ -49,14 +49,14 @@ def mosaics() -> Iterator[Json]:
 
 
 def chaos(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
-    """(7x² + 13y² + 5xy + 31x + 17y) mod 2^bits: every value, without order."""
+    """(7x² + 13y² + 5xy + 31x + 17y) mod 2^bits: values from the whole range in irregular order."""
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
     values: Samples = ((7 * x * x + 13 * y * y + 5 * x * y + 31 * x + 17 * y) % (1 << bits)).astype(np.uint16)
     return values
 
 
 def slope(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
-    """A slope with a little unrest, as photos have: small differences beside large ones."""
+    """A slope with a small pattern added, similar to a photo: small and large differences."""
     top = (1 << bits) - 1
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
     values = top // 8 + x * top // (2 * width) + y * top // (4 * height) + (29 * x + 37 * y) % 7
@@ -65,7 +65,7 @@ def slope(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
 
 
 def extremes() -> Samples:
-    """0 and 32768 in turn: differences of category 16."""
+    """Alternating 0 and 32768: differences of category 16."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.int64)
     samples: Samples = (32768 * ((x // 3 + y // 2) % 2)).astype(np.uint16)
     return samples
@@ -81,7 +81,7 @@ def case(
     area: tuple[int, int, int, int] | None = None,
     **says: Any,
 ) -> Json:
-    """A case of one file; `says` overrides what a reader must find beside the samples."""
+    """A case of one file; `says` overrides expected fields other than the samples."""
     content = dng if isinstance(dng, bytes) else dng.encode()
     found: Json = {
         "case": f"mosaic/{name}",
@@ -197,7 +197,7 @@ def _deflate() -> Iterator[Json]:
 
 
 def _levels() -> Iterator[Json]:
-    """Tables, black, white, areas, colour filters."""
+    """Cases of tables, black and white levels, areas and colour filters."""
     curve = np.minimum(np.arange(1024) ** 2 // 16, 65535).astype(np.uint16)
     yield case(
         "linearization", "A LinearizationTable of every value; black and white are on its scale.",
@@ -256,7 +256,7 @@ def _levels() -> Iterator[Json]:
 
 
 def _directories() -> Iterator[Json]:
-    """Where the raw directory lies, and all that a file says beside the samples."""
+    """Cases of the raw directory's position, and of the fields other than the samples."""
     yield case("sub-directory", "The raw picture in a SubIFD behind a preview.", Dng(chaos(16), place="sub"))
     yield case("nested", "In a SubIFD of a SubIFD, big-endian.", Dng(chaos(16), order=">", place="nested"))
     yield case("chain", "The second directory of the chain.", Dng(chaos(12), bits=12, place="chain"))

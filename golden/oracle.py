@@ -1,4 +1,4 @@
-"""The convex solution by cvxpy and Clarabel, polished; imported where cases are generated, nowhere else."""
+"""Solves the convex problems by cvxpy and Clarabel, and polishes the solutions; imported only to generate cases."""
 
 from __future__ import annotations
 
@@ -10,37 +10,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.curves.basis import Basis
-from camssf.curves.sensing import Sensing, anchor
 from camssf.grid import STEP, Floats
+from camssf.recovery.basis import Basis
+from camssf.recovery.linear_model import LinearModel, anchor
 from golden.compare import optimality
 from golden.reading import Json
 
 ENOUGH = 1e-13
-"""Relative duality gap at which no further polish is tried; where λ₂ > 0 the gap is of second order, and this its
-square."""
+"""Relative duality gap at which polishing stops; for λ₂ > 0, where the gap is of second order, its square is used."""
 
 
 def consult(
-    sensing: Sensing,
+    linear: LinearModel,
     l2: float,
     gamma: Floats,
     nonnegative: bool,
     basis: Basis | None = None,
     white: Floats | None = None,
 ) -> Json:
-    """Objective, code and gap of each problem by Clarabel; the curves on the 5-nm nodes where they are unique.
+    """Objective, code and gap of each problem by Clarabel; and the curves on the 5-nm nodes if they are unique.
 
     Args:
-        sensing: the rows of p problems: on a learned basis one, the three channels together.
-        l2, gamma, nonnegative: of the problem, γ (p,).
-        basis: with `white` = ρ_w L (681,) of the first lamp, for the curves.
-        white: as said.
+        linear: the rows of p problems; p = 1 on a learned basis, the three channels together.
+        l2, gamma, nonnegative: penalties and constraint of the problem, γ (p,).
+        basis: basis of the curves; None for no curves.
+        white: (681,) ρ_w L of the first lamp, to scale the curves; None for no curves.
     """
     from importlib.metadata import version
 
     codes, objectives, gaps, polished, unique = [], [], [], [], []
-    for A, b, sigma, weight in zip(sensing.matrix, sensing.target, sensing.covariance, gamma, strict=True):
+    for A, b, sigma, weight in zip(linear.matrix, linear.target, linear.covariance, gamma, strict=True):
         x, better = _problem(A, b, sigma, l2, float(weight), nonnegative)
         objective, gap = optimality(A, b, sigma, x, l2, float(weight), nonnegative)
         codes.append(x)
@@ -65,7 +64,7 @@ def consult(
 
 
 def _problem(A: Floats, b: Floats, sigma: Floats, l2: float, gamma: float, nonnegative: bool) -> tuple[Floats, bool]:
-    """One problem; True where the polish bettered Clarabel's gap."""
+    """The code of one problem, and whether polishing improved Clarabel's gap."""
     root = np.linalg.cholesky(sigma)
     F, y = np.linalg.solve(root, A), np.linalg.solve(root, b)
 
@@ -87,7 +86,7 @@ def _problem(A: Floats, b: Floats, sigma: Floats, l2: float, gamma: float, nonne
 
 
 def _clarabel(F: Floats, y: Floats, l2: float, gamma: float, nonnegative: bool) -> Floats:
-    """The whitened problem with columns of unit norm and a target of unit norm."""
+    """Solve the whitened problem by Clarabel, with columns and target scaled to unit norm."""
     cp: Any = import_module("cvxpy")
     column = np.sqrt((F**2).sum(axis=0) + l2)
     column = np.where(column > 0, column, 1.0)
@@ -96,10 +95,10 @@ def _clarabel(F: Floats, y: Floats, l2: float, gamma: float, nonnegative: bool) 
     terms = 0.5 * cp.sum_squares(y / size - (F / column) @ u)
     terms += 0.5 * l2 * cp.sum_squares(cp.multiply(1.0 / column, u))
     terms += gamma / size * cp.norm1(cp.multiply(1.0 / column, u))
-    # With tolerances this small Clarabel often says "almost solved": the gap is judged afterwards, by us.
+    # With tolerances this small Clarabel often reports "almost solved"; the gap is computed afterwards.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with suppress(cp.error.SolverError):  # then the polish starts from zero, and its gap is judged like any other
+        with suppress(cp.error.SolverError):  # then polishing starts from zero, and its gap is checked as usual
             cp.Problem(cp.Minimize(terms)).solve(
                 solver=cp.CLARABEL, tol_gap_abs=1e-14, tol_gap_rel=1e-13, tol_feas=1e-13, max_iter=400
             )
@@ -111,7 +110,10 @@ def _clarabel(F: Floats, y: Floats, l2: float, gamma: float, nonnegative: bool) 
 def _polish(
     F: Floats, y: Floats, l2: float, gamma: float, nonnegative: bool, support: NDArray[np.bool_], sign: Floats
 ) -> Floats | None:
-    """An active-set walk from a guessed support: its KKT system by QR, wrong signs out, the worst violator in."""
+    """Active-set iteration from a guessed support: KKT system by QR, drop wrong signs, add the worst violator.
+
+    Returns None if the system is singular.
+    """
     r = F.shape[1]
     support, sign = support.copy(), sign.copy()
     x = np.zeros(r)
@@ -126,7 +128,7 @@ def _polish(
                 return None
             target = np.concatenate([y, np.zeros(S.shape[1])])
             x[support] = np.linalg.solve(R, Q.T @ target - gamma * np.linalg.solve(R.T, sign[support]))
-            off = S.T @ (target - S @ x[support]) - gamma * sign[support]  # what rounding left
+            off = S.T @ (target - S @ x[support]) - gamma * sign[support]  # one step of iterative refinement
             x[support] += np.linalg.solve(R, np.linalg.solve(R.T, off))
         wrong = support & ((x < 0) if nonnegative else (x * sign < 0)) & ((gamma > 0) | nonnegative)
         if wrong.any():
@@ -142,7 +144,7 @@ def _polish(
 
 
 def _unique(A: Floats, b: Floats, sigma: Floats, x: Floats, l2: float, gamma: float, nonnegative: bool) -> bool:
-    """λ₂ > 0, or the columns at the bound are independent (Tibshirani 2013, Lemma 2)."""
+    """Whether x is unique: λ₂ > 0, or the columns at the bound are independent (Tibshirani 2013, Lemma 2)."""
     if l2 > 0:
         return True
     root = np.linalg.cholesky(sigma)

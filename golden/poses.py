@@ -1,8 +1,8 @@
-"""The cases of the stages `pose` and `patches`: photos of a chart, drawn by whole numbers.
+"""The cases of the stages `pose` and `patches`: photos of a chart, drawn with integer arithmetic.
 
-A photo has 4 × 4 points in each pixel. A point's place in the chart's lattice (centres of patches at whole numbers)
-is a quotient of two sums with whole coefficients, so every machine draws the same samples. Patches are even, gaps
-and surround dark; a formula of place stands for noise.
+Each pixel is the mean of 4 × 4 points. A point's position in the chart's lattice (patch centres at integers) is a
+quotient of two sums with integer coefficients, so every machine draws the same samples. Patches are uniform, gaps and
+surround dark; a formula of the position replaces noise.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from golden.reading import Json, chart
 
 BLACK, WHITE = 256, 15000
 GAP, TABLE = 420, 1900
-"""DN between the patches, and around the chart."""
+"""Levels between the patches, and around the chart, DN."""
 SIDE = (44, 100)
-"""Half a patch's edge, in parts of the pitch: 0.44."""
+"""Half a patch's edge as a fraction of the pitch: 44 / 100."""
 Samples = NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
 class View:
-    """How a chart lies: px (x, y) → lattice (u, v) = (p + q · (x, y)) / (r + s · (x, y)), whole coefficients.
+    """A chart's pose: maps px (x, y) to lattice (u, v) = (p + q · (x, y)) / (r + s · (x, y)), integer coefficients.
 
     Attributes:
         size: width, height, px.
-        u, v, w: (p, q_x, q_y) of both coordinates and (r, s_x, s_y) of what divides them, place in eighths of a
-            pixel.
+        u, v: (p, q_x, q_y) of both numerators; x, y in eighths of a pixel.
+        w: (r, s_x, s_y) of the denominator.
     """
 
     size: tuple[int, int]
@@ -53,7 +53,7 @@ class View:
         return self.places(at + 0.44 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
 
     def places(self, lattice: Floats) -> Floats:
-        """Lattice (..., 2) → px, the other way round."""
+        """Pixel positions (..., 2) of lattice positions (..., 2): the inverse map."""
         (p, a, b), (q, c, d), (r, e, f) = self.u, self.v, self.w
         u, v = lattice[..., 0], lattice[..., 1]
         m, n = (a - e * u, b - f * u), (c - e * v, d - f * v)
@@ -65,7 +65,7 @@ class View:
 
 
 def turned(pitch: int, turns: int, margin: int = 30) -> View:
-    """Upright, or turned by quarters clockwise; `pitch` px between patches."""
+    """An upright chart, or one rotated clockwise by quarter turns; `pitch` px between patch centres."""
     wide, high = 5 * pitch + 2 * margin, 3 * pitch + 2 * margin
     size = (wide, high) if turns % 2 == 0 else (high, wide)
     unit, first = (8 * pitch, 0, 0), -8 * margin
@@ -78,13 +78,13 @@ def turned(pitch: int, turns: int, margin: int = 30) -> View:
     return View(size, *ways[turns], unit)
 
 
-# cos, sin of 20° over 1000, a pitch of 24 px, and a tilt that makes the far side a tenth smaller
+# 1000 times cos and sin of 20°, a pitch of 24 px, and a tilt that makes the far side a tenth smaller
 TILTED = View((224, 184), (-50 * 8 * 940, 940, 342), (-9 * 8 * 940, -342, 940), (24 * 8 * 1000, 11, 17))
 
 
 @cache
 def levels() -> NDArray[np.int64]:
-    """(24, 3) DN of the patches: BabelColor's table seen by three Gaussians, in whole fours."""
+    """(24, 3) DN of the patches: BabelColor's table through three Gaussian curves; multiples of 4 above black."""
     curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
     signals = chart("babelcolor") @ (curves / curves.sum(axis=0)) * np.array([0.6, 1.0, 0.75])
     whole: NDArray[np.int64] = BLACK + 4 * np.rint(3000 * signals).astype(np.int64)
@@ -92,7 +92,7 @@ def levels() -> NDArray[np.int64]:
 
 
 def draw(view: View, cfa: bytes = bytes((0, 1, 1, 2)), *, unrest: int = 7, mirrored: bool = False) -> Samples:
-    """The photo's samples, before anything is done to them."""
+    """The photo's samples, without any change."""
     width, height = view.size
     colour = np.tile(np.array(list(cfa)).reshape(2, 2), (height // 2 + 1, width // 2 + 1))[:height, :width]
     total = np.zeros((height, width), np.int64)
@@ -122,7 +122,7 @@ def file(
     iso: int = 100,
     exposure: Sequence[int] = (1, 60),
 ) -> bytes:
-    """A DNG of 14 bits, lossless JPEG, black 256, white 15000."""
+    """The bytes of a DNG: 14 bits, lossless JPEG, black 256, white 15000."""
     more: Tags = {50714: (SHORT, [BLACK]), 50717: (LONG, [WHITE])}
     exif: Tags = {33434: (RATIONAL, list(exposure)), 34855: (SHORT, [iso])}
     width = samples.shape[1]
@@ -131,7 +131,7 @@ def file(
 
 
 def poses() -> Iterator[Json]:
-    """Every case of both stages; the fields of `golden.scenes.case`."""
+    """All cases of both stages, with the fields of `golden.scenes.case`."""
     yield from _poses()
     yield from _patches()
 
@@ -154,7 +154,7 @@ def _case(name: str, comment: str, inputs: Json, files: dict[str, bytes], expect
 
 
 def _poses() -> Iterator[Json]:
-    half = 0.44  # of a pitch: half a patch
+    half = 0.44  # half a patch, relative to the pitch
 
     def pose(
         name: str,
@@ -242,7 +242,7 @@ def _poses() -> Iterator[Json]:
 
 
 def _shaded(samples: Samples, by: int) -> Samples:
-    """Light that falls off from the left: less by x / by."""
+    """The samples in light that falls off from left to right, by x / `by`."""
     x = np.arange(samples.shape[1], dtype=np.int64)
     above = samples.astype(np.int64) - BLACK
     return (BLACK + above * (4096 - 4096 * x // by) // 4096).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Golden files → cases: a strict check of every key, and the arrays that the input forms stand for."""
+"""Reads golden files: checks every key strictly, and converts input forms to arrays."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf import errors
-from camssf.curves.basis import interpolate
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import interpolate
 from golden.compare import METRICS
 
 Json: TypeAlias = dict[str, Any]
@@ -26,7 +26,7 @@ FIELDS = (
 CAPABILITIES = (
     "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "metadata", "colour", "finder",
 )  # fmt: skip
-"""What a runner may have; README.md explains each."""
+"""Capabilities of a runner; README.md explains each."""
 _PROBLEM = {"matrix", "target", "covariance", "l2", "gamma", "nonnegative"}
 _ROWS = {
     "basis", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp", "lamp_tolerance",
@@ -67,7 +67,7 @@ MAY: dict[str, set[str]] = {
     "rivals": {"make", "model"},
     "verdict": {"choice", "family", "code_variance", "unnamed", "gain_modes", "gain_own"},
 }
-"""Inputs that a case may leave out; README.md says what then holds."""
+"""Optional inputs of a case; README.md gives their defaults."""
 _STATISTICS = {"mean", "standard_error", "count", "clipped", "dead", "gradient", "greens"}
 OUTPUTS: dict[str, set[str]] = {
     "mosaic": {
@@ -191,21 +191,21 @@ _FULL_FRAME = _FRAME | {"count", "dead", "greens"}
 
 
 class GoldenError(ValueError):
-    """A golden file breaks its format."""
+    """A golden file violates the format."""
 
 
 def codes() -> set[str]:
-    """The error codes of the vocabulary."""
+    """All error codes of `camssf.errors`."""
     kinds = [getattr(errors, name) for name in vars(errors)]
     kinds = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, errors.CalibrationError)]
     return {kind.code for kind in kinds} - {errors.CalibrationError.code}
 
 
 def check(case: Json) -> Json:
-    """The case itself if it is format 1 to the letter.
+    """Return the case if it follows format 1.
 
     Raises:
-        GoldenError: an unknown or missing key, or a value that its field does not allow.
+        GoldenError: an unknown or missing key, or a value that is not allowed.
     """
     _keys("the case", case, set(FIELDS))
     name = case["case"]
@@ -246,7 +246,7 @@ def check(case: Json) -> Json:
 
 
 def read_case(path: Path) -> Json:
-    """One case, checked."""
+    """Read and check one case."""
     try:
         case: Json = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -268,7 +268,7 @@ def digest(content: bytes) -> str:
 
 
 def generator_digest() -> str:
-    """Of the sources that write the cases."""
+    """SHA-256 of the sources that write the cases."""
     text = b"".join(p.name.encode() + b"\0" + p.read_bytes().replace(b"\r\n", b"\n") for p in _sources())
     return digest(text)
 
@@ -278,7 +278,7 @@ def _sources() -> Iterator[Path]:
 
 
 def spectra(name: str) -> Json:
-    """golden/spectra/<name>.json."""
+    """The content of golden/spectra/<name>.json."""
     return _parsed(_content(f"spectra/{name}.json"))
 
 
@@ -289,12 +289,12 @@ def _parsed(content: bytes) -> Json:
 
 
 def dng(name: str) -> bytes:
-    """golden/dng/<name>, from the generator's memory or from its file."""
+    """The bytes of golden/dng/<name>, from the generator's memory or from the file."""
     return _content(f"dng/{name}")
 
 
 PENDING: dict[str, bytes] = {}
-"""Files that the generator has made but not yet written: nothing is written before all is right."""
+"""Files that the generator has made but not yet written; it writes only after all checks have passed."""
 
 
 def _content(name: str) -> bytes:
@@ -302,7 +302,7 @@ def _content(name: str) -> bytes:
 
 
 def sibling(name: str) -> Json:
-    """Another case by its name, from the generator's memory or from its file."""
+    """Another case by its name, from the generator's memory or from the file."""
     return check(_parsed(_content(f"cases/{name}.json")))
 
 
@@ -317,7 +317,7 @@ def lamp(name: str) -> Floats:
 
 
 def modes(names: list[str | None]) -> Floats:
-    """(k, q, 681) of each shot's kind of lamp, zeros where it has none: known on the 5-nm nodes, straight between."""
+    """(k, q, 681) modes of each shot's kind of lamp, zeros if it has none; linear between the 5-nm nodes."""
     known = [np.array(spectra("modes")["values"][name], float) if name else np.zeros((0, 69)) for name in names]
     found = np.zeros((len(names), max(map(len, known)), WAVELENGTHS.size))
     for shot, own in zip(found, known, strict=True):
@@ -326,19 +326,19 @@ def modes(names: list[str | None]) -> Floats:
 
 
 def camera(name: str) -> Floats:
-    """(681, 3) curves: known on the 5-nm nodes, straight between them."""
+    """(681, 3) curves, linear between the 5-nm nodes."""
     return interpolate(np.array(spectra("cameras")["values"][name], float))
 
 
 def resolve(value: Any) -> Any:
-    """What an input stands for (README.md, Input forms): arrays, or the nested lists of a ragged one."""
+    """The value of an input form (README.md, Input forms): an array, or nested lists if it is ragged."""
     if isinstance(value, dict):
         return _form(value)
     if isinstance(value, list):
         try:
             return np.array(_numbers(value), float)
         except ValueError:
-            return _numbers(value)  # shots of unequal length: for the checks to refuse
+            return _numbers(value)  # shots of unequal length, which an error case needs
     return value
 
 
@@ -380,7 +380,7 @@ def _horner(coefficients: list[float], u: Floats) -> Floats:
 
 
 def _numbers(value: Any) -> Any:
-    """JSON has no NaN: it is written as a word."""
+    """The numbers with "NaN" and "Infinity" as floats; JSON has no such numbers."""
     if isinstance(value, list):
         return [_numbers(v) for v in value]
     if isinstance(value, str):

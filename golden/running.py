@@ -1,4 +1,4 @@
-"""Run a case through camssf, by either engine, and hold the result to the case's limits."""
+"""Runs a case through camssf, by either engine, and compares the result with the case's limits."""
 
 from __future__ import annotations
 
@@ -13,34 +13,33 @@ from camssf.calibration import solve as calibrate_capture
 from camssf.colour import PARTS, Reference, View, camera_of_result, standard_colour
 from camssf.colour.reach import REACH
 from camssf.colour.regions import measure_regions
-from camssf.curves.basis import Basis, gaussian_basis, read_basis, widened
-from camssf.curves.choice import recover
-from camssf.curves.code import solve
-from camssf.curves.engine import Model, load_model
-from camssf.curves.evidence import Evidence
-from camssf.curves.layers import DEPTH
-from camssf.curves.sensing import Sensing, anchor, sense
-from camssf.curves.ssf import Ssf, Weight
 from camssf.errors import CalibrationError
-from camssf.evidence.assumptions import assume
-from camssf.evidence.light import Neutral, Rival
-from camssf.evidence.problem import pose_problem
-from camssf.evidence.reasons import Fatal
-from camssf.evidence.rivals import weigh as weigh_answer
-from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.surprise import Weighed, accused, shot_answer
-from camssf.evidence.unseen import foretell, score
-from camssf.evidence.verdict import judge as weigh
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.cross_validation import cross_validate, score
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
-from camssf.photo.finder.find import find_sightings
-from camssf.photo.finder.picture import Codes, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.find.sightings import find_sightings
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
-from camssf.photo.pose import Pose, find_chart
+from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.signals import Signals, normalise
+from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.layers import DEPTH
+from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.onnx_model import Model, load_model
+from camssf.recovery.sensitivity import Hypothesis, Ssf
+from camssf.recovery.solve import solve
 from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
+from camssf.verdict.assumptions import assume
+from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
+from camssf.verdict.judge import judge as judge_capture
+from camssf.verdict.lamp import Neutral, Rival
+from camssf.verdict.reasons import Fatal
+from camssf.verdict.rival_lamps import weigh, weigh_rivals
 from golden.compare import METRICS, optimality, peak
 from golden.finders import planes, shown
 from golden.reading import CAPABILITIES, GoldenError, Json, digest, dng, resolve, sibling
@@ -50,14 +49,14 @@ VERDICT_NUMBERS = {
     "reflectance", "chart_tolerance", "white_reflectance", "lamp", "lamp_modes", "signals", "standard_error", "white",
     "dark", "centres", "ssf", "ssf_std", "code", "predicted",
 }  # fmt: skip
-"""Of a verdict's inputs those that are arrays."""
+"""Inputs of a verdict that are arrays."""
 LACKING = {"metadata"}
-"""What Python's reader does not do; a phone's may."""
+"""Capabilities that Python's reader lacks; a phone's may have them."""
 ABILITIES = tuple(name for name in CAPABILITIES if name not in LACKING)
 
 
 class Finding(NamedTuple):
-    """One limit and what was measured; `skipped` names the capability that the runner lacks."""
+    """One limit and the measured value; `skipped` names the capability that the runner lacks."""
 
     limit: str
     measured: float
@@ -66,12 +65,12 @@ class Finding(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """True where the measured number keeps the bound; a NaN keeps none."""
+        """Whether the measured value is within the bound, or was skipped; a NaN is not."""
         return bool(self.skipped) or bool(self.measured <= self.bound)
 
 
 def basis_of(spec: Any) -> Basis:
-    """A shipped basis by name, or Gaussians by {count, width}."""
+    """A shipped basis by name, or a Gaussian basis by {count, width}."""
     return read_basis(spec) if isinstance(spec, str) else gaussian_basis(spec["count"], spec["width"])
 
 
@@ -97,7 +96,7 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
     """The outputs of a case.
 
     Raises:
-        CalibrationError: what an error case expects.
+        CalibrationError: the error that an error case expects.
     """
     given = arrays(case)
     stages = {
@@ -129,12 +128,12 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
 
 
 def by_model(case: Json) -> bool:
-    """Whether the shipped ONNX model can run it; the other cases are the reference's own steps."""
+    """Whether the shipped ONNX model can run the case; the other cases are single steps of the reference."""
     return "model" in case["requires"]
 
 
 def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...] = ABILITIES) -> list[Finding]:
-    """Every limit of the case, measured; for an error case whether the code is the expected one."""
+    """Measure every limit of the case; for an error case compare the error code."""
     lacking = sorted(set(case["requires"]) - set(capabilities))
     if lacking:
         return [Finding("case", 0.0, 0.0, f"needs {', '.join(lacking)}")]
@@ -148,7 +147,7 @@ def findings(case: Json, engine: str = "reference", capabilities: tuple[str, ...
 
 
 def judge(case: Json, outputs: dict[str, Any], capabilities: tuple[str, ...] = ABILITIES) -> list[Finding]:
-    """Hold outputs to the limits."""
+    """Compare outputs with the limits."""
     found = []
     for limit in case["limits"]:
         name = f"{limit['value']} against {limit['against']}, {limit['metric']}"
@@ -163,17 +162,17 @@ def judge(case: Json, outputs: dict[str, Any], capabilities: tuple[str, ...] = A
     return found
 
 
-def problem(case: Json) -> Sensing:
-    """A, b and Σ of a case that has convex problems in it: stages weights, solve, ssf, layers."""
+def problem(case: Json) -> LinearModel:
+    """A, b and Σ of a case with convex problems: stages weights, solve, ssf, layers."""
     given = arrays(case)
     if case["stage"] not in ("ssf", "layers"):
-        return Sensing(given["matrix"], given["target"], given["covariance"])
+        return LinearModel(given["matrix"], given["target"], given["covariance"])
     signals = (given["chart"] - given["dark"]) / (given["white"] - given["dark"])
     return _rows(given, signals)
 
 
 def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
-    """What is null in the file is absent in the answer: no band without a prior."""
+    """Check that outputs which are null in the file are absent in the result, as a band without a prior."""
     return [
         Finding(f"{name} is absent", float(outputs[name] is not None and not np.isnan(outputs[name]).all()), 0.0)
         for name, value in case["outputs"].items()
@@ -181,9 +180,9 @@ def _complete(case: Json, outputs: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def _evidence(given: dict[str, Any], signals: Any, frames: Any = None) -> Evidence:
-    """What a case says; its signals are ragged where the case is an error."""
-    return Evidence(
+def _observation(given: dict[str, Any], signals: Any, frames: Any = None) -> Observation:
+    """The observation of a case; the signals may be ragged in an error case."""
+    return Observation(
         signals,
         given["reflectance"],
         given["lamp"],
@@ -199,12 +198,12 @@ def _evidence(given: dict[str, Any], signals: Any, frames: Any = None) -> Eviden
     )
 
 
-def _rows(given: dict[str, Any], signals: Floats) -> Sensing:
-    return sense(_evidence(given, signals), widened(basis_of(given["basis"]), _scale(given)))
+def _rows(given: dict[str, Any], signals: Floats) -> LinearModel:
+    return linear_model(_observation(given, signals), widened(basis_of(given["basis"]), _scale(given)))
 
 
 def _scale(given: dict[str, Any]) -> float:
-    """How much wider the prior is taken: 1 where the case does not say."""
+    """The width of the prior; 1 if the case does not give it."""
     return float(given.get("prior_scale", 1.0))
 
 
@@ -213,8 +212,8 @@ def _sensing(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _weights(given: dict[str, Any]) -> dict[str, Any]:
-    """ρ = γ + 2 λ₂ and W = (H + ρ I)⁻¹; z after each of the depths."""
-    sensing = Sensing(given["matrix"], given["target"], given["covariance"])
+    """ρ = γ + 2 λ₂, W = (H + ρ I)⁻¹, and z after each of the depths."""
+    sensing = LinearModel(given["matrix"], given["target"], given["covariance"])
     l2, gamma, nonnegative = given["l2"], given["gamma"], given["nonnegative"]
     codes = [solve(sensing, l2, gamma, nonnegative=nonnegative, depth=int(d), finish=0) for d in given["depths"]]
     rho = gamma + 2.0 * l2
@@ -223,7 +222,7 @@ def _weights(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _solve(given: dict[str, Any]) -> dict[str, Any]:
-    sensing = Sensing(given["matrix"], given["target"], given["covariance"])
+    sensing = LinearModel(given["matrix"], given["target"], given["covariance"])
     more = {} if given["depth"] is None else {"depth": given["depth"]}
     code = solve(
         sensing, given["l2"], given["gamma"], nonnegative=given["nonnegative"], finish=given["finish"], **more
@@ -233,7 +232,7 @@ def _solve(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
-    """By the model's own contract; cases that expect an error go through `recover`, which checks its arguments."""
+    """The stage `ssf`: by the model alone; the reference and error cases by `recover`, which checks its arguments."""
     frames = [given[name] for name in ("chart", "white", "dark")]
     with np.errstate(divide="ignore", invalid="ignore"):
         signals = [(np.array(c, float) - d) / (np.array(w, float) - d) for c, w, d in zip(*frames, strict=True)]
@@ -242,7 +241,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         found: dict[str, Any] = model.run(model_inputs(model, given))
     else:
         ssf = recover(
-            _evidence(given, signals, tuple(frames) if sound else None),
+            _observation(given, signals, tuple(frames) if sound else None),
             basis=given["basis"],
             l2=given["l2"],
             gamma=given["gamma"],
@@ -261,7 +260,7 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
 
 
 def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
-    """Every input of the model, from a case's inputs. The model takes at least one mode: zeros stand for none."""
+    """All inputs of the model from a case's inputs; a mode of zeros if there is none, as the model needs one."""
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
     told = none | {"prior_scale": _scale(given)} | {name: value for name, value in given.items() if np.size(value)}
@@ -269,11 +268,11 @@ def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
 
 
 def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
-    """`recover` with its choice; curves and bands on the 5-nm nodes, at peak 1."""
+    """The stage `choice`: `recover` with its hypotheses; curves and bands on the 5-nm nodes, at peak 1."""
     frames = tuple(given[name] for name in ("chart", "white", "dark"))
     signals = (frames[0] - frames[2]) / (frames[1] - frames[2])
     ssf = recover(
-        _evidence(given, signals, frames),
+        _observation(given, signals, frames),
         basis=given["basis"],
         l2=given["l2"],
         gamma=given["gamma"],
@@ -296,8 +295,8 @@ def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
     }
 
 
-def _objective(given: dict[str, Any], rows: Sensing, code: Floats) -> Floats:
-    """(p,) of a code (r, 3), recomputed without its solver."""
+def _objective(given: dict[str, Any], rows: LinearModel, code: Floats) -> Floats:
+    """(p,) objective of a code (r, 3), recomputed without its solver."""
     return np.array([
         optimality(A, b, S, x, given["l2"], given["gamma"], given["nonnegative"])[0]
         for A, b, S, x in zip(
@@ -307,10 +306,10 @@ def _objective(given: dict[str, Any], rows: Sensing, code: Floats) -> Floats:
 
 
 def layers(case: Json, model: Model | None = None) -> dict[str, Any]:
-    """What a number of layers gives by itself, and its distance from the oracle's curve.
+    """The result of a number of layers alone, and its distance from the oracle's curve.
 
-    The reference runs them alone. A model may have a finish: where that took no step, its answer is the layers' own,
-    and a case that lets a model run demands no step.
+    The reference runs the layers alone. A model also has a finish; if that took no step, its result is the layers',
+    and cases for models require that it took none.
 
     Raises:
         GoldenError: the model has other layers.
@@ -353,7 +352,7 @@ def _read(name: str) -> Mosaic:
 
 
 def _mosaic(given: dict[str, Any]) -> dict[str, Any]:
-    """What the reader finds; the fields of `metadata` are not read by Python."""
+    """The stage `mosaic`: what the reader finds; Python does not read the fields of `metadata`."""
     found = _read(given["dng"])
     height, width = found.samples.shape
     names = ("sha256", "cfa", "white", "make", "model", "exposure", "iso", "orientation")
@@ -395,7 +394,7 @@ def _pose(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _finder(given: dict[str, Any]) -> dict[str, Any]:
-    """What is seen in one of the forms of a photo; points one chart behind the other."""
+    """The stage `finder`: charts found in one of the forms of a photo; the points of all charts concatenated."""
     photo = _read(given["dng"])
     found = find_sightings(_searched(photo, given["form"]))
     seen = found.sightings
@@ -403,14 +402,14 @@ def _finder(given: dict[str, Any]) -> dict[str, Any]:
         "findings": list(found.findings),
         "kinds": [each.kind for each in seen],
         "mirrored": [each.mirrored for each in seen],
-        "seen": [each.seen for each in seen],
+        "seen": [each.blobs for each in seen],
         "corners": np.array([each.corners for each in seen]).reshape(-1, 2),
         "patches": np.concatenate([np.zeros((0, 2)), *(each.patches for each in seen)]),
         "confidence": np.array([each.confidence for each in seen]),
     }
 
 
-def _searched(photo: Mosaic, form: str) -> Codes:
+def _searched(photo: Mosaic, form: str) -> SearchImage:
     if form == "mosaic":
         return codes_of_mosaic(photo)
     light = planes(photo)
@@ -450,7 +449,7 @@ def _signals(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _verdict(given: dict[str, Any]) -> dict[str, Any]:
-    """`camssf.evidence.verdict.judge`, and the numbers of rules 1 to 3 that it weighed."""
+    """The stage `verdict`: `camssf.verdict.judge.judge`, and the values that its rules 1 to 3 used."""
     table = replace(_table(given["reflectance"], 0.0, 18), tolerance=given["chart_tolerance"])
     used = np.array(given["used"], bool)
     signals = Signals(
@@ -467,7 +466,9 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     ]
     rho = np.ravel(given["white_reflectance"])
 
-    choice = tuple(Weight(basis, scale, 0.0, probability) for basis, scale, probability in given.get("choice", ()))
+    choice = tuple(
+        Hypothesis(basis, scale, 0.0, probability) for basis, scale, probability in given.get("choice", ())
+    )
     basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
 
     variance = given.get("code_variance")
@@ -487,12 +488,12 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
     gains = None
     if "gain_modes" in given:
         gains = np.array(given["gain_modes"], float), float(given["gain_own"])
-    weighed = Weighed(signals, table, shots, poses, lamps, rho, given["white_tolerance"], gains)
-    verdict = weigh(weighed, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
-                    unnamed=[given.get("unnamed", False)] * len(shots))  # fmt: skip
-    joint = weighed.surprise(ssf)
-    each = [weighed.surprise_of(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
-    found = [accused(one) for one in each]
+    inputs = VerdictInputs(signals, table, shots, poses, lamps, rho, given["white_tolerance"], gains)
+    verdict = judge_capture(inputs, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
+                            unnamed=[given.get("unnamed", False)] * len(shots))  # fmt: skip
+    joint = inputs.goodness_of_fit(ssf)
+    each = [inputs.goodness_of_fit_of_shot(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
+    found = [best_explanation(one) for one in each]
     return {
         "status": verdict.status,
         "codes": [reason.code for reason in verdict.reasons],
@@ -508,12 +509,12 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
         "prior": joint.prior,
         "count": joint.count,
         "z": np.array([joint.z, *(one.z for one in each)]),
-        "gains": np.array([suspect.gain for one in each for suspect in one.suspects]),
+        "gains": np.array([suspect.gain for one in each for suspect in one.explanations]),
     }
 
 
 def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
-    """A capture from patch statistics on, and how to solve it."""
+    """A capture made from patch statistics, and the options to solve it."""
     table = _table(given["reflectance"], given["chart_tolerance"], given["white"])
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
@@ -549,7 +550,7 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
 
 
 def _colour(given: dict[str, Any]) -> dict[str, Any]:
-    """`camssf.colour.standard_colour`, from a result document on. What is in reach has no distance."""
+    """The stage `colour`: `camssf.colour.standard_colour` of a result; `reach` has only distances above REACH."""
     camera = camera_of_result(_result(given["result"]))
     told = given["reference"]
     reference = Reference(told["tolerance"], None if told["raw"] is None else np.array(told["raw"]), told["error"])
@@ -575,7 +576,7 @@ def _colour(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _result(given: Json) -> Json:
-    """A result, or that of another case, but for some fields."""
+    """A result, or that of another case with some fields replaced."""
     return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
 
 
@@ -587,15 +588,15 @@ def _regions(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rivals(given: dict[str, Any]) -> dict[str, Any]:
-    """`camssf.evidence.rivals.weigh_rivals`, and of every lamp its gain, shot by shot."""
+    """The stage `rivals`: `camssf.verdict.rival_lamps.weigh_rivals`, the gain of every lamp for each shot."""
     capture, options = _capture(given, "reference")
-    problem = pose_problem(capture, options)
-    found = weigh_rivals(problem, problem.solve(problem.signals.used, options.gamma))
+    fit = prepare_fit(capture, options)
+    found = weigh_rivals(fit, fit.solve(fit.signals.used, options.gamma))
     return {"gains": np.array([rival.gain for rival in found]).reshape(len(capture.shots), -1)}
 
 
 def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
-    """`camssf.calibration.solve`, from patch statistics on: what a phone does after measuring."""
+    """The stage `calibrate`: `camssf.calibration.solve` from patch statistics, as a phone does after measuring."""
     capture, options = _capture(given, engine)
     done = calibrate_capture(capture, options=options)
     curves, std = done.ssf.peak()
@@ -613,13 +614,13 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
 
 
 def _light(given: dict[str, Any], engine: str) -> dict[str, Any]:
-    """Curves and light where nobody named a lamp, and the verdict on both, even where it refuses."""
+    """The stage `light`: curves and light for unnamed lamps, and the verdict, even if it refuses."""
     capture, options = _capture(given, engine)
-    asked = pose_problem(capture, options)
-    ssf = asked.solve(asked.signals.used, options.gamma)
-    settled = asked.settled(ssf)
-    verdict = weigh_answer(asked, ssf, settled.solve_alone())
-    scores = score(settled, ssf, foretell(settled, ssf, settled.bands(asked.signals.used, ssf)), None)
+    free_fit = prepare_fit(capture, options)
+    ssf = free_fit.solve(free_fit.signals.used, options.gamma)
+    fit = free_fit.conditioned_on(ssf)
+    verdict = weigh(free_fit, ssf, fit.solve_alone())
+    scores = score(fit, ssf, cross_validate(fit, ssf, fit.bands(free_fit.signals.used, ssf)), None)
     curves, std = ssf.peak()
     assert std is not None
     lights = [light for light in ssf.lights if light is not None]
@@ -647,7 +648,7 @@ def _light(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "thresholds": np.array([float(reason.threshold or 0.0) for reason in verdict.reasons])
         if verdict.reasons
         else None,
-        "said": [each.message for each in assume(capture, ssf, settled.level(ssf)) if each.code == "lamp"],
+        "said": [each.message for each in assume(capture, ssf, fit.level(ssf)) if each.code == "lamp"],
     }
 
 

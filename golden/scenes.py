@@ -1,8 +1,8 @@
-"""The cases, before they are solved: one behaviour each.
+"""Defines the cases before they are solved, one behaviour each.
 
-A scene photographs a chart by formula: white frame 12,000 DN times the channel's gain times a fall-off over the
-patches, dark frame about 64 DN, noise by a sine of the square of the sample's number (no random generator). The DN
-are rounded to 1/1000 and stored: the rounded numbers are the inputs.
+A scene simulates photos of a chart by a formula: white frame 12,000 DN times the channel's gain times a fall-off over
+the patches, dark frame about 64 DN, noise by a sine of the square of the sample's number (no random generator). The
+DN are rounded to 1/1000 and stored; the rounded numbers are the inputs.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.curves.layers import DEPTH
 from camssf.grid import Floats
+from camssf.recovery.layers import DEPTH
 from golden.reading import Json, resolve
 
 NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
@@ -23,12 +23,12 @@ GAINS = (0.55, 1.0, 0.7)
 ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
-"""Modes of a daylight and of a white LED that may be far off, as polynomials."""
+"""Modes of two uncertain lamps, a daylight and a white LED, as polynomials."""
 FAR = [
     [[0.0, 1.5], [0.0, 0.0, 1.0], [0.0, 0.5, 0.0, -1.0]],
     [[0.0, 5.0], [0.0, 0.0, 6.0], [0.0, -3.0, 0.0, 5.0]],
 ]
-"""Modes so large that they tell nothing of a lamp."""
+"""Modes so large that the lamp is practically unknown."""
 EIGHTEEN = list(range(1, 19))
 NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
@@ -50,15 +50,15 @@ BETWEEN = {
         [[0.915, 472.8, 29.0], [0.36, 435.5, 15.4], [0.101, 533.1, 56.1]],
     ],
 }  # fmt: skip
-"""Half-way from there to the mean of the cameras."""
+"""Half-way from PHONE to the mean of the cameras."""
 ODD = {"bells": [[[1.0, 632, 18]], [[1.0, 560, 22]], [[1.0, 440, 18]]]}
-"""Narrow filters, far from each other, such as no camera has."""
+"""Narrow filters far from each other, unlike any camera."""
 FLAT = {"constant": 1.0, "shape": [681]}
 Case = Json
 
 
 def cases() -> Iterator[Case]:
-    """Every case: name, comment, expect, inputs, and for some truth, bounds and what must not be compared."""
+    """All cases: name, comment, expect, inputs, and for some truth, bounds and what must not be compared."""
     yield from _signal_cases()
     yield from _sensing_cases()
     yield from _weights_cases()
@@ -76,7 +76,7 @@ def cases() -> Iterator[Case]:
 
 
 def case(name: str, comment: str, inputs: Json, *, expect: str = "success", **more: Any) -> Case:
-    """A case with what the generator may be told: truth, rmse (its bound), generic (code and pivots comparable)."""
+    """A case with its options for the generator: truth, rmse (its bound), generic (code and pivots comparable)."""
     return {
         "case": name,
         "comment": comment,
@@ -139,9 +139,9 @@ def scene(
     stage: str = "ssf",
     **more: Any,
 ) -> Case:
-    """A case of the stage ssf, or of another of the same inputs.
+    """A case of the stage ssf, or of another stage with the same inputs.
 
-    taken: the table of the chart that was photographed, if not the known one.
+    taken: the table of the chart that was photographed, if it differs from `table`.
     """
     known = (
         {"chart": table, "mixtures": patches} if isinstance(patches, int) else {"chart": table, "patches": patches}
@@ -312,7 +312,7 @@ def _ssf_phones() -> Iterator[Case]:
 
 
 def _light(bend: float = 1.0) -> Floats:
-    """Uneven light (24,) on the patches, a bowl and a plane, 1 on the white one."""
+    """Uneven light (24,) on the patches, a quadratic times a plane, 1 on the white patch."""
     i = np.arange(24)
     x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
     light = (1.0 - bend * (0.12 * (x - 0.3) ** 2 + 0.12 * (y + 0.2) ** 2)) * (1.0 + 0.07 * bend * x)
@@ -320,7 +320,7 @@ def _light(bend: float = 1.0) -> Floats:
 
 
 def _gain_modes(shots: int) -> list[Any]:
-    """A plane and a bowl, less their values on the white patch, and its own level, (k, 6, 24)."""
+    """(k, 6, 24) linear and quadratic modes and one of the white patch, all minus their value on the white patch."""
     i = np.arange(24)
     x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
     ways = np.stack([0.2 * x, 0.2 * y, 0.3 * x**2, 0.3 * x * y, 0.3 * y**2, -0.05 * (i == 18)])
@@ -329,7 +329,7 @@ def _gain_modes(shots: int) -> list[Any]:
 
 
 def _ssf_uneven() -> Iterator[Case]:
-    """Light that falls unevenly on the chart, and gain modes that may carry it."""
+    """Cases of uneven light on the chart, with gain modes that can describe it."""
 
     def uneven(name: str, comment: str, lamps: list[str], modes: list[Any], own: float, **more: Any) -> Case:
         camera = more.get("camera", NIKON)
@@ -466,11 +466,11 @@ def _ssf_errors() -> Iterator[Case]:
 # -- stage layers ---------------------------------------------------------------------------------------------------
 
 KINDS = {"daylight": ("D55", 0.02), "white-led": ("LED-B3", 0.17), "fluorescent": ("FL2", 0.06)}
-"""Lamps told by their kind alone: which one it is in truth, and what the kind's modes leave."""
+"""Lamps of which only the kind is known: the true lamp, and the tolerance that the kind's modes leave."""
 
 
 def _layers_cases() -> Iterator[Case]:
-    """The net without its finish, on the product's defaults and further away."""
+    """Cases of the layers without finish, with the product's defaults and with others."""
 
     def unfinished(
         name: str, comment: str, told: Sequence[str], patches: list[int], camera: str, iteration: str, depth: int
@@ -522,7 +522,7 @@ def _layers_cases() -> Iterator[Case]:
 
 
 def _choice_cases() -> Iterator[Case]:
-    """`auto`: who answers, and the mixture where nobody does alone."""
+    """Cases of `auto`: one basis alone, or a mixture."""
 
     def choice(name: str, comment: str, camera: Json, lamps: list[str], prior: dict[str, float] | None = None,
                **more: Any) -> Case:  # fmt: skip
@@ -581,7 +581,7 @@ def _put(shot: Json, frame: str, key: str, where: Any, value: float) -> Json:
 
 
 def _faulty() -> Iterator[tuple[str, str, str, list[Json], str]]:
-    """Captures that Eq. (5) must refuse: name, comment, code, shots, channel."""
+    """Captures for which Eq. (5) must raise: name, comment, code, shots, channel."""
     (shot,) = _frames()
     yield ("channel-all-clipped", "Every patch's green is clipped.", "overexposed",
            [_clip(shot, "chart", slice(0, 24))], "")  # fmt: skip
@@ -646,7 +646,7 @@ def _signal_cases() -> Iterator[Case]:
 
 
 def _lit(shots: list[Json], light: Floats) -> list[Json]:
-    """The same in uneven light, without white frames."""
+    """The same shots in uneven light, without white frames."""
     found = []
     for each in shots:
         dark = each["dark"]["mean"]
@@ -744,7 +744,7 @@ def _calibrate_cases() -> Iterator[Case]:
 
 
 def _light_cases() -> Iterator[Case]:
-    """Lights that nobody named: `unnamed` numbers their shots, whose `lamp` says nothing."""
+    """Cases of unnamed light: `unnamed` lists the shots, counted from 1; their `lamp` is ignored."""
 
     def light(
         name: str, comment: str, camera: Json, lamps: Sequence[str], unnamed: list[int], *, expect: str = "success",
@@ -789,7 +789,7 @@ def _light_cases() -> Iterator[Case]:
 
 
 def _rivals_cases() -> Iterator[Case]:
-    """Gains of rival lamps alone: what the verdict's rule 4 takes."""
+    """Cases of the gains of rival lamps, which the verdict's rule 4 uses."""
     names = {"basis", "shots", "lamp"}
 
     def rivals(name: str, comment: str, shots: list[Json], lamps: Sequence[str], **more: Any) -> Case:
@@ -850,7 +850,7 @@ def _sensing_cases() -> Iterator[Case]:
 
 
 def _waves(rows: int, columns: int, seed: int) -> Floats:
-    """A matrix by formula, (3, rows, columns), entries in [-1, 1] with three decimals."""
+    """(3, rows, columns) matrices by a formula, entries in [-1, 1] with three decimals."""
     c, i, j = np.meshgrid(np.arange(3), np.arange(rows), np.arange(columns), indexing="ij")
     waves: Floats = np.sin(12.9898 * (i + 1) ** 2 + 78.233 * (j + 1) ** 2 + 37.719 * (c + seed) + 0.5 * i * j)
     return np.round(waves, 3)

@@ -1,4 +1,4 @@
-"""The spectra that cases name, once each in golden/spectra: rounded, because the rounded numbers are the inputs."""
+"""Makes golden/spectra, the spectra that cases use by name; rounded, because the rounded numbers are the inputs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CURVES = ROOT.parent / "data" / "ssf" / "rawtoaces.csv"
 CHARTS = {"babelcolor": "classic24", "ohta": "classic24:ohta"}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
 KINDS = ("daylight", "white-led", "fluorescent")
-"""Lamps told by their kind alone: a mean among the lamps, and modes."""
+"""Kinds of lamp: the mean is stored among the lamps, the modes separately."""
 CAMERAS = (
     "ARRI D21", "Arashi Vision Insta360 X5", "Canon EOS 5D Mark II", "Canon EOS R5", "Fujifilm X-T3",
     "Hasselblad L1D-20c", "Nikon D5100", "Nikon Z f", "Panasonic DC-GX9", "Sony ILCE-7M3", "Sony DSC-RX100M4",
@@ -23,7 +23,7 @@ DECIMALS = 6
 
 
 def write_tables() -> dict[str, Json]:
-    """golden/spectra/<name>.json by name."""
+    """The content of golden/spectra/<name>.json, by name."""
     grid = "380 to 720 nm every 0.5 nm"
     science = "colour-science, BSD-3-Clause"
     return {
@@ -51,7 +51,7 @@ def write_tables() -> dict[str, Json]:
 
 
 def _cameras(path: Path) -> Json:
-    from camssf.tools.training import read_curves
+    from camssf.learning.training import read_curves
 
     curves = read_curves(path)
     return {
@@ -64,7 +64,7 @@ def _cameras(path: Path) -> Json:
 
 
 def _settled(name: str, values: Floats) -> list[list[float]] | list[float]:
-    """Rounded, but where a value lies between two roundings, its last bit shall not choose: the stored one stays."""
+    """Rounded values; where a value is a tie of two roundings, the stored one is kept, whatever its last bit."""
     rounded = np.array(_rounded(values))
     if (ROOT / "spectra" / "charts.json").exists():
         stored = np.array(spectra("charts")["values"][name])
@@ -74,7 +74,7 @@ def _settled(name: str, values: Floats) -> list[list[float]] | list[float]:
 
 
 def _upright(modes: Floats) -> Floats:
-    """Modes with their largest value positive: which sign a decomposition gives is chance, and means nothing."""
+    """Modes with their largest value positive, because the sign of a decomposition is arbitrary."""
     largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(modes * np.sign(largest))
 

@@ -1,7 +1,7 @@
-"""The cases of the stage `verdict`: one a rule of `camssf.evidence.verdict`, in plain numbers.
+"""The cases of the stage `verdict`: one for each rule of `camssf.verdict.judge`, in plain numbers.
 
-No solution is behind them: the answer is a measured camera, the predictions are its signals, and the signals differ
-from them as the case says. So every number comes from a formula or a table.
+Nothing is solved for them: the curves are those of a measured camera, the predictions are its signals, and the
+signals differ from them as the case describes. So every number comes from a formula or a table.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from golden.reading import Json, camera, chart, lamp
 
 CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
-"""Black level and range of the white, DN; electrons at full range; samples a patch."""
+"""Black level and range of the white, DN; electrons at full range; number of samples in a patch."""
 LEVEL = SPAN / (16383.0 - BLACK)
-"""Of the white, in parts of the sensor's range."""
+"""Level of the white as a fraction of the sensor's range."""
 COLUMNS = 6
 MINOR = 0.022
-"""Share of white of a veil that is not the whole story."""
+"""Level of glare, as a fraction of white, for a case that it does not explain completely."""
 SLIP = 1.19
-"""Factor on one patch that makes it a suspect, and the capture no surprise."""
+"""Factor on one patch that makes it the best explanation while the goodness of fit stays acceptable."""
 
 
 def verdicts() -> Iterator[Json]:
-    """Every case."""
+    """All cases."""
     y = predicted()
     yield case("clean", "Nothing is wrong: accepted, no reasons.", y)
     yield case(
@@ -183,7 +183,7 @@ def verdicts() -> Iterator[Json]:
 
 
 def predicted(k: int = 1, white: int | None = None) -> Floats:
-    """(24, 3) or (k, 24, 3): Eq. (5) by its integrals, to seven digits."""
+    """(24, 3) or (k, 24, 3) signals by the integrals of Eq. (5), to seven decimals."""
     R, s = chart("babelcolor"), camera(CAMERA)
     rho = np.ones(R.shape[1]) if white is None else R[white]
     found = np.stack([((R * lamp(name)) @ s) / ((rho * lamp(name)) @ s) for name in LAMPS[:k]])
@@ -191,12 +191,12 @@ def predicted(k: int = 1, white: int | None = None) -> Floats:
 
 
 def slope(fall: float) -> Floats:
-    """Light along the rows, 1 in the middle."""
+    """(24,) light that changes linearly along the rows, 1 in the middle."""
     return np.asarray(1.0 + fall * ((np.arange(24) % COLUMNS) / (COLUMNS - 1.0) - 0.5))
 
 
 def ripple(size: float) -> Floats:
-    """(24, 3): a pattern over all patches that no suspect explains, another one in each channel."""
+    """(24, 3): a pattern over all patches, different in each channel, that no explanation fits."""
     return np.asarray(1.0 + size * np.sin(7.0 * np.arange(24.0)[:, None] + 2.0 * np.arange(3.0)))
 
 
@@ -234,12 +234,12 @@ def case(
     solved: bool = False,
     unnamed: bool = False,
 ) -> Json:
-    """The inputs of `judge`; what is not named is as in a clean capture.
+    """The inputs of `judge`; the defaults are those of a clean capture.
 
-    `code` is xᵀ x, all of it in one entry; `std` the band's, in parts of the peak, everywhere. `forgiven`: the
-    answers to each shot alone, or the one to a single shot, predict its signals exactly. `known`: so many
-    directions of the code have a variance of 0.1, all others of 0.99. `dark`: whether there is a dark frame.
-    `solved`: whether gain modes were solved for. `unnamed`: nobody named the light.
+    `code` is xᵀ x, all in one entry. `std` is the standard deviation of the curves as a fraction of the peak, at all
+    wavelengths. `forgiven`: the solution of each shot alone, or of a single shot, predicts its signals exactly.
+    `known`: number of directions of the code with a variance of 0.1; all others have 0.99. `dark`: whether there is a
+    dark frame. `solved`: whether gain modes were solved for. `unnamed`: whether the light is unnamed.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     told = predicted(k, white)
@@ -314,21 +314,21 @@ def case(
 
 
 def raw_white(level: float) -> list[float]:
-    """The white's level in DN under the first lamp, as the camera sees it."""
+    """(3,) level of the white under the first lamp in each channel, DN."""
     seen = lamp(LAMPS[0]) @ camera(CAMERA)
     levels: list[float] = np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
     return levels
 
 
 def white_under(light: str, tint: float) -> list[float]:
-    """What a colour matrix tells of the camera's white, its red off by a factor."""
+    """(3,) the camera's white under a light according to a colour matrix, with red wrong by the factor `tint`."""
     seen = lamp(light) @ camera(CAMERA) * np.array([tint, 1.0, 1.0])
     white: list[float] = np.round(seen / seen[1], 9).tolist()
     return white
 
 
 def statistics(y: Floats, span: float, noise: float = 1.0, texture: float = 0.0) -> dict[str, Floats]:
-    """A frame of a photon counter, (k, 24, 3): V = noise² (span² (y / WELL + 9 / WELL²) + (texture span y)²)."""
+    """(k, 24, 3) statistics of a photon counter: V = noise² (span² (y / WELL + 9 / WELL²) + (texture span y)²)."""
     variance = span**2 * (np.maximum(y, 0.0) / WELL + 9.0 / WELL**2)
     error = noise * np.sqrt((variance + (texture * span * y) ** 2) / COUNT)
     mean = np.round(BLACK + span * y, 6)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.curves import Evidence, Prediction, Ssf, explain, predict, recover
-from camssf.curves.basis import read_basis
-from camssf.curves.sensing import Sensing, sense
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery import Observation, Prediction, Ssf, explain, predict, recover
+from camssf.recovery.basis import read_basis
+from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.spectra import read_chart, read_lamp
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
@@ -40,13 +40,13 @@ def chart_and_lamp(lamp: str = "D55", patches: slice = slice(6, 18)) -> tuple[Fl
 
 def measured_cameras() -> dict[str, Floats]:
     """The 52 cameras on the grid; skips where the data is not there."""
-    from camssf.curves.basis import interpolate
-    from camssf.tools.training import read_curves
+    from camssf.learning.training import read_curves
+    from camssf.recovery.basis import interpolate
 
     return {name: interpolate(curves) for name, curves in read_curves(CURVES).items()}
 
 
-def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False) -> Sensing:
+def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False) -> LinearModel:
     """Three random problems with smooth, correlated columns and, where asked, a full covariance."""
     rng = np.random.default_rng(seed)
     mixing = np.exp(-0.5 * ((np.arange(atoms)[:, None] - np.arange(atoms)) / 1.5) ** 2)
@@ -57,7 +57,7 @@ def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False
     if correlated:
         factor = 0.5 * rng.normal(size=(3, rows, 3))
         sigma += factor @ factor.transpose(0, 2, 1)
-    return Sensing(matrix, target, sigma)
+    return LinearModel(matrix, target, sigma)
 
 
 def joint_sensing(
@@ -66,7 +66,7 @@ def joint_sensing(
     kind: str | None = None,
     lamp_tolerance: float = 0.0,
     seed: int = 0,
-) -> Sensing:
+) -> LinearModel:
     """The product's one problem of 72 atoms: the toy camera's noisy signals, the usual tolerances.
 
     kind: of the last lamp, which is then told by its kind alone.
@@ -80,7 +80,7 @@ def joint_sensing(
         family = read_lamp(kind)
         told[-1], modes = family.values, np.zeros((len(lamps), len(family.modes), WAVELENGTHS.size))
         modes[-1] = family.modes
-    evidence = Evidence(
+    observation = Observation(
         y + error * np.random.default_rng(seed).normal(size=y.shape),
         reflectance,
         told,
@@ -90,7 +90,7 @@ def joint_sensing(
         lamp_tolerance=lamp_tolerance,
         lamp_modes=modes,
     )
-    return sense(evidence, read_basis("cameras"))
+    return linear_model(observation, read_basis("cameras"))
 
 
 def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -105,19 +105,18 @@ def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> 
     return X[:, :-1], X[:, -1]
 
 
-def gamma_max(sensing: Sensing) -> Floats:
+def gamma_max(linear: LinearModel) -> Floats:
     pulls = [
-        A.T @ np.linalg.solve(S, b)
-        for A, b, S in zip(sensing.matrix, sensing.target, sensing.covariance, strict=True)
+        A.T @ np.linalg.solve(S, b) for A, b, S in zip(linear.matrix, linear.target, linear.covariance, strict=True)
     ]
     return np.abs(pulls).max(axis=1)
 
 
-def told(*positional: Any, **named: Any) -> tuple[Evidence, dict[str, Any]]:
+def told(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
     """Evidence from the arguments that are its own, and the rest."""
-    fields = Evidence.__dataclass_fields__
-    evidence = Evidence(*positional, **{name: value for name, value in named.items() if name in fields})
-    return evidence, {name: value for name, value in named.items() if name not in fields}
+    fields = Observation.__dataclass_fields__
+    observation = Observation(*positional, **{name: value for name, value in named.items() if name in fields})
+    return observation, {name: value for name, value in named.items() if name not in fields}
 
 
 def recovered(*positional: Any, **named: Any) -> Ssf:

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.read.dng import Mosaic
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from camssf.simulation.shot import Frames, photograph
@@ -56,6 +56,6 @@ def shoot(
 @cache
 def semi_gloss() -> ChartTable:
     """The Digital SG, as the chart finder's colours are made of it."""
-    from camssf.tools import kinds
+    from tools import chart_colours
 
-    return kinds.semi_gloss()
+    return chart_colours.semi_gloss()

@@ -25,11 +25,11 @@ from camssf.documents import revocations
 from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import ORDER
 from camssf.documents.keys import key_name, unpadded
-from camssf.documents.passport import Passport, Said, draw_up, read, sign, verify
-from camssf.documents.report import report
+from camssf.documents.passport import Passport, PassportRequest, create_passport, read, sign, verify
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
-from camssf.photo.unit import Unit
+from camssf.photo.read.unit import Unit
+from camssf.report.build import report
 
 FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -196,8 +196,8 @@ def gather(result: bytes) -> Desk:
     good = sign(small(), signer)
     kid = next(iter(desk.public("signer")))
     header, payload, signature = good.split(b".")
-    said = Said(Unit(serial='Ä "1" \\ 😀'), "2026-11-20T10:00:00+01:00", "chart\t7", ("lamp 3",), days=90)
-    whole = draw_up(result, said, now=NOW)
+    said = PassportRequest(Unit(serial='Ä "1" \\ 😀'), "2026-11-20T10:00:00+01:00", "chart\t7", ("lamp 3",), days=90)
+    whole = create_passport(result, said, now=NOW)
     desk.add("small", good)
     desk.add("whole", sign(whole, signer))
 

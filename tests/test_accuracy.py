@@ -11,8 +11,11 @@ import pytest
 from benchmarks import accuracy
 from benchmarks._common import CURVES, chart, lamp
 from benchmarks.accuracy import APART, BINS, MEAN, METHODS, PAPER, PRODUCT, SEEN, SETTINGS, SPARSE, Scores, Setting
-from camssf.curves.basis import interpolate
-from camssf.curves.covariance import (
+from camssf.grid import STEP, WAVELENGTHS
+from camssf.learning.basis import learn
+from camssf.learning.training import maker_of, read_curves
+from camssf.recovery.basis import interpolate
+from camssf.recovery.covariance import (
     ABSOLUTE,
     CHANNEL_SHARE,
     CHART_CORRELATION,
@@ -21,11 +24,8 @@ from camssf.curves.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.curves.ssf import Ssf
-from camssf.grid import STEP, WAVELENGTHS
+from camssf.recovery.sensitivity import Ssf
 from camssf.spectra import read_camera
-from camssf.tools.learn import learn
-from camssf.tools.training import maker_of, read_curves
 from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}

@@ -15,37 +15,37 @@ import pytest
 
 from camssf.calibration import attempt, solve
 from camssf.cli.terminal import summarise
-from camssf.curves.basis import read_basis
-from camssf.curves.choice import FAMILIES, SCALES, UNUSUAL
-from camssf.curves.evidence import Evidence
-from camssf.curves.light import (
+from camssf.documents.patches_json import patches_document, read_patches
+from camssf.documents.result_json import check_document
+from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.fit.capture_fit import prepare_fit
+from camssf.options import Options
+from camssf.photo.capture import Capture
+from camssf.recovery.basis import read_basis
+from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import Hypothesis, answer
+from camssf.recovery.unnamed_light import (
     BELIEFS,
     SOLVED,
-    Guess,
+    LampGuess,
     LampPosterior,
     light_of,
     recover_in_any_light,
     temperature,
     temperature_slope,
 )
-from camssf.curves.ssf import Weight, answer
-from camssf.documents.light import cost_of, kinds_in_words, light_in_words, lights_of
-from camssf.documents.page import page
-from camssf.documents.patches import patches_document, read_patches
-from camssf.documents.report import check_document
-from camssf.documents.result import Calibration, Refusal
-from camssf.errors import InvalidArgument, LampUnfit
-from camssf.evidence.checks import Checks
-from camssf.evidence.light import RIVALS
-from camssf.evidence.problem import pose_problem
-from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.verdict import _unnamed
-from camssf.options import Options
-from camssf.photo.capture import Capture
+from camssf.report.page import page
+from camssf.result import Calibration, Refusal
 from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
+from camssf.verdict.checks import Checks
+from camssf.verdict.judge import _unnamed
+from camssf.verdict.lamp import RIVALS
+from camssf.verdict.rival_lamps import weigh_rivals
 from golden.reading import resolve
 from golden.scenes import PHONE
 from tests.problems import measured_cameras
@@ -66,11 +66,11 @@ def found(lamps: tuple[str, ...], make: str = "Apple") -> Calibration:
     return solve(unnamed(capture(resolve(PHONE), lamps, make=make)))
 
 
-def guesses(given: Evidence, names: Sequence[str] = tuple(LAMP_KINDS)) -> list[Guess]:
+def guesses(given: Observation, names: Sequence[str] = tuple(LAMP_KINDS)) -> list[LampGuess]:
     every = []
     for name in names:
         lamp = read_lamp(name)
-        every.append(Guess((name,), replace(
+        every.append(LampGuess((name,), replace(
             given, lamp=lamp.values[None], lamp_tolerance=np.array([lamp.tolerance]), lamp_modes=lamp.modes[None],
         )))  # fmt: skip
     return every
@@ -99,7 +99,9 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     two = guesses(given, ("daylight", "bulb"))
     ssf = recover_in_any_light(two, prior={"phones": 5.0}, engine="reference")
     nats = {
-        (guess.kinds, basis, scale): answer(guess.evidence, basis, prior_scale=scale, engine="reference").log_evidence
+        (guess.kinds, basis, scale): answer(
+            guess.observation, basis, prior_scale=scale, engine="reference"
+        ).log_evidence
         for basis in FAMILIES
         for scale in SCALES
         for guess in two
@@ -128,7 +130,7 @@ def test_one_kind_alone_is_that_kind_told() -> None:
     (guess,) = guesses(given, ("daylight",))
     ssf, single = (
         recover_in_any_light([guess], basis="phones", engine="reference"),
-        answer(guess.evidence, "phones", engine="reference"),
+        answer(guess.observation, "phones", engine="reference"),
     )
     assert ssf.values == pytest.approx(single.values, rel=1e-12)
     assert single.std is not None
@@ -144,7 +146,7 @@ def test_mixtures_have_the_total_variance() -> None:
     ssf = recover_in_any_light(two, basis="phones", engine="reference")
     p = np.array([weight.probability for weight in ssf.choice])
     assert p.min() > SOLVED
-    pair = [answer(guess.evidence, "phones", engine="reference") for guess in two]
+    pair = [answer(guess.observation, "phones", engine="reference") for guess in two]
     (s1, d1), (s2, d2) = (each.peak() for each in pair)
     assert d1 is not None
     assert d2 is not None
@@ -160,7 +162,7 @@ def test_mixtures_have_the_total_variance() -> None:
     assert ssf.predicted == pytest.approx(p[0] * pair[0].predicted + p[1] * pair[1].predicted, rel=1e-12)
     (light,) = ssf.lights
     assert light is not None
-    own = [light_of(guess.evidence, read_basis("phones"))[0] for guess in two]
+    own = [light_of(guess.observation, read_basis("phones"))[0] for guess in two]
     power = p[0] * own[0].power + p[1] * own[1].power
     spread = sum(
         w * (np.sum(each.modes**2, axis=0) + (each.power - power) ** 2) for w, each in zip(p, own, strict=True)
@@ -282,11 +284,11 @@ def test_one_of_two_lamps_may_be_named() -> None:
     assert first is None
     assert second is not None
     assert second.kinds["bulb"] > 0.9
-    problem = pose_problem(given, Options())
-    rivals = weigh_rivals(problem, done.ssf)
+    fit = prepare_fit(given, Options())
+    rivals = weigh_rivals(fit, done.ssf)
     assert {rival.shot for rival in rivals} == {0}
     assert len(rivals) == len(RIVALS)
-    nobody = pose_problem(unnamed(given), Options())
+    nobody = prepare_fit(unnamed(given), Options())
     assert weigh_rivals(nobody, replace(done.ssf, kinds=("daylight", "bulb"))) == ()
 
 
@@ -309,8 +311,8 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
         with pytest.raises(LampUnfit, match="the file names no maker of phones") as caught:
             solve(given)
         assert "writes the phone's maker" in caught.value.advice
-        problem = pose_problem(given, Options())
-        ssf = problem.solve(problem.signals.used, None)
+        fit = prepare_fit(given, Options())
+        ssf = fit.solve(fit.signals.used, None)
         odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
         assert odds > 1.0
         assert caught.value.value == pytest.approx(odds / (odds + 20.0))
@@ -322,7 +324,10 @@ def test_bounds_of_the_probability() -> None:
     ssf = found(("D55",)).ssf
 
     def said(phone: float, family: str | None) -> tuple[str, float | None]:
-        weights = (Weight("phones", 1.0, 0.0, phone, ("bulb",)), Weight("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)))
+        weights = (
+            Hypothesis("phones", 1.0, 0.0, phone, ("bulb",)),
+            Hypothesis("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)),
+        )
         reasons = _unnamed(replace(ssf, choice=weights), family, Checks())
         return ("accepted", None) if not reasons else (type(reasons[0]).__name__, reasons[0].value)
 

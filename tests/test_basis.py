@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.curves.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.tools.learn import _smooth_root, enlarge, learn, main, save
-from camssf.tools.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
+from camssf.learning.basis import _smooth_root, enlarge, learn, main, save
+from camssf.learning.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
+from camssf.recovery.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
 from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from camssf.documents.report import NAMES
-from camssf.documents.result import Refusal
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.fleet import run
 from camssf.fleet.run import MARK, Job, Outcome, _summary, calibrate_job, read_manifest, run_batch
 from camssf.photo.capture import Record
+from camssf.report.build import NAMES
+from camssf.result import Refusal
 
 HEADER = "name,photo,lamp,white,dark,chart"
 

@@ -18,15 +18,15 @@ import pytest
 
 from benchmarks import _common, accuracy, arm, arm_jvm, capture, certify, depth, solver, tables
 from benchmarks._peers import PEERS, Missing
-from camssf.curves.basis import read_basis
-from camssf.curves.code import solve
-from camssf.curves.covariance import CHANNEL_SHARE
-from camssf.curves.engine import load_model
-from camssf.curves.layers import DEPTH, soft
-from camssf.curves.problem import Problem as Convex
-from camssf.curves.sensing import Sensing, sense
-from camssf.curves.ssf import LARGEST_GAP
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import read_basis
+from camssf.recovery.covariance import CHANNEL_SHARE
+from camssf.recovery.elastic_net import ElasticNet as Convex
+from camssf.recovery.layers import DEPTH, soft
+from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.sensitivity import LARGEST_GAP
+from camssf.recovery.solve import solve
 from tests.problems import random_sensing
 
 
@@ -83,7 +83,7 @@ def test_whitening_in_long_double_is_the_same_with_more_digits() -> None:
     """Against exact fractions: a covariance of condition 1e8, of which float64 keeps eight digits."""
     sensing = random_sensing(5, 9, 4, correlated=True)
     scale = np.geomspace(1.0, 1e4, 9)
-    hard = Sensing(sensing.matrix, sensing.target, sensing.covariance * scale[:, None] * scale)
+    hard = LinearModel(sensing.matrix, sensing.target, sensing.covariance * scale[:, None] * scale)
     A, b = _common.whiten_finely(hard)
     assert A.dtype == b.dtype == np.longdouble
     for c in range(3):
@@ -304,7 +304,7 @@ def test_peers_solve_the_one_problem_from_fewer_rows() -> None:
     A, b = rng.normal(size=(1, 40, 8)), rng.normal(size=(1, 40))
     R, target = solver.reduced(A, b)
     assert R.shape == (1, 8, 8)
-    best = solve(Sensing(A, b, np.eye(40)[None]), 1.0, np.array([0.2])).values
+    best = solve(LinearModel(A, b, np.eye(40)[None]), 1.0, np.array([0.2])).values
     _held((*solver.COMPILED, "Clarabel, called directly"), (R, target, 1.0, 0.2, False), best)
     assert solver.reduced(R, target)[0] is R
 
@@ -428,7 +428,7 @@ def test_the_third_table_has_its_white_and_its_levels_from_the_first() -> None:
 def test_the_share_in_use_is_the_product_and_apart_knows_nothing_of_other_channels() -> None:
     problem = certify.draw_default(0, 0)
     basis = read_basis(problem.basis)
-    rows = sense(problem.evidence, basis)
+    rows = linear_model(problem.evidence, basis)
     same = tables.shared(rows, CHANNEL_SHARE)
     assert (same.covariance == rows.covariance).all()
     got, std = accuracy.answer_of(same, problem.evidence, basis)
@@ -449,13 +449,13 @@ def test_the_share_in_use_is_the_product_and_apart_knows_nothing_of_other_channe
 def test_channels_apart_are_each_solved_for_itself() -> None:
     problem = certify.draw_default(0, 3)
     basis = read_basis(problem.basis)
-    rows = accuracy.apart(sense(problem.evidence, basis))
+    rows = accuracy.apart(linear_model(problem.evidence, basis))
     got, _ = accuracy.answer_of(rows, problem.evidence, basis)
     n, r = rows.target.shape[1] // 3, rows.matrix.shape[2] // 3
     book = problem.anchored(basis)
     for c in range(3):
         own, atoms = slice(n * c, n * c + n), slice(r * c, r * c + r)
-        one = Sensing(rows.matrix[:, own, atoms], rows.target[:, own], rows.covariance[:, own, own])
+        one = LinearModel(rows.matrix[:, own, atoms], rows.target[:, own], rows.covariance[:, own, own])
         curve = book.mean[c] + book.dictionary[c] @ solve(one, 1.0, np.array([0.05])).values[0]
         assert got[:, c] == pytest.approx(curve / curve.max(), abs=1e-7)
 
@@ -574,7 +574,7 @@ def test_golden_cases_are_taken_to_the_other_processor() -> None:
 def test_sensing_of_a_problem_is_the_reference_s() -> None:
     problem = solver.problem_of("gaussian", 9)
     sensing = problem.sensing(read_basis("gaussian"))
-    assert isinstance(sensing, Sensing)
+    assert isinstance(sensing, LinearModel)
     assert problem.penalties(sensing).tolist() == [problem.gamma] * 3
     y = (problem.inputs["chart"] - 64.0)[0] / (problem.inputs["white"] - 64.0)[0]
     assert sensing.target == pytest.approx(y.T)

@@ -17,7 +17,7 @@ from camssf.colour import PARTS, Camera, Reference, convert
 from camssf.colour.camera import OwnWhite
 from camssf.colour.reach import MOST, REACH
 from camssf.colour.transforms import KINDS, signals_of
-from camssf.documents.report import document_bytes
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp

@@ -12,11 +12,7 @@ import numpy as np
 import pytest
 
 from camssf.calibration import attempt, calibrate, solve
-from camssf.curves.basis import read_basis
-from camssf.curves.sensing import anchor
-from camssf.documents.patches import patches_document, read_patches
-from camssf.documents.report import report
-from camssf.documents.result import Refusal
+from camssf.documents.patches_json import patches_document, read_patches
 from camssf.errors import (
     CalibrationError,
     ChartNotFound,
@@ -27,6 +23,10 @@ from camssf.errors import (
 )
 from camssf.options import Options
 from camssf.photo.capture import Capture, Record, measure
+from camssf.recovery.basis import read_basis
+from camssf.recovery.linear_model import anchor
+from camssf.report.build import report
+from camssf.result import Refusal
 from camssf.simulation.frames import Simulation, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, read_chart, read_lamp
@@ -394,7 +394,7 @@ def test_every_option_is_one_that_the_product_uses() -> None:
     """A misspelt or forgotten one would be taken and do nothing."""
     source = "".join(
         (ROOT / path).read_text("utf-8")
-        for path in ("reference/camssf/photo/capture.py", "reference/camssf/evidence/problem.py")
+        for path in ("reference/camssf/photo/capture.py", "reference/camssf/fit/capture_fit.py")
     ) + (ROOT / "reference/camssf/calibration.py").read_text("utf-8")
     assert all(f"options.{each.name}" in source for each in fields(Options))
 

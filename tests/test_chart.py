@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
-from camssf.photo.layouts import LAYOUTS
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.find.layouts import LAYOUTS
+from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.find.refine import refine_corners
+from camssf.photo.find.search import agreement
 from camssf.photo.patches import measure_patches
-from camssf.photo.pose import Pose, find_chart
-from camssf.photo.refine import refine_corners
-from camssf.photo.search import agreement
+from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from camssf.simulation.shot import Frames

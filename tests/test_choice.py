@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 
 from camssf.calibration import solve
-from camssf.curves.basis import read_basis
-from camssf.curves.choice import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, probabilities, recover
-from camssf.curves.covariance import DRIFT
-from camssf.curves.evidence import Evidence
-from camssf.curves.predict import predict
-from camssf.curves.ssf import LARGEST_GAP, Ssf, answer
-from camssf.documents.choice import choice_of, odds_in_words
+from camssf.documents.basis_choice import choice_of, odds_in_words
 from camssf.errors import InvalidArgument, LampUnfit
-from camssf.evidence.light import RIVALS, Rival
-from camssf.evidence.problem import believed, pose_problem
-from camssf.evidence.rivals import weigh_rivals
-from camssf.evidence.verdict import judge
+from camssf.fit.capture_fit import prepare_fit, prior_odds
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, Photo, Shot
 from camssf.photo.patches import PatchMeans
+from camssf.recovery.basis import read_basis
+from camssf.recovery.covariance import DRIFT
+from camssf.recovery.hypotheses import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, probabilities, recover
+from camssf.recovery.observation import Observation
+from camssf.recovery.prediction import predict
+from camssf.recovery.sensitivity import LARGEST_GAP, Ssf, answer
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
+from camssf.verdict.judge import judge
+from camssf.verdict.lamp import RIVALS, Rival
+from camssf.verdict.rival_lamps import weigh_rivals
 from golden.reading import resolve
 from golden.scenes import BETWEEN, ODD, PHONE
 from tests.problems import measured_cameras, theory
@@ -43,17 +43,17 @@ FAIR = np.zeros(2)
 """ln of beliefs that prefer nothing."""
 
 
-def told(camera: Floats, *lamps: str, patches: int = 24, noise: float = 0.002) -> Evidence:
+def told(camera: Floats, *lamps: str, patches: int = 24, noise: float = 0.002) -> Observation:
     light = np.stack([read_lamp(name).values for name in lamps])
     chart = TABLE.values[:patches]
     y = np.stack([theory(chart, each, camera) for each in light])
     error = np.hypot(noise * y, 0.0005)
     y = y + error * np.random.default_rng(4).normal(size=y.shape)
-    return Evidence(y, chart, light, standard_error=error, chart_tolerance=0.03)
+    return Observation(y, chart, light, standard_error=error, chart_tolerance=0.03)
 
 
 @cache
-def between() -> Evidence:
+def between() -> Observation:
     """Signals that neither basis wins."""
     return told(resolve(BETWEEN), "D55", patches=12, noise=0.005)
 
@@ -104,7 +104,7 @@ def test_a_told_basis_is_no_choice() -> None:
 # -- who answers --------------------------------------------------------------------------------------------------
 
 
-def pair(apart: float) -> tuple[Evidence, list[Ssf]]:
+def pair(apart: float) -> tuple[Observation, list[Ssf]]:
     """The answers of both bases, their evidences set `apart` nats from each other."""
     given = between()
     first, second = (answer(given, name) for name in FAMILIES)
@@ -213,7 +213,7 @@ def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
         y = theory(chart, lamp, camera)
         error = np.hypot(0.005 * y, 0.001)
         y = y * (1 + DRIFT * rng.normal()) + error * rng.normal(size=y.shape)
-        given = Evidence(y, chart, lamp, standard_error=error, chart_tolerance=0.0, white_tolerance=0.0)
+        given = Observation(y, chart, lamp, standard_error=error, chart_tolerance=0.0, white_tolerance=0.0)
         found.append((family, camera / camera.max(axis=0), recover(given)))
     return found
 
@@ -249,23 +249,23 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
 
 def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
     """Beginnings of names, any case; the odds it moves are 20, never more, whatever the signals say."""
-    assert believed("Apple", "") == believed("apple inc.", "") == {"phones": CLEAR}
-    assert believed("NIKON CORPORATION", "") == {"cameras": CLEAR}
+    assert prior_odds("Apple", "") == prior_odds("apple inc.", "") == {"phones": CLEAR}
+    assert prior_odds("NIKON CORPORATION", "") == {"cameras": CLEAR}
     # Who makes both is told by the model.
-    assert believed("samsung", "SM-G991B") == believed("Sony", "XQ-DQ72") == {"phones": CLEAR}
-    assert believed("SAMSUNG", "NX500") == believed("SONY", "ILCE-7M3") == {"cameras": CLEAR}
+    assert prior_odds("samsung", "SM-G991B") == prior_odds("Sony", "XQ-DQ72") == {"phones": CLEAR}
+    assert prior_odds("SAMSUNG", "NX500") == prior_odds("SONY", "ILCE-7M3") == {"cameras": CLEAR}
     for silent in ("", "samsung", "Sony", "A maker of whom nobody knows", "x apple"):
-        assert believed(silent, "") == {}
+        assert prior_odds(silent, "") == {}
     names = [name for makers in rules().makers.values() for name in makers]
     assert len(set(names)) == len(names)
     assert set(rules().makers) == set(FAMILIES)
     for name in names:
-        (odds,) = believed(name, "").values()
+        (odds,) = prior_odds(name, "").values()
         assert odds == CLEAR == 20.0
     given = between()
 
     def odds_of(make: str) -> float:
-        share = shares(recover(given, prior=believed(make, "")))
+        share = shares(recover(given, prior=prior_odds(make, "")))
         return share["phones"] / share["cameras"]
 
     assert odds_of("Apple") / odds_of("") == pytest.approx(20.0)
@@ -323,11 +323,11 @@ def test_a_told_basis_is_nobody_s_surprise() -> None:
 def test_what_follows_stands_on_the_basis_that_answered() -> None:
     """Folds and single shots are solved on it: no second choice, whose answers would not compare."""
     shot = capture(resolve(PHONE), ["D55", "A"])
-    problem = pose_problem(shot, Options())
-    whole = problem.solve(problem.signals.used, None)
-    settled = problem.settled(whole)
-    assert (problem.basis, settled.basis, settled.prior_scale) == ("auto", "phones", 1.0)
-    part = settled.solve(problem.signals.used & (np.arange(24) % 4 > 0), None)
+    fit = prepare_fit(shot, Options())
+    whole = fit.solve(fit.signals.used, None)
+    settled = fit.conditioned_on(whole)
+    assert (fit.basis, settled.basis, settled.prior_scale) == ("auto", "phones", 1.0)
+    part = settled.solve(fit.signals.used & (np.arange(24) % 4 > 0), None)
     assert (part.basis, part.prior_scale, part.choice) == ("phones", 1.0, ())
 
 
@@ -371,16 +371,16 @@ def test_rivals_asked_for_are_those_given() -> None:
 def test_gains_are_evidence_on_the_narrow_prior() -> None:
     """Each by hand: the evidence of the same signals under the other lamp less that under the named one."""
     shot = capture(resolve(PHONE), ["D55"], ["D65"])
-    problem = pose_problem(shot, Options(basis="phones"))
-    found = weigh_rivals(problem, problem.solve(problem.signals.used, None))
+    fit = prepare_fit(shot, Options(basis="phones"))
+    found = weigh_rivals(fit, fit.solve(fit.signals.used, None))
     assert [(rival.shot, rival.lamp) for rival in found] == [(0, name) for name in RIVALS]
     narrow = rules().number("verdict.narrow")
 
     def evidence(name: str) -> float:
         lamp = read_lamp(name)
         other = Capture((replace(shot.shots[0], lamp=lamp),), TABLE, None)
-        problem = pose_problem(other, Options())
-        found = answer(problem.given(problem.signals.used), "phones", prior_scale=narrow, engine="reference")
+        fit = prepare_fit(other, Options())
+        found = answer(fit.given(fit.signals.used), "phones", prior_scale=narrow, engine="reference")
         assert found.log_evidence is not None
         return found.log_evidence
 
@@ -392,14 +392,14 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
 def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
     """By hand: phones and cameras under each lamp, by the maker's odds; so the basis cannot follow the wrong name."""
     shot = capture(resolve(PHONE), ["A"], ["D55"], make=make)
-    problem = pose_problem(shot, Options())
-    ssf = problem.solve(problem.signals.used, None)
-    found = weigh_rivals(problem, ssf)
-    narrow, odds = rules().number("verdict.narrow") * ssf.prior_scale, believed(make, "")
+    fit = prepare_fit(shot, Options())
+    ssf = fit.solve(fit.signals.used, None)
+    found = weigh_rivals(fit, ssf)
+    narrow, odds = rules().number("verdict.narrow") * ssf.prior_scale, prior_odds(make, "")
 
     def evidence(name: str) -> float:
         other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
-        given = pose_problem(other, Options()).given(problem.signals.used)
+        given = prepare_fit(other, Options()).given(fit.signals.used)
         parts = []
         for basis in FAMILIES:
             found = answer(given, basis, prior_scale=narrow, engine="reference")
@@ -418,11 +418,11 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
 def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
     """Blue sky called noon: the signals are a camera's, for whom noon it was. The phones' basis sees better."""
     shot = capture(resolve(PHONE), ["D:15000"], ["D55"])
-    problem = pose_problem(shot, Options())
-    ssf = problem.solve(problem.signals.used, None)
+    fit = prepare_fit(shot, Options())
+    ssf = fit.solve(fit.signals.used, None)
     assert ssf.basis == "cameras"
-    narrower = max(rival.gain for rival in weigh_rivals(problem.settled(ssf), ssf))
-    assert max(rival.gain for rival in weigh_rivals(problem, ssf)) > narrower + 1.0
+    narrower = max(rival.gain for rival in weigh_rivals(fit.conditioned_on(ssf), ssf))
+    assert max(rival.gain for rival in weigh_rivals(fit, ssf)) > narrower + 1.0
 
 
 def test_lamps_of_a_phone() -> None:

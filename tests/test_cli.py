@@ -18,11 +18,11 @@ import pytest
 
 import camssf
 from camssf import cli, errors
-from camssf.curves.basis import read_basis
 from camssf.documents.keys import key_name, read_public
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
+from camssf.recovery.basis import read_basis
 
 ROOT = Path(__file__).parents[1]
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.stats import multivariate_normal
 
-from camssf.curves import finish as walking
-from camssf.curves.code import solve
-from camssf.curves.finish import PROVEN, SETTLED, finish, finish_steps
-from camssf.curves.layers import DEPTH, RELAXATION, ista, soft, splitting
-from camssf.curves.problem import Problem, whiten
-from camssf.curves.proof import prove
-from camssf.curves.sensing import Sensing
+from camssf.recovery import pivoting as walking
+from camssf.recovery.duality_gap import duality_gap
+from camssf.recovery.elastic_net import ElasticNet, whiten
+from camssf.recovery.layers import DEPTH, RELAXATION, ista, soft, splitting
+from camssf.recovery.linear_model import LinearModel
+from camssf.recovery.pivoting import PROVEN, SETTLED, finish_steps, pivot_to_optimum
+from camssf.recovery.solve import solve
 from golden.reading import ROOT, read_case
 from golden.running import problem
 from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
@@ -29,9 +29,9 @@ pytestmark = pytest.mark.requirement("R-OPTIMUM")
 sizes = st.tuples(st.integers(0, 10_000), st.integers(2, 30), st.integers(1, 26))
 
 
-def whitened(sensing: Sensing, channel: int) -> tuple[np.ndarray, np.ndarray]:
-    root = np.linalg.cholesky(np.linalg.inv(sensing.covariance[channel])).T
-    return root @ sensing.matrix[channel], root @ sensing.target[channel]
+def whitened(linear: LinearModel, channel: int) -> tuple[np.ndarray, np.ndarray]:
+    root = np.linalg.cholesky(np.linalg.inv(linear.covariance[channel])).T
+    return root @ linear.matrix[channel], root @ linear.target[channel]
 
 
 @given(sizes, st.sampled_from([1e-4, 1e-2, 0.3]), st.booleans())
@@ -138,12 +138,14 @@ def test_scaling_laws() -> None:
     sensing = random_sensing(3, 15, 10)
     gamma = 0.05 * gamma_max(sensing)
     code = solve(sensing, 0.0, gamma).values
-    twice = solve(Sensing(sensing.matrix, 2 * sensing.target, sensing.covariance), 0.0, 2 * gamma).values
+    twice = solve(LinearModel(sensing.matrix, 2 * sensing.target, sensing.covariance), 0.0, 2 * gamma).values
     assert twice == pytest.approx(2 * code, rel=1e-9, abs=1e-12)
     order = np.random.default_rng(0).permutation(15)
-    shuffled = Sensing(sensing.matrix[:, order], sensing.target[:, order], sensing.covariance[:, order][:, :, order])
+    shuffled = LinearModel(
+        sensing.matrix[:, order], sensing.target[:, order], sensing.covariance[:, order][:, :, order]
+    )
     assert solve(shuffled, 0.0, gamma).values == pytest.approx(code, rel=1e-9, abs=1e-12)
-    louder = Sensing(sensing.matrix, sensing.target, 4 * sensing.covariance)
+    louder = LinearModel(sensing.matrix, sensing.target, 4 * sensing.covariance)
     assert solve(louder, 0.0, gamma / 4).values == pytest.approx(code, rel=1e-9, abs=1e-12)
 
 
@@ -151,17 +153,17 @@ def test_edge_problems() -> None:
     sensing = random_sensing(5, 12, 8)
     gamma = gamma_max(sensing)
     assert not solve(sensing, 0.0, 1.0001 * gamma).values.any()  # γ so large that the code is zero
-    silent = Sensing(sensing.matrix, 0 * sensing.target, sensing.covariance)
+    silent = LinearModel(sensing.matrix, 0 * sensing.target, sensing.covariance)
     code = solve(silent, 0.0, np.ones(3))
     assert not code.values.any()
     assert not code.gap.any()
-    twins = Sensing(
+    twins = LinearModel(
         np.concatenate([sensing.matrix] * 2, axis=2), sensing.target, sensing.covariance
     )  # every atom twice: the code is not unique, the prediction is
     double, single = solve(twins, 0.0, 0.01 * gamma), solve(sensing, 0.0, 0.01 * gamma)
     assert (double.gap <= 1e-9).all()
     assert double.objective == pytest.approx(single.objective, rel=1e-9)
-    alone = Sensing(sensing.matrix[:, :, :1], sensing.target, sensing.covariance)
+    alone = LinearModel(sensing.matrix[:, :, :1], sensing.target, sensing.covariance)
     by_hand = soft(np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.target), 1.0, False)
     by_hand /= np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.matrix[:, :, 0])
     assert solve(alone, 0.0, np.ones(3)).values[:, 0] == pytest.approx(by_hand, rel=1e-10)
@@ -221,10 +223,10 @@ def test_the_layers_pull_keeps_its_digits(name: str, l2: float, gamma: float) ->
         assert np.abs(found[c] - x).max() < 20 * 2.0**-53 * condition * max(1.0, float(np.abs(x).max()))
 
 
-def problem_of(seed: int, l2: float, gamma: float, nonnegative: bool = False) -> Problem:
+def problem_of(seed: int, l2: float, gamma: float, nonnegative: bool = False) -> ElasticNet:
     sensing = random_sensing(seed, 20, 12)
     A, b, _ = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
-    return Problem(A, b, l2, gamma, nonnegative)
+    return ElasticNet(A, b, l2, gamma, nonnegative)
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
@@ -266,7 +268,7 @@ def test_splitting_is_admm(l2: float, gamma: float, nonnegative: bool) -> None:
 def test_a_layer_of_the_posterior_mean_halves_the_error(scale: float) -> None:
     """γ = 0, ρ = 2 λ₂: nothing is thresholded, and whatever H is, the layer's matrix has no eigenvalue above ½."""
     plain = problem_of(4, 0.0, 1.0)
-    problem = Problem(scale * plain.A, plain.b, 0.5, 0.0, False)
+    problem = ElasticNet(scale * plain.A, plain.b, 0.5, 0.0, False)
     layer = splitting(problem)
     values = np.linalg.eigvalsh(layer.W2 + layer.W3)
     assert values.min() > -1e-12
@@ -297,7 +299,7 @@ class Outside(NamedTuple):
     nonnegative: bool
 
 
-def in_80_bits(problem: Problem | Outside, x: np.ndarray) -> tuple[np.longdouble, np.longdouble]:
+def in_80_bits(problem: ElasticNet | Outside, x: np.ndarray) -> tuple[np.longdouble, np.longdouble]:
     """Objective and duality gap in extended precision, by the conjugate's first form or by scaling the residual."""
     A, b, z = (np.asarray(part, dtype=np.longdouble) for part in (problem.A, problem.b, x))
     l2, gamma = np.longdouble(problem.l2), np.longdouble(problem.gamma)
@@ -317,11 +319,11 @@ def in_80_bits(problem: Problem | Outside, x: np.ndarray) -> tuple[np.longdouble
 def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonnegative: bool) -> None:
     """Of answers that are off by so much; the gap is the dual's, recomputed in 80 bits from its textbook form."""
     problem = problem_of(6, l2, 2.0, nonnegative)
-    best = finish(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    best = pivot_to_optimum(problem, splitting(problem).unroll(200), finish_steps(12))[0]
     least = in_80_bits(problem, best)[0]
     x = best + size * np.random.default_rng(8).normal(size=12)
     x = np.maximum(x, 0.0) if nonnegative else x
-    objective, gap = prove(problem, x)
+    objective, gap = duality_gap(problem, x)
     primal, wide = in_80_bits(problem, x)
     assert objective == pytest.approx(float(primal), rel=1e-14)
     assert gap * objective == pytest.approx(float(wide), rel=1e-6, abs=1e-14 * objective)
@@ -332,12 +334,12 @@ def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonn
 def test_with_l2_the_gap_is_of_second_order(nonnegative: bool) -> None:
     """Ten times nearer along the support, a hundred times smaller; by scaling it would be ten times."""
     problem = problem_of(6, 0.5, 2.0, nonnegative)
-    best = finish(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    best = pivot_to_optimum(problem, splitting(problem).unroll(200), finish_steps(12))[0]
     off = np.where(best != 0, np.random.default_rng(9).normal(size=12), 0.0)
-    gaps = [prove(problem, best + size * off)[1] for size in (1e-3, 1e-4, 1e-5)]
+    gaps = [duality_gap(problem, best + size * off)[1] for size in (1e-3, 1e-4, 1e-5)]
     assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.05)
     assert gaps[1] / gaps[2] == pytest.approx(100, rel=0.05)
-    assert prove(problem, best)[1] < 1e-15
+    assert duality_gap(problem, best)[1] < 1e-15
 
 
 # -- the one problem of three channels ----------------------------------------------------------------------------
@@ -394,8 +396,8 @@ def test_channels_without_common_errors_are_three_problems() -> None:
         sigma[0, part, part] = joint.covariance[0, part, part]
         outside = np.delete(joint.matrix[0, part], np.arange(72)[own], axis=1)
         assert not outside.any()  # a channel's rows know nothing of another's curve
-    apart = Sensing(joint.matrix, joint.target, sigma)
-    three = Sensing(
+    apart = LinearModel(joint.matrix, joint.target, sigma)
+    three = LinearModel(
         np.stack([joint.matrix[0, part, own] for part, own in blocks]),
         joint.target.reshape(3, N),
         np.stack([joint.covariance[0, part, part] for part, _ in blocks]),
@@ -438,12 +440,12 @@ def test_the_proof_of_the_one_problem_holds_in_80_bits(l2: float, gamma: float, 
     assert code.objective[0] == pytest.approx(float(least), rel=1e-12)
     assert code.gap[0] <= 1e-9
     assert gap / least <= 1e-9
-    near = Problem(*whiten(A, b, sigma)[:2], l2, gamma, nonnegative)
+    near = ElasticNet(*whiten(A, b, sigma)[:2], l2, gamma, nonnegative)
     rng = np.random.default_rng(12)
     for size in (1e-1, 1e-3, 1e-5):
         x = code.values[0] + size * rng.normal(size=72)
         x = np.maximum(x, 0.0) if nonnegative else x
-        objective, found = prove(near, x)
+        objective, found = duality_gap(near, x)
         primal, distance = in_80_bits(wide, x)
         assert objective == pytest.approx(float(primal), rel=1e-12)
         assert found * objective == pytest.approx(float(distance), rel=1e-6, abs=1e-13 * objective)

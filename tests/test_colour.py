@@ -37,11 +37,11 @@ from camssf.colour.regions import against, measure_regions
 from camssf.colour.spaces import lab_slopes, xyz_of
 from camssf.colour.standard import of_surfaces
 from camssf.colour.transforms import KINDS, fit, signals_of, terms
-from camssf.curves import Evidence, recover
-from camssf.curves.basis import read_basis
-from camssf.documents.nearest import nearest
 from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, LampUnfit, Overexposed
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery import Observation, recover
+from camssf.recovery.basis import read_basis
+from camssf.report.nearest import nearest
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces
 from tests.schemas import check_schema
@@ -123,7 +123,7 @@ def test_an_unknown_observer_white_and_kind_are_errors() -> None:
 
 
 def test_the_surfaces_are_what_their_source_says() -> None:
-    from camssf.tools import surfaces as tool
+    from tools import surfaces as tool
 
     stored = json.loads(tool.PLACE.read_text("utf-8"))
     assert stored["surfaces"]["sha256"] == hashlib.sha256(tool.SOURCE.read_bytes()).hexdigest()
@@ -134,7 +134,7 @@ def test_the_surfaces_are_what_their_source_says() -> None:
 
 
 def test_a_drift_of_the_surfaces_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from camssf.tools import surfaces as tool
+    from tools import surfaces as tool
 
     other = tmp_path / "colour.json"
     other.write_text(tool.PLACE.read_text("utf-8").replace("0.0893", "0.0894", 1), "utf-8")
@@ -409,7 +409,7 @@ def test_conditioning_is_bayes_by_drawing() -> None:
     own = read_lamp("D55").values * (1 + 0.02 * 0)
     logs = np.log(camera.own.raw * (powers @ camera.values) / (own @ camera.values))  # type: ignore[union-attr]
     ratios = logs[:, [0, 2]] - logs[:, 1:2]
-    from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
+    from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 
     smooth = 0.02 * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T * own
     of_own = (smooth @ camera.values / (own @ camera.values)).T
@@ -447,8 +447,8 @@ def test_auto_needs_a_reference(raw: Floats | None) -> None:
 def test_a_camera_of_an_ssf_has_its_bands() -> None:
     lamps = np.stack([power("D55"), power("A")])
     y = ((lamps[:, None] * CHART) @ toy_camera()) / (lamps @ toy_camera())[:, None]
-    evidence = Evidence(y, CHART, lamps, standard_error=0.003 * y)
-    answer = recover(evidence, basis="cameras", engine="reference")
+    observation = Observation(y, CHART, lamps, standard_error=0.003 * y)
+    answer = recover(observation, basis="cameras", engine="reference")
     camera = camera_of_ssf(answer, read_basis("cameras"), lamps[0])
     curves, std = answer.peak()
     assert np.array_equal(camera.values, curves)
@@ -456,7 +456,7 @@ def test_a_camera_of_an_ssf_has_its_bands() -> None:
     # channels err together: what drawing the code gives
     rng = np.random.default_rng(2)
     codes = answer.code.T.ravel() + rng.multivariate_normal(np.zeros(answer.code.size), answer.code_covariance, 3000)
-    from camssf.curves.sensing import anchor
+    from camssf.recovery.linear_model import anchor
 
     basis = anchor(read_basis("cameras"), lamps[0])
     drawn = basis.mean + np.einsum("cmr,ncr->ncm", basis.dictionary, codes.reshape(-1, 3, answer.code.shape[0]))
@@ -567,7 +567,7 @@ def test_a_reference_must_be_lit() -> None:
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A folder with chart-D55.dng, chart-A.dng and the result of both."""
     from camssf.calibration import attempt
-    from camssf.documents.report import document_bytes
+    from camssf.documents.result_json import document_bytes
     from camssf.options import Options
     from camssf.simulation.frames import simulate
     from camssf.simulation.scene import Scene
@@ -727,8 +727,8 @@ def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: tuple[Path, dict[str, Any]]) -> None:
-    from camssf.documents.report import report
     from camssf.exports import FORMATS, export
+    from camssf.report.build import report
 
     given = hostile(calibrated[1], seed)
     for told in ("LED-B3", "auto"):

@@ -24,7 +24,7 @@ from camssf.errors import (
     Underexposed,
     UnreadableRaw,
 )
-from camssf.evidence.scores import rmse
+from camssf.fit.scores import rmse
 from camssf.grid import WAVELENGTHS
 from camssf.simulation.camera import Sensor
 from camssf.spectra import CameraCurves, read_camera, read_lamp

@@ -20,9 +20,9 @@ from test_report import document
 import camssf
 from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
-from camssf.curves.evidence import Evidence
-from camssf.documents.report import document_bytes
+from camssf.documents.result_json import document_bytes
 from camssf.errors import CalibrationError, LampUnfit
+from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart, read_lamp
 
 ROOT = Path(__file__).parents[1]
@@ -170,7 +170,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
     table, light = read_chart("classic24").values, read_lamp("D55").values
     y = theory(table, light, toy_camera())
     found = {
-        (basis, error): recover(Evidence(y, table, light, standard_error=np.full(y.shape, error)), basis=basis)
+        (basis, error): recover(Observation(y, table, light, standard_error=np.full(y.shape, error)), basis=basis)
         for basis in ("cameras", "phones", "auto", "gaussian")
         for error in (1e-3, 1e-2)
     }

@@ -16,11 +16,11 @@ import pytest
 from test_docs import ROOT, blocks, calls
 
 from camssf import Options, calibrate
-from camssf.documents.report import report
 from camssf.exports import export
 from camssf.fleet.run import run_batch
 from camssf.grid import WAVELENGTHS
-from camssf.photo.raw import read_raw
+from camssf.photo.read.raw import read_raw
+from camssf.report.build import report
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import camera_names, read_camera

@@ -8,18 +8,18 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from camssf.curves import engine
-from camssf.curves.basis import read_basis
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import WAVELENGTHS
+from camssf.recovery import onnx_model
+from camssf.recovery.basis import read_basis
 from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 pytestmark = pytest.mark.requirement("R-ENGINE")
 
 
-@pytest.mark.parametrize("name", engine.SHIPPED)
+@pytest.mark.parametrize("name", onnx_model.SHIPPED)
 def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
-    model, basis = engine.load_model(name), read_basis(name)
+    model, basis = onnx_model.load_model(name), read_basis(name)
     content = (resources.files("camssf") / "data" / f"camssf-{name}.onnx").read_bytes()
     assert model.sha256 == hashlib.sha256(content).hexdigest()
     assert len(content) <= 400_000
@@ -27,7 +27,7 @@ def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
     assert model.metadata["grid"] == "380 to 720 nm every 0.5 nm"
 
 
-@pytest.mark.parametrize("basis", engine.SHIPPED)
+@pytest.mark.parametrize("basis", onnx_model.SHIPPED)
 @pytest.mark.parametrize("shots", [1, 2])
 def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
     if basis == "gaussian" and shots > 1:
@@ -59,23 +59,23 @@ def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
 
 def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidArgument, match="shipped"):
-        engine.load_model("nonsense")
-    engine.load_model.cache_clear()
-    monkeypatch.setattr(engine, "VOCABULARY", "2")
+        onnx_model.load_model("nonsense")
+    onnx_model.load_model.cache_clear()
+    monkeypatch.setattr(onnx_model, "VOCABULARY", "2")
     with pytest.raises(InvalidArgument, match="does not belong"):
-        engine.load_model("cameras")
+        onnx_model.load_model("cameras")
     monkeypatch.undo()
     nowhere = resources.files("camssf") / "nowhere"
-    monkeypatch.setattr(engine.resources, "files", lambda package: nowhere)
+    monkeypatch.setattr(onnx_model.resources, "files", lambda package: nowhere)
     with pytest.raises(InvalidArgument, match="Install camssf anew"):
-        engine.load_model("cameras")
+        onnx_model.load_model("cameras")
     monkeypatch.undo()
-    engine.load_model.cache_clear()
+    onnx_model.load_model.cache_clear()
 
 
 @pytest.mark.parametrize("which", ["onnx", "reference"])
 def test_no_curve_without_its_proof(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("camssf.curves.ssf.LARGEST_GAP", -1.0)
+    monkeypatch.setattr("camssf.recovery.sensitivity.LARGEST_GAP", -1.0)
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
     with pytest.raises(NotConverged, match="duality gap"):

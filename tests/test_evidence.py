@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves import Evidence, recover
 from camssf.errors import InvalidArgument
+from camssf.recovery import Observation, recover
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 
@@ -26,10 +26,10 @@ def test_a_mask_is_the_same_as_leaving_patches_out(basis: str) -> None:
     used = np.zeros((1, 24), dtype=bool)
     used[0, 6:18] = True
     few = given | {name: given[name][6:18] for name in ("signals", "reflectance", "standard_error")}
-    masked, left_out = (recover(Evidence(**e), basis=basis) for e in (given | {"used": used}, few))
+    masked, left_out = (recover(Observation(**e), basis=basis) for e in (given | {"used": used}, few))
     assert masked.gamma == pytest.approx(left_out.gamma, rel=0.02)  # the discrepancy is searched to 1 %
     exact = {"gamma": left_out.gamma[0], "basis": basis}
-    masked, left_out = (recover(Evidence(**e), **exact) for e in (given | {"used": used}, few))
+    masked, left_out = (recover(Observation(**e), **exact) for e in (given | {"used": used}, few))
     assert masked.values == pytest.approx(left_out.values, rel=1e-5, abs=1e-7 * left_out.values.max())
 
 
@@ -39,10 +39,10 @@ def test_what_is_not_used_may_be_unknown() -> None:
     used[0, 3] = False
     hole = given["signals"].copy()
     hole[3] = np.nan
-    found = recover(Evidence(**given | {"signals": hole, "used": used}))
-    assert found.peak()[0] == pytest.approx(recover(Evidence(**given | {"used": used})).peak()[0], abs=1e-5)
+    found = recover(Observation(**given | {"signals": hole, "used": used}))
+    assert found.peak()[0] == pytest.approx(recover(Observation(**given | {"used": used})).peak()[0], abs=1e-5)
     with pytest.raises(InvalidArgument, match="NaN"):
-        Evidence(**given | {"signals": hole})
+        Observation(**given | {"signals": hole})
 
 
 @pytest.mark.parametrize(
@@ -61,5 +61,5 @@ def test_what_is_not_used_may_be_unknown() -> None:
 )
 def test_wrong_evidence_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words) as refusal:
-        Evidence(**told() | change)
+        Observation(**told() | change)
     assert refusal.value.advice

@@ -20,11 +20,11 @@ from camssf.cli.exports import FORMATS as TOLD
 from camssf.colour import lab, white_of
 from camssf.colour.spaces import BRADFORD, adaptation, xyz_of
 from camssf.colour.transforms import signals_of
-from camssf.documents.report import report
 from camssf.errors import InvalidArgument
 from camssf.exports import FORMATS, export, read_result
 from camssf.exports.matrices import ACES, ACES_WHITE, D50, matrices
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer
 

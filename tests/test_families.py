@@ -8,7 +8,7 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.spectra import read_lamp, with_tolerance
-from camssf.spectra.families import FAMILIES, Kind, logarithm, principal_modes
+from camssf.spectra.families import FAMILIES, LampKind, logarithm, principal_modes
 from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
@@ -22,7 +22,7 @@ def test_a_family_is_a_mean_and_modes(name: str) -> None:
     assert lamp.values.mean() == pytest.approx(1.0)
     assert (lamp.values > 0).all()
     assert len(lamp.modes) >= 1
-    weight = floored(lamp.values) if isinstance(FAMILIES[name], Kind) else np.ones_like(lamp.values)
+    weight = floored(lamp.values) if isinstance(FAMILIES[name], LampKind) else np.ones_like(lamp.values)
     assert lamp.modes @ weight == pytest.approx(np.zeros(len(lamp.modes)), abs=1e-10)  # a scale is no evidence
 
 
@@ -41,7 +41,7 @@ def test_one_temperature_mode_reaches_its_neighbours(family: str, warm: str, coo
 @pytest.mark.parametrize("name", ["white-led", "fluorescent"])
 def test_modes_are_the_members_own_spread(name: str) -> None:
     family = FAMILIES[name]
-    assert isinstance(family, Kind)
+    assert isinstance(family, LampKind)
     lamps = np.stack([read_lamp(member).values for member in family.members])
     lamps /= lamps.mean(axis=1, keepdims=True)
     lamp, n = read_lamp(name), len(lamps)

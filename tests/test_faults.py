@@ -15,13 +15,13 @@ from camssf import cli
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.mosaic import read_dng
+from camssf.photo.read.dng import read_dng
 from camssf.simulation.camera import Sensor
-from camssf.simulation.faults import FAULTS, SEVERITIES, strike
+from camssf.simulation.faults import FAULTS, SEVERITIES, apply_fault
 from camssf.simulation.frames import Simulation, simulate
 from camssf.simulation.scene import Scene, true_pose
-from camssf.simulation.setup import Setup
 from camssf.simulation.shot import Frames, take
+from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import read_camera, read_chart, read_lamp
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -43,10 +43,10 @@ ISSUE = {
 
 
 @cache
-def sound(lamp: str = "D55", noise: bool = False) -> Setup:
+def sound(lamp: str = "D55", noise: bool = False) -> ShotPlan:
     scene = Scene(size=SIZE, fill=0.6)
     camera, light, table = read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), read_chart("classic24")
-    return Setup(camera, light, table, scene, replace(QUIET, noise=noise), lamp, "classic24")
+    return ShotPlan(camera, light, table, scene, replace(QUIET, noise=noise), lamp, "classic24")
 
 
 @cache
@@ -54,8 +54,8 @@ def clean() -> Frames:
     return take(sound(), (1,))
 
 
-def struck(name: str, severity: int, lamp: str = "D55") -> tuple[Setup, Frames]:
-    changed = strike(name, severity)(sound(lamp))
+def struck(name: str, severity: int, lamp: str = "D55") -> tuple[ShotPlan, Frames]:
+    changed = apply_fault(name, severity)(sound(lamp))
     return changed, take(changed, (1,))
 
 
@@ -87,7 +87,7 @@ def test_every_severity_is_another_capture(name: str) -> None:
     assert len(seen) == 1 + len(SEVERITIES)
 
 
-def hashes(frames: Frames, changed: Setup) -> list[object]:
+def hashes(frames: Frames, changed: ShotPlan) -> list[object]:
     """What is handed in."""
     samples = {"chart": frames.chart, "white": frames.white, "dark": frames.dark}
     return [(role, frame and hash(samples[frame].tobytes())) for role, frame in changed.handed_in.items()]
@@ -95,9 +95,9 @@ def hashes(frames: Frames, changed: Setup) -> list[object]:
 
 def test_what_is_no_fault_is_refused() -> None:
     with pytest.raises(InvalidArgument, match="No fault is called"):
-        strike("gremlins", 1)
+        apply_fault("gremlins", 1)
     with pytest.raises(InvalidArgument, match="no severity 4"):
-        strike("glare", 4)
+        apply_fault("glare", 4)
 
 
 # each as much as it says
@@ -153,7 +153,7 @@ def test_a_white_frame_of_another_lamp() -> None:
     ],
 )
 def test_wrong_names(lamp: str, told: tuple[str, ...]) -> None:
-    assert tuple(strike("wrong-lamp", s)(sound(lamp)).stated_lamp for s in SEVERITIES) == told
+    assert tuple(apply_fault("wrong-lamp", s)(sound(lamp)).stated_lamp for s in SEVERITIES) == told
 
 
 def test_software() -> None:
@@ -182,7 +182,7 @@ def test_a_printed_copy_looks_alike_and_is_none() -> None:
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
     light = read_lamp("D50").values
     white = light @ observer
-    chart, copy = sound().table.values, strike("printed", 3)(sound()).table.values
+    chart, copy = sound().table.values, apply_fault("printed", 3)(sound()).table.values
     lab = [colour.XYZ_to_Lab((v * light) @ observer / white[1], colour.XYZ_to_xy(white)) for v in (chart, copy)]
     assert np.median(colour.delta_E(*lab, method="CIE 2000")) < 3
     assert np.sqrt(np.mean((chart - copy) ** 2)) > 0.04
@@ -193,7 +193,7 @@ def test_a_printed_copy_looks_alike_and_is_none() -> None:
 
 @cache
 def files(folder: Path, name: str, severity: int, lamp: str = "D55") -> Simulation:
-    change = strike(name, severity) if name != "clean" else None
+    change = apply_fault(name, severity) if name != "clean" else None
     out = folder / f"{name}{severity}"
     return simulate("Nikon 5100 (NPL)", [lamp], out, scene=Scene(size=(720, 540), fill=0.55), change=change, seed=4)
 
@@ -209,7 +209,7 @@ def test_files_say_what_the_plan_says(tmp_path: Path) -> None:
 
 def test_only_the_last_lamp_s_shot_is_spoilt(tmp_path: Path) -> None:
     done = simulate(
-        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path, scene=Scene(size=(360, 270)), change=strike("vignetting", 1)
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path, scene=Scene(size=(360, 270)), change=apply_fault("vignetting", 1)
     )
     assert [shot.white is None for shot in done.shots] == [False, True]
 

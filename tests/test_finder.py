@@ -7,23 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import camssf.photo.pose as poses
+import camssf.photo.find.pose as poses
 from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.finder.find import Found, find_sightings
-from camssf.photo.finder.kinds import kinds
-from camssf.photo.finder.lattices import fitted, inverse, mapped
-from camssf.photo.finder.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
-from camssf.photo.mosaic import read_dng
-from camssf.photo.pose import find_chart
-from camssf.photo.search import Match
+from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.lattices import fitted, inverse, mapped
+from camssf.photo.find.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.pose import find_chart
+from camssf.photo.find.search import Match
+from camssf.photo.find.sightings import FoundCharts, find_sightings
+from camssf.photo.read.dng import read_dng
 from camssf.simulation.camera import Sensor
-from camssf.tools import kinds as tool
 from golden.finders import keys_beside
 from golden.poses import draw, turned
 from tests.scenes import mosaic, table
 from tests.test_chart import DNG, SCENES, edge, photo_of
+from tools import chart_colours as tool
 
 GOLDEN = Sensor(black=256, white_level=15000)
 """Of the golden drawings."""
@@ -36,7 +36,7 @@ def off(found: Floats, centres: Floats) -> float:
     return float(np.linalg.norm(found - centres, axis=1).max() / pitch)
 
 
-def preview(drawing: Drawing) -> Found:
+def preview(drawing: Drawing) -> FoundCharts:
     small = replace(drawing, size=(640, 480), blur=0.4 * drawing.blur)
     return find_sightings(codes_of_bytes(as_preview(small)))
 
@@ -64,7 +64,7 @@ def test_drawings_are_found_as_previews(drawing: Drawing) -> None:
 
 @pytest.mark.parametrize("drawing", EMPTY, ids=lambda d: f"{d.name} {d.seed}")
 def test_without_a_whole_chart_there_is_none(drawing: Drawing) -> None:
-    assert preview(drawing) == Found((), ("none",))
+    assert preview(drawing) == FoundCharts((), ("none",))
 
 
 def test_the_bars_count_enough_pictures() -> None:
@@ -106,7 +106,7 @@ def test_two_charts_in_one_raster_are_two() -> None:
 def test_a_keyboard_that_reaches_the_board_does_not_hide_the_chart() -> None:
     """Growth runs from a key into the patches; those that the keys' lattice then leaves out are free again."""
     found = find_sightings(codes_of_mosaic(mosaic(keys_beside(), GOLDEN)))
-    assert [(sighting.kind, sighting.seen > 20) for sighting in found.sightings] == [("classic24", True)]
+    assert [(sighting.kind, sighting.blobs > 20) for sighting in found.sightings] == [("classic24", True)]
 
 
 def test_a_chart_of_other_colours_is_none() -> None:
@@ -166,7 +166,7 @@ def test_a_fitted_homography_gives_its_points_back() -> None:
 
 def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFixture[str]) -> None:
     assert tool.main(["--check"]) == 0, capsys.readouterr()
-    assert [len(kind.colours) for kind in kinds()] == [24, 140]
+    assert [len(kind.colours) for kind in chart_colours()] == [24, 140]
 
 
 def test_where_opencv_finds_nothing_the_finder_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,9 +26,9 @@ from camssf.spectra import (
     read_lamp,
     shipped_cameras,
 )
-from camssf.spectra.formats import CURVES, LAMPS
+from camssf.spectra.lamp_aliases import FORMAT, lamp_aliases
 from camssf.spectra.lamps import Lamp
-from camssf.spectra.spoken import FORMAT, spoken
+from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
 from camssf.spectra.text import plain
 
@@ -619,15 +619,15 @@ def test_a_validation_takes_an_object_as_truth() -> None:
 def test_the_names_are_data_and_each_says_one_thing() -> None:
     place = Path(camssf.__file__).parent / "data" / "lamp-names.json"
     assert json.loads(place.read_text("utf-8"))["format"] == FORMAT
-    names = [plain(name) for each in spoken() for name in each.names]
+    names = [plain(name) for each in lamp_aliases() for name in each.names]
     assert len(names) == len(set(names)) > 80
     assert not set(names) & {plain(name) for name in lamp_names()}  # a name that is known already means itself
-    for each in spoken():
+    for each in lamp_aliases():
         assert bool(each.lamp) != bool(each.advice)
         assert each.what
 
 
-@pytest.mark.parametrize("each", spoken(), ids=lambda each: each.names[0])
+@pytest.mark.parametrize("each", lamp_aliases(), ids=lambda each: each.names[0])
 def test_what_people_type_is_answered(each: Any) -> None:
     for name in each.names:
         for written in (name, name.upper(), name.replace(" ", "-"), f" {name} "):
@@ -643,7 +643,7 @@ def test_what_people_type_is_answered(each: Any) -> None:
                 assert caught.value.advice == each.advice
 
 
-@pytest.mark.parametrize("each", [each for each in spoken() if each.advice], ids=lambda each: each.names[0])
+@pytest.mark.parametrize("each", [each for each in lamp_aliases() if each.advice], ids=lambda each: each.names[0])
 def test_an_advice_names_lamps_that_are_read(each: Any) -> None:
     words = re.findall(r"[\w:.-]*\w", each.advice)
     named = [word for word in words if plain(word) in {plain(name) for name in lamp_names()} or ":" in word]
@@ -672,6 +672,6 @@ def test_the_page_of_tables_lists_formats_and_names() -> None:
     page = (ROOT / "docs" / "tables.md").read_text("utf-8")
     for each in (*LAMPS, *CURVES):
         assert f"| {each.what} |" in page
-    for said in spoken():
+    for said in lamp_aliases():
         row = next(line for line in page.splitlines() if line.startswith(f"| {', '.join(said.names)} |"))
         assert (f"`{said.lamp}`" in row) if said.lamp else (said.advice in row)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
-from camssf.documents.patches import read_patches
+from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
 from camssf.fleet.run import read_manifest
 

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 
 from camssf.calibration import calibrate, solve
-from camssf.curves import Evidence, explain, predict
-from camssf.curves.basis import read_basis
-from camssf.curves.sensing import SOURCES, anchor, sense
-from camssf.curves.ssf import Ssf, answer
-from camssf.documents.page import page
-from camssf.documents.result import Calibration
-from camssf.documents.view.uneven import falls_of
 from camssf.errors import InvalidArgument, UnevenLight
-from camssf.evidence.gains import BOWL, CORNER, OWN, PLANE, gain_modes, places, smooth_modes
-from camssf.evidence.problem import pose_problem
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.gain_modes import BOWL, CORNER, OWN, PLANE, gain_modes, places, smooth_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans
-from camssf.photo.pose import Pose
+from camssf.recovery import Observation, explain, predict
+from camssf.recovery.basis import read_basis
+from camssf.recovery.linear_model import SOURCES, anchor, linear_model
+from camssf.recovery.sensitivity import Ssf, answer
+from camssf.report.page import page
+from camssf.report.sections.uneven import falls_of
+from camssf.result import Calibration
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, read_chart, read_lamp
@@ -78,14 +78,14 @@ def off(ssf: Ssf) -> tuple[float, float]:
     return float(np.sqrt(np.mean(apart**2, axis=0)).mean()), float((np.abs(apart) <= 1.96 * std[SEEN]).mean())
 
 
-def told(light: Floats, lamps: tuple[str, ...] = ("D55",), modes: Floats | None = None, **more: Any) -> Evidence:
+def told(light: Floats, lamps: tuple[str, ...] = ("D55",), modes: Floats | None = None, **more: Any) -> Observation:
     """Exact signals of the toy camera under uneven light, with gain modes."""
     lights = np.stack([read_lamp(lamp).values for lamp in lamps])
     k = len(lamps)
     rho = TABLE.values[WHITE]
     signals = np.stack([theory(TABLE.values, each, toy_camera(), rho) for each in lights]) * light[:, None]
     modes = smooth_modes(pose(), WHITE) if modes is None else modes
-    return Evidence(
+    return Observation(
         signals, TABLE.values, lights, standard_error=np.full(signals.shape, 1e-3), white_reflectance=rho,
         gain_modes=np.repeat(modes[None], k, axis=0), **({"gain_own": OWN} | more),
     )  # fmt: skip
@@ -142,11 +142,11 @@ def test_the_rows_are_linear_in_curves_and_gains() -> None:
     level = 1.0 - v @ modes
     assert level.min() < 0.8
     signals = theory(TABLE.values, lamp, curves, rho) / level[:, None]
-    given = Evidence(
+    given = Observation(
         signals, TABLE.values, lamp, standard_error=np.full(signals.shape, 1e-3), white_reflectance=rho,
         lamp_modes=np.zeros((0, WAVELENGTHS.size)), gain_modes=modes,
     )  # fmt: skip
-    rows = sense(given, basis)
+    rows = linear_model(given, basis)
     y = np.moveaxis(signals, 1, 0).reshape(-1)
     assert rows.gains == pytest.approx(y[:, None] * np.tile(modes.T, (3, 1)))
     # The second look scales the rows by its own estimate; the true code and gains still solve them to second order.
@@ -159,7 +159,7 @@ def test_the_answer_is_the_joint_least_squares() -> None:
     """Curves and gains beside each other, x and v ~ N(0, I): the same as gains folded into Σ, by lstsq."""
     given = told(shaded(0.3, 0.15))
     basis = read_basis("cameras")
-    rows = sense(given, basis)
+    rows = linear_model(given, basis)
     found = answer(given, "cameras", gamma=0.0, engine="reference")
     A, D, b = rows.matrix[0], rows.gains, rows.target[0]
     root = np.linalg.cholesky(rows.covariance[0] - D @ D.T)
@@ -248,7 +248,7 @@ def test_the_unseen_bands_hold() -> None:
 
 
 def test_the_budget_names_uneven_light() -> None:
-    shares = explain(pose_problem(uneven(shaded(0.3, 0.15)), Options(basis="phones")).given(
+    shares = explain(prepare_fit(uneven(shaded(0.3, 0.15)), Options(basis="phones")).given(
         found(0.3, 0.15).signals.used), basis="phones")  # fmt: skip
     assert set(SOURCES) <= set(shares)
     assert (shares["uneven light"] > 0.002).all()

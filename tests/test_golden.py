@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves.basis import interpolate, read_basis
-from camssf.curves.engine import SHIPPED, load_model
-from camssf.curves.layers import DEPTH
-from camssf.curves.sensing import anchor
 from camssf.grid import WAVELENGTHS
+from camssf.recovery.basis import interpolate, read_basis
+from camssf.recovery.layers import DEPTH
+from camssf.recovery.linear_model import anchor
+from camssf.recovery.onnx_model import SHIPPED, load_model
 from camssf.spectra import read_lamp
 from golden import compare, generate, poses, reading
 from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve

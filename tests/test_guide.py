@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import guide
-from camssf.photo.layouts import LAYOUTS
+from camssf.photo.find.layouts import LAYOUTS
 from camssf.simulation.scene import Scene, project
 from camssf.spectra import read_chart
 

@@ -16,9 +16,9 @@ import pytest
 
 import camssf
 from camssf import cli
-from camssf.documents.report import NAMES
 from camssf.errors import InvalidArgument
 from camssf.fleet import run as batch
+from camssf.report.build import NAMES
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 
@@ -136,7 +136,7 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
         file.truncate(batch.LARGEST_MANIFEST + 1)
     with pytest.raises(InvalidArgument, match="larger than"):
         batch.read_manifest(large)
-    from camssf.documents.report import LARGEST_DOCUMENT, read_document
+    from camssf.documents.result_json import LARGEST_DOCUMENT, read_document
     from camssf.spectra import read_lamp
     from camssf.spectra.text import LARGEST_FILE
 
@@ -150,7 +150,7 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
         read_document(large)
     assert cli.main(["solve", str(large)]) == InvalidArgument.exit_status
     from camssf.direct import sweep
-    from camssf.tools.training import read_curves
+    from camssf.learning.training import read_curves
 
     with large.open("r+b") as file:
         file.truncate(500_000_000)

@@ -22,14 +22,14 @@ import pytest
 from benchmarks.fuzz import damaged
 from camssf.calibration import attempt
 from camssf.cli import main
-from camssf.documents.fields import fields_apart
-from camssf.documents.report import check_document
-from camssf.documents.result import Calibration, Json
+from camssf.compare.fields import field_differences
+from camssf.compare.parity import STAGES, first, parity
+from camssf.documents.result_json import Json, check_document
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
-from camssf.parity import STAGES, first, parity
-from camssf.photo.mosaic import read_dng
+from camssf.photo.read.dng import read_dng
+from camssf.result import Calibration
 from camssf.simulation.frames import SimulatedShot, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves
@@ -259,7 +259,7 @@ def test_two_shots_of_which_one_is_a_formula(
     for holder, key in keys_of(theirs):
         kept = holder.pop(key)
         if key not in ("version", "generator", "engine"):  # by which parity knows whose result it is
-            assert fields_apart(theirs, ours), key
+            assert field_differences(theirs, ours), key
             missing += 1
         holder[key] = kept
     assert missing > 100

@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camssf.curves.basis import read_basis
-from camssf.curves.evidence import Evidence
-from camssf.curves.finish import finish, finish_steps
-from camssf.curves.layers import DEPTH, RELAXATION, Layer, ista, soft, splitting
-from camssf.curves.problem import Problem, whiten
-from camssf.curves.sensing import sense
 from camssf.grid import STEP, Floats
+from camssf.recovery.basis import read_basis
+from camssf.recovery.elastic_net import ElasticNet, whiten
+from camssf.recovery.layers import DEPTH, RELAXATION, Layer, ista, soft, splitting
+from camssf.recovery.linear_model import linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
 from camssf.spectra import read_chart, read_lamp
 from tests.problems import theory, toy_camera
 
@@ -32,12 +32,12 @@ SHAPES = pytest.mark.parametrize(("rows", "atoms"), [(30, 12), (9, 14)], ids=["t
 
 def random_problem(
     seed: int, l2: float, gamma: float, nonnegative: bool = False, rows: int = 30, atoms: int = 12
-) -> Problem:
+) -> ElasticNet:
     """Rows of singular values from 30 to 0.1: some directions the data hold, of others they say nothing."""
     rng = np.random.default_rng(seed)
     left, _, right = np.linalg.svd(rng.normal(size=(rows, atoms)), full_matrices=False)
     A = left * np.geomspace(30.0, 0.1, min(rows, atoms)) @ right
-    return Problem(A, A @ rng.normal(size=atoms) + rng.normal(size=rows), l2, gamma, nonnegative)
+    return ElasticNet(A, A @ rng.normal(size=atoms) + rng.normal(size=rows), l2, gamma, nonnegative)
 
 
 def capture(*lamps: str, basis: str = "cameras") -> tuple[Floats, Floats]:
@@ -46,8 +46,8 @@ def capture(*lamps: str, basis: str = "cameras") -> tuple[Floats, Floats]:
     powers = np.stack([read_lamp(name).values for name in lamps])
     signals = np.stack([theory(chart, power, toy_camera()) for power in powers])
     signals = signals * (1.0 + 0.002 * np.random.default_rng(0).normal(size=signals.shape))
-    sensing = sense(
-        Evidence(
+    linear = linear_model(
+        Observation(
             signals,
             chart,
             powers,
@@ -57,11 +57,11 @@ def capture(*lamps: str, basis: str = "cameras") -> tuple[Floats, Floats]:
         ),
         known,
     )
-    rows, target, _ = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
+    rows, target, _ = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
     return rows, target
 
 
-def constants(problem: Problem) -> tuple[float, float]:
+def constants(problem: ElasticNet) -> tuple[float, float]:
     """ρ and β of `splitting`."""
     rho = problem.gamma + 2.0 * problem.l2
     return rho, rho / (rho + problem.l2)
@@ -75,15 +75,15 @@ def states(layer: Layer, depth: int) -> list[Floats]:
     return found
 
 
-def optimum(problem: Problem) -> Floats:
+def optimum(problem: ElasticNet) -> Floats:
     """By the pivoting walk, which needs no layers; its KKT conditions are checked here."""
     r = problem.g.size
-    x = finish(problem, np.zeros(r), finish_steps(r))[0]
+    x = pivot_to_optimum(problem, np.zeros(r), finish_steps(r))[0]
     assert kkt(problem, x) < 1e-9
     return x
 
 
-def kkt(problem: Problem, x: Floats) -> float:
+def kkt(problem: ElasticNet, x: Floats) -> float:
     """How far w = Aᵀ (b - A x) - λ₂ x is from γ ∂‖x‖₁ (x ≥ 0: from γ minus the cone's normals)."""
     w = problem.A.T @ (problem.b - problem.A @ x) - problem.l2 * x
     low = np.where(x == 0, -np.inf if problem.nonnegative else -problem.gamma, np.sign(x) * problem.gamma)
@@ -92,7 +92,7 @@ def kkt(problem: Problem, x: Floats) -> float:
     return float(outside.max()) + (float(np.maximum(-x, 0.0).max()) if problem.nonnegative else 0.0)
 
 
-def penalty_step(s: Floats, problem: Problem, rho: float) -> Floats:
+def penalty_step(s: Floats, problem: ElasticNet, rho: float) -> Floats:
     """argmin over x of ½ λ₂ ‖x‖² + γ ‖x‖₁ + ½ ρ ‖x - s‖², atom by atom: the best of three points."""
     l2, gamma = problem.l2, problem.gamma
 
@@ -104,7 +104,7 @@ def penalty_step(s: Floats, problem: Problem, rho: float) -> Floats:
     return np.asarray(choices[np.argmin([value(x) for x in choices], axis=0), np.arange(s.size)])
 
 
-def data_step(t: Floats, problem: Problem, rho: float) -> Floats:
+def data_step(t: Floats, problem: ElasticNet, rho: float) -> Floats:
     """argmin over x of ½ ‖b - A x‖² + ½ ρ ‖x - t‖², as least squares: neither H nor W is formed."""
     root = np.sqrt(rho)
     stacked = np.concatenate([problem.A, root * np.eye(t.size)])
@@ -158,7 +158,7 @@ def test_the_penalty_s_step_is_a_threshold_of_the_scaled_state(l2: float, nonneg
 
 def test_one_refinement_keeps_the_digits_of_the_pull() -> None:
     """W₁ b of the paper's rows against 80 bits: W g alone keeps only what W's condition leaves."""
-    problem = Problem(*capture("D55", basis="gaussian"), 0.0, 1e-2, True)
+    problem = ElasticNet(*capture("D55", basis="gaussian"), 0.0, 1e-2, True)
     wide = problem.A.astype(np.longdouble)
     eye = np.eye(problem.g.size)
     spread = wide.T @ wide + np.longdouble(problem.gamma) * eye
@@ -318,11 +318,11 @@ def test_a_layer_is_a_mean_of_the_state_and_two_reflections(l2: float, gamma: fl
 
 def test_off_the_support_the_last_bound_is_all_there_is() -> None:
     """An atom at zero that the data hold tight: its state moves by 1 - α ρ W of its error, almost none."""
-    problem = Problem(np.array([[1e3]]), np.array([0.0]), 1.0, 0.05, False)
+    problem = ElasticNet(np.array([[1e3]]), np.array([0.0]), 1.0, 0.05, False)
     layer = splitting(problem)
     assert abs(layer(np.array([1e-3])))[0] > 0.999 * 1e-3
     # With α = 2 one of which they say nothing would swing for ever: 1 - 2 ρ W = -1.
-    bare = Problem(np.zeros((1, 1)), np.zeros(1), 1.0, 0.05, False)
+    bare = ElasticNet(np.zeros((1, 1)), np.zeros(1), 1.0, 0.05, False)
     assert splitting(bare)(np.array([1e-3])) == pytest.approx([1e-3 * (1 - RELAXATION)])
     s = np.array([1e-3])
     for _ in range(9):
@@ -342,7 +342,7 @@ def test_what_the_data_say_nothing_of_ista_hardly_moves() -> None:
 @pytest.mark.parametrize("lamps", [("D55",), ("A",), ("FL2",), ("D55", "A")], ids="+".join)
 def test_a_capture_s_layers_settle_at_that_rate_off_the_support_too(lamps: tuple[str, ...]) -> None:
     """The product's penalties, 72 atoms of which some serve: spectral radius of the layer at the optimum."""
-    problem = Problem(*capture(*lamps), 1.0, 0.05, False)
+    problem = ElasticNet(*capture(*lamps), 1.0, 0.05, False)
     layer, x = splitting(problem), optimum(problem)
     serves = x != 0
     assert 10 <= serves.sum() <= 50
@@ -374,7 +374,7 @@ def test_ista_on_rows_of_norm_one_is_the_iteration_of_2004_to_the_letter() -> No
     """x ← S(x + Aᵀ (b - A x)), ‖A‖ = 1."""
     problem = random_problem(12, 0.0, 0.7)
     size = float(np.linalg.norm(problem.A, 2))
-    problem = Problem(problem.A / size, problem.b / size, 0.0, 0.7 / size**2, False)
+    problem = ElasticNet(problem.A / size, problem.b / size, 0.0, 0.7 / size**2, False)
     layer, x = ista(problem), np.zeros(12)
     for depth in range(1, 30):
         x = soft(x + problem.A.T @ (problem.b - problem.A @ x), 0.7 / size**2, False)
@@ -403,7 +403,7 @@ def test_ista_s_weights_are_those_that_lista_starts_its_training_from() -> None:
     assert layer.theta == pytest.approx(0.7 / L, rel=1e-12)
 
 
-def first_weight(problem: Problem, constructor: object) -> Floats:
+def first_weight(problem: ElasticNet, constructor: object) -> Floats:
     """W₁, column by column, from W₁ e_i."""
     assert callable(constructor)
     return np.column_stack([constructor(replace(problem, b=e)).W1b for e in np.eye(problem.b.size)])
@@ -426,7 +426,7 @@ def test_the_weights_are_coupled_as_those_of_a_convergent_lista_must_be(l2: floa
 
 def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:
     """H = ρ = g = 1, γ = 0.1, one atom: ISTA stands at the optimum 0.9 at once, z ← soft(W g + ρ W z) at 0.8."""
-    one = Problem(np.ones((1, 1)), np.ones(1), 0.0, 0.1, False)
+    one = ElasticNet(np.ones((1, 1)), np.ones(1), 0.0, 0.1, False)
     assert ista(one).unroll(1) == pytest.approx([0.9])
     z = 0.0
     for _ in range(200):

@@ -18,7 +18,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, NotSensorRaw, RawError, UnreadableRaw, UnsupportedRaw
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.read.dng import Mosaic, read_dng
 from golden.dngs import (
     ASCII,
     BAD_PIXELS,
@@ -358,7 +358,7 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
         "import resource, sys\n"
         "import rawpy\n"
         "from camssf.errors import UnreadableRaw\n"
-        "from camssf.photo.mosaic import read_dng\n"
+        "from camssf.photo.read.dng import read_dng\n"
         "def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "before = peak()\n"
         "try: read_dng(sys.argv[1])\n"

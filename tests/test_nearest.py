@@ -10,10 +10,10 @@ import pytest
 from test_report import document, refused
 
 from camssf import cli
-from camssf.documents.nearest import TABLE, likenesses, nearest
-from camssf.documents.report import document_bytes
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.report.nearest import TABLE, likenesses, nearest
 from camssf.spectra import camera_names, read_camera, shipped_cameras
 
 NAMES = ("red", "green", "blue")

@@ -20,13 +20,13 @@ from test_report import document, refused
 from camssf import Calibration, Options
 from camssf.calibration import attempt, calibrate
 from camssf.colour import camera_of_result, standard_colour
-from camssf.documents.report import document_bytes, report
-from camssf.documents.result import Refusal
+from camssf.documents.result_json import document_bytes
 from camssf.documents.scale import channel_scale
-from camssf.documents.shown import Result, SavedResult
 from camssf.errors import ChartUnfit, InvalidArgument, LampUnfit
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS
+from camssf.report.build import report
+from camssf.result import Refusal, Result, SavedResult
 from camssf.simulation.frames import Simulation, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import read_camera, read_chart, read_lamp, read_light

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves.basis import read_basis, widened
-from camssf.curves.engine import SHIPPED, Model, load_model, onnx_runtime
-from camssf.curves.evidence import Evidence
-from camssf.curves.light import by_modes, posterior
-from camssf.curves.sensing import Sensing, sense
-from camssf.curves.ssf import Ssf
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import read_basis, widened
+from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.onnx_model import SHIPPED, Model, load_model, onnx_runtime
+from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.unnamed_light import by_modes, posterior
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
 from golden.reading import paths, read_case
@@ -146,17 +146,17 @@ def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -
     assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
 
-def modes_told(model: Model, evidence: Evidence, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
+def modes_told(model: Model, observation: Observation, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
     """The model's posterior of the lamps' modes, (k, q) and (k q, k q)."""
-    y = evidence.signals
-    modes = evidence.lamp_modes if evidence.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
+    y = observation.signals
+    modes = observation.lamp_modes if observation.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
     names = ("standard_error", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp",
              "lamp_tolerance")  # fmt: skip
     found = model.run({
         "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "lamp_modes": modes, "l2": np.array(1.0),
         "gain_modes": np.zeros((len(y), 1, y.shape[1])), "gain_own": np.array(0.0), "gamma": np.array(0.05),
         "nonnegative": np.array(0.0), "prior_scale": np.array(prior_scale),
-    } | {name: np.asarray(getattr(evidence, name), float) for name in names})  # fmt: skip
+    } | {name: np.asarray(getattr(observation, name), float) for name in names})  # fmt: skip
     return found["mode_estimate"], found["mode_covariance"]
 
 
@@ -180,7 +180,7 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
         for scale in (1.0, 1.7):
             found = modes_told(load_model(basis), evidence, scale)
             assert found[0].shape == evidence.lamp_modes.shape[:2]
-            assert unlike(found, posterior(sense(evidence, widened(read_basis(basis), scale)))) <= 1e-10
+            assert unlike(found, posterior(linear_model(evidence, widened(read_basis(basis), scale)))) <= 1e-10
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 4))
@@ -194,7 +194,7 @@ def test_the_posterior_of_loose_modes_is_as_good_as_its_inputs(seed: int) -> Non
         moved = {name: getattr(given, name) * (1 + 2.0**-52 * rng.integers(-1, 2, getattr(given, name).shape))
                  for name in ("signals", "reflectance", "lamp")}  # fmt: skip
         inherent = max(inherent, unlike(modes_told(model, replace(given, **moved)), found))
-    assert unlike(found, posterior(sense(given, read_basis(a["basis"])))) <= 30 * inherent + 1e-10
+    assert unlike(found, posterior(linear_model(given, read_basis(a["basis"])))) <= 30 * inherent + 1e-10
 
 
 def test_without_modes_or_a_prior_nothing_is_said_of_them() -> None:
@@ -251,13 +251,13 @@ def row_reader(basis: str) -> Any:
     return opened(model).session
 
 
-def rows_apart(own: tuple[Floats, Floats], sensing: Sensing) -> float:
+def rows_apart(own: tuple[Floats, Floats], linear: LinearModel) -> float:
     """How far whitened rows are from those of A, b and Σ, in what no rotation of them changes.
 
     |G_ij - G'_ij| in parts of √(G'_ii G'_jj), the worst, of the Gram matrices of (A, b): H, g and the length of b.
     """
     apart = []
-    for A, b, *given in zip(*own, sensing.matrix, sensing.target, sensing.covariance, strict=True):
+    for A, b, *given in zip(*own, linear.matrix, linear.target, linear.covariance, strict=True):
         ours, theirs = (
             (columns := np.column_stack(rows).astype(np.longdouble)).T @ columns
             for rows in ((A, b), whiten_in_80_bits(*given))
@@ -303,14 +303,14 @@ def test_the_layers_alone_as_a_model(name: str) -> None:
 @pytest.mark.parametrize("seed", range(0, 12, 3))
 def test_seeded_problems_against_cvxpy(seed: int) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
-    from camssf.curves.sensing import sense
+    from camssf.recovery.linear_model import linear_model
     from golden.oracle import consult
 
     a = seeded(seed)
     k, n, _ = a["signals"].shape
     basis, white = read_basis(a["basis"]), np.ones(WAVELENGTHS.size)
-    rows = sense(
-        Evidence(
+    rows = linear_model(
+        Observation(
             a["signals"],
             a["reflectance"],
             a["lamp"],

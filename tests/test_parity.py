@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from camssf import cli
-from camssf.documents.fields import APART, MEASURED, STAGE_OF, fields_apart, stage_of
-from camssf.documents.result import compare
+from camssf.compare.fields import APART, MEASURED, STAGE_OF, field_differences, stage_of
+from camssf.compare.parity import CURVES, MEANS, POSE, STAGES, cause, first, parity
+from camssf.documents.result_json import compare
 from camssf.errors import InvalidArgument
-from camssf.parity import CURVES, MEANS, POSE, STAGES, cause, first, parity
-from camssf.photo.mosaic import read_dng
+from camssf.photo.read.dng import read_dng
 from camssf.spectra import read_camera, read_light
 
 Json = dict[str, Any]
@@ -181,7 +181,7 @@ def test_no_field_may_be_missing(result: Json) -> None:
         _, holder, key = [each for each in paths(document) if not each[0].startswith(by_value)][at]
         del holder[key]
         for one, other in ((document, result), (result, document)):
-            found = [field for field in fields_apart(one, other) if field.words.endswith(("there", "here"))]
+            found = [field for field in field_differences(one, other) if field.words.endswith(("there", "here"))]
             assert [(field.stage, field.apart) for field in found] == [(stage_of(path), np.inf)], path
 
 
@@ -195,7 +195,7 @@ def test_every_field_is_compared(result: Json) -> None:
         _, own, _ = next(each for each in paths(document) if each[0] == path)
         own[key] = "another" if not isinstance(own[key], bool) else not own[key]
         covered = any(f"{path}/".startswith(f"{each}/") for each in known)
-        assert bool(fields_apart(document, result)) != covered or path == "/generator/version", path
+        assert bool(field_differences(document, result)) != covered or path == "/generator/version", path
     table = json.loads((files("camssf") / "data" / "result.schema.json").read_text("utf-8"))
     assert {f"/{key}" for key in table["properties"]} <= set(STAGE_OF)
     assert {f"/shots/patches/{key}" for key in patch(result, 1)} - {"/shots/patches/name"} <= {*MEASURED}

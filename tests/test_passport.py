@@ -24,10 +24,10 @@ import pytest
 from test_report import document, refused
 
 from camssf import cli
-from camssf.documents.report import report
 from camssf.errors import InvalidArgument, PassportInvalid, UnreadableRaw
 from camssf.exports import read_result
-from camssf.photo.unit import Taken, Unit, read_unit
+from camssf.photo.read.unit import Taken, Unit, read_unit
+from camssf.report.build import report
 
 pytest.importorskip("cryptography", reason="cryptography is not here")
 
@@ -39,7 +39,17 @@ from camssf.documents import passport as passports
 from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import ORDER, sign_jws, verify_jws
 from camssf.documents.keys import PRIVATE, PUBLIC, ROUNDS, key_name, make_key, read_private, read_public
-from camssf.documents.passport import FORMAT, TYPE, Passport, Said, as_document, draw_up, read, sign, verify
+from camssf.documents.passport import (
+    FORMAT,
+    TYPE,
+    Passport,
+    PassportRequest,
+    as_document,
+    create_passport,
+    read,
+    sign,
+    verify,
+)
 from camssf.documents.revocations import names_of, read_revoked, sign_revocations
 
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -109,8 +119,10 @@ def unb64(text: bytes) -> bytes:
 
 
 def test_a_result_goes_in_and_comes_out() -> None:
-    said = Said(Unit(serial="A1", lens="35 mm"), "2026-11-20T10:00:00+01:00", "chart 7", ("lamp 3",), days=90)
-    drawn = draw_up(result_json(), said, now=NOW)
+    said = PassportRequest(
+        Unit(serial="A1", lens="35 mm"), "2026-11-20T10:00:00+01:00", "chart 7", ("lamp 3",), days=90
+    )
+    drawn = create_passport(result_json(), said, now=NOW)
     found = verify(sign(drawn, key()), trusted(), now=LATER, result=result_json())
     assert found == drawn
     assert found.result == excerpt(json.loads(result_json()))
@@ -121,27 +133,30 @@ def test_a_result_goes_in_and_comes_out() -> None:
 
 
 def test_no_two_are_alike() -> None:
-    assert draw_up(result_json(), Said(), now=NOW).id != draw_up(result_json(), Said(), now=NOW).id
+    assert (
+        create_passport(result_json(), PassportRequest(), now=NOW).id
+        != create_passport(result_json(), PassportRequest(), now=NOW).id
+    )
 
 
 @pytest.mark.parametrize(
-    ("data", "said", "words"),
+    ("data", "wanted", "words"),
     [
-        (b"{", Said(), "not sound JSON"),
-        (b"{}", Said(), "lacks"),
-        (None, Said(), "was refused"),
-        (result_json, Said(lamp_serials=("a", "b")), "2 serials of lamps for 1 shots"),
-        (result_json, Said(days=0), "days"),
-        (result_json, Said(days=float("nan")), "days"),
-        (result_json, Said(days=1e9), "days"),
-        (result_json, Said(captured="yesterday"), "not a time"),
-        (result_json, Said(unit=Unit(make="Another")), "Another camera"),
-        (result_json, Said(days=10000, begins=datetime(9990, 1, 1, tzinfo=UTC)), "calendar"),
+        (b"{", PassportRequest(), "not sound JSON"),
+        (b"{}", PassportRequest(), "lacks"),
+        (None, PassportRequest(), "was refused"),
+        (result_json, PassportRequest(lamp_serials=("a", "b")), "2 serials of lamps for 1 shots"),
+        (result_json, PassportRequest(days=0), "days"),
+        (result_json, PassportRequest(days=float("nan")), "days"),
+        (result_json, PassportRequest(days=1e9), "days"),
+        (result_json, PassportRequest(captured="yesterday"), "not a time"),
+        (result_json, PassportRequest(unit=Unit(make="Another")), "Another camera"),
+        (result_json, PassportRequest(days=10000, begins=datetime(9990, 1, 1, tzinfo=UTC)), "calendar"),
     ],
 )
-def test_what_cannot_be_signed(data: Any, said: Said, words: str) -> None:
+def test_what_cannot_be_signed(data: Any, wanted: PassportRequest, words: str) -> None:
     with pytest.raises(InvalidArgument, match=words):
-        draw_up(report(refused()).result_json if data is None else data() if callable(data) else data, said)
+        create_passport(report(refused()).result_json if data is None else data() if callable(data) else data, wanted)
 
 
 def test_its_time() -> None:
@@ -202,12 +217,12 @@ def test_a_list_that_cannot_be_signed(names: list[str], days: float) -> None:
 
 
 def test_of_another_result() -> None:
-    data = sign(draw_up(result_json(), Said(), now=NOW), key())
+    data = sign(create_passport(result_json(), PassportRequest(), now=NOW), key())
     refuses(data, "another result", result=result_json() + b"\n")
 
 
 def test_the_excerpt_is_what_the_signed_result_holds() -> None:
-    drawn = draw_up(result_json(), Said(), now=NOW)
+    drawn = create_passport(result_json(), PassportRequest(), now=NOW)
     assert verify(sign(drawn, key()), trusted(), now=LATER, result=result_json()) == drawn
     other = replace(drawn, result=drawn.result | {"basis": "phones"})
     refuses(sign(other, key()), "excerpt is not what", result=result_json())
@@ -218,7 +233,7 @@ def test_the_excerpt_is_what_the_signed_result_holds() -> None:
 
 def test_a_passport_is_small() -> None:
     """joserfc takes 129,536 bytes unless told otherwise; an answer of several shots fits, too."""
-    drawn = draw_up(result_json(), Said(), now=NOW)
+    drawn = create_passport(result_json(), PassportRequest(), now=NOW)
     assert len(sign(drawn, key())) < 65_000
     ten = replace(drawn, result=drawn.result | {"shots": drawn.result["shots"] * 10}, lamp_serials=("lamp",) * 10)
     assert len(sign(ten, key())) < passports.LARGEST_PASSPORT == 100_000
@@ -238,7 +253,7 @@ def test_an_excerpt_keeps_curves_bands_and_verdict() -> None:
 
 def test_what_was_printed_can_be_verified_again() -> None:
     """And holds what it was printed of: in it nothing can be changed either."""
-    drawn = draw_up(result_json(), Said(), now=NOW)
+    drawn = create_passport(result_json(), PassportRequest(), now=NOW)
     token = sign(drawn, key())
     whole = as_document(token, drawn)
     data = json.dumps(whole, indent=1).encode()
@@ -260,7 +275,7 @@ def test_what_was_printed_can_be_verified_again() -> None:
         refuses(json.dumps({name: value for name, value in whole.items() if name != gone}).encode())
     assert read_result(whole).sha256 == whole["excerpt"]["result_sha256"]
     with pytest.raises(InvalidArgument, match="excerpt"):
-        draw_up(data, Said())
+        create_passport(data, PassportRequest())
 
 
 @pytest.mark.parametrize("name", [name for name in other_results() if name not in SOUND])
@@ -359,7 +374,7 @@ def with_signature(data: bytes, r: int, s: int) -> bytes:
 @pytest.mark.requirement("R-PASSPORT")
 @pytest.mark.slow
 def test_ten_thousand_changed_passports_of_a_whole_result() -> None:
-    data = sign(draw_up(result_json(), Said(), now=NOW), key())
+    data = sign(create_passport(result_json(), PassportRequest(), now=NOW), key())
     verify(data, trusted(), now=LATER)
     dice, count = random.Random(19), 0
     while count < 10_000:
@@ -575,7 +590,7 @@ JUDGES = {
 @pytest.mark.parametrize("judge", JUDGES)
 def test_other_programs_read_ours_with_their_defaults(judge: str) -> None:
     pytest.importorskip(judge, reason=f"{judge} is not here")
-    drawn = draw_up(result_json(), Said(Unit(serial="A1")))  # of today: they look at the clock
+    drawn = create_passport(result_json(), PassportRequest(Unit(serial="A1")))  # of today: they look at the clock
     data = sign(drawn, key())
     assert json.loads(JUDGES[judge][1](data)) == drawn.claims()
     other = data[:2000] + (b"B" if data[2000:2001] == b"A" else b"A") + data[2001:]
@@ -612,7 +627,7 @@ def test_a_jvm_with_java_security_alone_agrees(tmp_path: Path) -> None:
     r, s = signature_of(signed())
     files = {
         "good": signed(),
-        "whole": sign(draw_up(result_json(), Said(), now=NOW), key()),
+        "whole": sign(create_passport(result_json(), PassportRequest(), now=NOW), key()),
         "changed": signed()[:300] + bytes([signed()[300] ^ 1]) + signed()[301:],
         "foreign": sign(small(), key(1)),
         "twin": with_signature(signed(), r, ORDER - s),
@@ -853,14 +868,17 @@ def test_photos_speak_for_the_unit(tmp_path: Path) -> None:
     given = copy.deepcopy(document())
     given["camera"] = {"make": "Maker", "model": "Model"}
     with pytest.raises(InvalidArgument, match="not made from"):
-        draw_up(report(given).result_json, Said(), photos=[file])
+        create_passport(report(given).result_json, PassportRequest(), photos=[file])
     given["shots"][0]["photo"]["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
     data = report(given).result_json
-    found = draw_up(data, Said(Unit(camera_id="2")), photos=[file])
+    found = create_passport(data, PassportRequest(Unit(camera_id="2")), photos=[file])
     assert (found.unit, found.captured) == (replace(WHOLE, camera_id="2"), "2026-11-20T09:15:00+01:00")
-    assert draw_up(data, Said(captured="2026-11-21T00:00"), photos=[file]).captured == "2026-11-21T00:00:00"
+    assert (
+        create_passport(data, PassportRequest(captured="2026-11-21T00:00"), photos=[file]).captured
+        == "2026-11-21T00:00:00"
+    )
     with pytest.raises(InvalidArgument, match="serial is 'body 9' there, not 'x'"):
-        draw_up(data, Said(Unit(serial="x")), photos=[file])
+        create_passport(data, PassportRequest(Unit(serial="x")), photos=[file])
 
 
 # The command line

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from camssf.errors import ChartNotFound, FramesDiffer
-from camssf.photo.mosaic import CFA_ORDERS, Mosaic
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
-from camssf.photo.pose import Pose
+from camssf.photo.read.dng import CFA_ORDERS, Mosaic
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from tests.scenes import SIZE, mosaic, shoot

@@ -17,10 +17,10 @@ import pytest
 from benchmarks import _common, phones
 from benchmarks.accuracy import Setting
 from benchmarks.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
-from camssf.curves.basis import NODES, read_basis
 from camssf.grid import Floats
-from camssf.tools.learn import learn, main
-from camssf.tools.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
+from camssf.learning.basis import learn, main
+from camssf.learning.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
+from camssf.recovery.basis import NODES, read_basis
 from tests.problems import toy_camera
 from tests.test_basis import write_curves
 
@@ -69,8 +69,8 @@ def test_it_names_both_papers_and_holds_no_curves() -> None:
     assert training.papers == PAPERS
     assert all(paper in read_basis("phones").source for paper in PAPERS)
     assert training.curves == {}
-    assert training.known is not None
-    assert [maker_of(name) for name in training.known.names] == ["apple"] * 3 + ["samsung"] * 3
+    assert training.statistics is not None
+    assert [maker_of(name) for name in training.statistics.names] == ["apple"] * 3 + ["samsung"] * 3
     assert training.size == HANDFUL
     notice = (Path(__file__).parents[1] / "NOTICE").read_text("utf-8")
     assert all(
@@ -137,7 +137,7 @@ def test_statistics_stand_for_the_curves(own_mean: bool) -> None:
     curves = toys() | {"Tal 1": toys()["Apfel 1"] ** 1.2, "Tal 2": toys()["Sonne 2"] ** 0.9}
     stack, makers = np.stack(list(curves.values())), [maker_of(name) for name in curves]
     known = Statistics(*learn(stack[:4], makers=makers[:4], components=69, size=size, copies=2), tuple(curves)[:4])
-    mean, found = learn(stack[4:], makers=makers[4:], components=69, size=size, copies=2, known=known)
+    mean, found = learn(stack[4:], makers=makers[4:], components=69, size=size, copies=2, statistics=known)
     expected_mean, expected = learn(stack, makers=makers, components=69, size=size, copies=2)
     assert mean == pytest.approx(expected_mean, abs=1e-12)
     assert spread(found) == pytest.approx(spread(expected), abs=1e-12)
@@ -149,8 +149,8 @@ def test_one_s_own_statistics_hold_no_curves(tmp_path: Path) -> None:
     assert main([str(mine), "-o", str(tmp_path / "mine.npz"), *words]) == 0
     training = training_set_of(str(tmp_path / "mine.npz"))
     assert training.curves == {}
-    assert training.known is not None
-    assert training.known.names == tuple(toys())
+    assert training.statistics is not None
+    assert training.statistics.names == tuple(toys())
     source = read_basis(str(tmp_path / "mine.npz")).source
     assert "from 4 measured phones (mine.csv" in source
     assert source.endswith("published in A. B., C 2020)")

@@ -16,8 +16,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from camssf.curves import engine
 from camssf.errors import InvalidArgument
+from camssf.recovery import onnx_model
 
 pytestmark = pytest.mark.requirement("R-PRIVACY")
 
@@ -79,7 +79,7 @@ class Places:
 
     def run(self, *words: str, before: tuple[str, ...] = (), **more: str) -> subprocess.CompletedProcess[str]:
         """Python with these arguments, in these folders."""
-        dropped = ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", engine.SWITCH)
+        dropped = ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", onnx_model.SWITCH)
         environment = {name: value for name, value in os.environ.items() if name not in dropped} | {
             "HOME": str(self.home),
             "XDG_CACHE_HOME": str(self.cache),
@@ -150,7 +150,7 @@ SIGNED_AND_KEPT = (
 )  # fmt: skip
 LIBRARY = """
 from camssf import calibrate
-from camssf.documents.report import report
+from camssf.report.build import report
 result = calibrate("out/shots/chart.dng", ["D55"], white=["out/shots/white.dng"], dark=["out/shots/dark.dng"])
 assert report(result.document()).ssf_png
 """
@@ -255,16 +255,16 @@ def fake(version: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     called: list[str] = []
     module = SimpleNamespace(__version__=version, disable_telemetry_events=lambda: called.append("disabled"))
     monkeypatch.setitem(sys.modules, "onnxruntime", module)
-    monkeypatch.delenv(engine.SWITCH, raising=False)
+    monkeypatch.delenv(onnx_model.SWITCH, raising=False)
     return called
 
 
 @pytest.mark.parametrize("version", ["1.28.0", "1.28.1", "1.9.0", "0.99"])
 def test_an_onnx_runtime_that_cannot_report_is_taken(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
     called = fake(version, monkeypatch)
-    engine.onnx_runtime()
+    onnx_model.onnx_runtime()
     assert called == ["disabled"]
-    assert os.environ[engine.SWITCH] == "1"
+    assert os.environ[onnx_model.SWITCH] == "1"
 
 
 @pytest.mark.parametrize("version", ["1.29.0", "1.100.0", "2.0.0", "1.29.0.dev1", "nightly", "1"])
@@ -274,19 +274,19 @@ def test_a_newer_one_that_was_imported_before_is_refused(
 ) -> None:
     fake(version, monkeypatch)
     if switch is not None:
-        monkeypatch.setenv(engine.SWITCH, switch)
+        monkeypatch.setenv(onnx_model.SWITCH, switch)
     for _ in range(2):
         with pytest.raises(InvalidArgument, match="imported before camssf") as caught:
-            engine.onnx_runtime()
+            onnx_model.onnx_runtime()
         assert "1.28.0" in caught.value.advice
-        assert f"{engine.SWITCH}=1" in caught.value.advice
+        assert f"{onnx_model.SWITCH}=1" in caught.value.advice
         assert version in caught.value.message
 
 
 def test_a_newer_one_that_was_switched_off_before_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     called = fake("1.29.0", monkeypatch)
-    monkeypatch.setenv(engine.SWITCH, "1")
-    engine.onnx_runtime()
+    monkeypatch.setenv(onnx_model.SWITCH, "1")
+    onnx_model.onnx_runtime()
     assert called == ["disabled"]
 
 
@@ -294,12 +294,12 @@ def test_the_switch_is_set_before_it_is_loaded(places: Places) -> None:
     stub = places.work / "onnxruntime"
     stub.mkdir()
     (stub / "__init__.py").write_text(
-        f"import os\n__version__ = '1.29.0'\nprint(os.environ.get({engine.SWITCH!r}))\n"
+        f"import os\n__version__ = '1.29.0'\nprint(os.environ.get({onnx_model.SWITCH!r}))\n"
         "def disable_telemetry_events(): print('disabled')\n"
     )
     for before in (None, "0"):
-        more = {} if before is None else {engine.SWITCH: before}
-        done = places.run("-c", "from camssf.curves.engine import onnx_runtime; onnx_runtime()", **more)
+        more = {} if before is None else {onnx_model.SWITCH: before}
+        done = places.run("-c", "from camssf.recovery.onnx_model import onnx_runtime; onnx_runtime()", **more)
         assert done.stdout.split() == ["1", "disabled"], done.stderr
 
 
@@ -312,4 +312,4 @@ def test_one_place_loads_it() -> None:
                 names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
                 if any(name.partition(".")[0] == "onnxruntime" for name in names):
                     places.append(path.relative_to(ROOT).as_posix())
-    assert places == ["reference/camssf/curves/engine.py"]
+    assert places == ["reference/camssf/recovery/onnx_model.py"]

@@ -17,15 +17,15 @@ import pytest
 from benchmarks import error_pages
 from camssf import Calibration, Options, calibrate
 from camssf.cli import main
-from camssf.documents.patches import patches_document, read_patches
-from camssf.documents.report import check_document
+from camssf.documents.patches_json import patches_document, read_patches
+from camssf.documents.result_json import check_document
+from camssf.error_codes import as_text, codes, explain_code
 from camssf.errors import CalibrationError, InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
-from camssf.evidence.codes import as_text, codes, explain_code
 from camssf.photo.capture import measure
-from camssf.photo.mosaic import CFA_ORDERS, read_dng
-from camssf.photo.raw import read_raw
-from camssf.photo.sidecar import photo_hash
-from camssf.photo.unit import read_unit
+from camssf.photo.read.dng import CFA_ORDERS, read_dng
+from camssf.photo.read.raw import read_raw
+from camssf.photo.read.sidecar import photo_hash
+from camssf.photo.read.unit import read_unit
 from camssf.rules import rules
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate

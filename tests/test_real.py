@@ -13,9 +13,9 @@ import pytest
 
 from benchmarks import real
 from benchmarks.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSES, PHONES, PUBLISHED, SHIPPED, d70
-from camssf.curves.basis import read_basis
-from camssf.curves.ssf import Ssf
 from camssf.grid import STEP, WAVELENGTHS
+from camssf.recovery.basis import read_basis
+from camssf.recovery.sensitivity import Ssf
 
 DOCS = Path(__file__).parents[1] / "docs"
 APART = 0.036

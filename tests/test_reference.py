@@ -15,13 +15,13 @@ from typing import get_origin
 import pytest
 from test_docs import ROOT, blocks
 
-ROOMS = ("camssf", "camssf.spectra", "camssf.curves", "camssf.colour", "camssf.exports", "camssf.direct")
-FURTHER = ("camssf.documents.shown.SavedResult", "camssf.photo.raw.read_raw", "camssf.evidence.codes.explain_code")
+ROOMS = ("camssf", "camssf.spectra", "camssf.recovery", "camssf.colour", "camssf.exports", "camssf.direct")
+FURTHER = ("camssf.result.SavedResult", "camssf.photo.read.raw.read_raw", "camssf.error_codes.explain_code")
 """Public, too, but imported from where they stand."""
-NO_EXAMPLE = {"divide", "extract", "Spectrum", "Progress"}
+NO_EXAMPLE = {"divide", "extract", "FrameSpectrum", "Progress"}
 """A spectrograph's frames are too long to make on a page: tests/test_direct.py makes them."""
 PAGES = {page: page.read_text("utf-8") for page in sorted((ROOT / "docs" / "reference").glob("*.md"))}
-WITH_DOCTESTS = ("camssf.spectra.lamps", "camssf.spectra.charts", "camssf.spectra.cameras", "camssf.evidence.codes")
+WITH_DOCTESTS = ("camssf.spectra.lamps", "camssf.spectra.charts", "camssf.spectra.cameras", "camssf.error_codes")
 
 
 def public() -> list[str]:

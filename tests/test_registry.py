@@ -17,9 +17,9 @@ from registries import START, bells, made, plain
 from test_report import document, refused
 
 from camssf import cli
-from camssf.documents.report import report
 from camssf.errors import InvalidArgument
-from camssf.photo.unit import Unit
+from camssf.photo.read.unit import Unit
+from camssf.report.build import report
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
@@ -381,7 +381,7 @@ def test_the_spread_of_a_model(one: Registry) -> None:
     assert found.between == pytest.approx(rms(0.03), rel=0.25)
     assert (found.low < rms(0.03)).all()
     assert (found.high > rms(0.03)).all()
-    assert found.seen == pytest.approx(rms(np.hypot(0.03, 0.02 / np.sqrt(3))), rel=0.25)
+    assert found.observed == pytest.approx(rms(np.hypot(0.03, 0.02 / np.sqrt(3))), rel=0.25)
 
 
 def test_the_interval_of_a_spread_covers() -> None:
@@ -606,11 +606,13 @@ def test_what_is_added_is_called_what_it_is(
 def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cryptography", reason="cryptography is not here")
     from camssf.documents.keys import PUBLIC, make_key, read_private
-    from camssf.documents.passport import Said, as_document, draw_up, sign
+    from camssf.documents.passport import PassportRequest, as_document, create_passport, sign
     from camssf.documents.revocations import sign_revocations
 
     make_key(tmp_path)
-    drawn = draw_up(report(document()).result_json, Said(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC))
+    drawn = create_passport(
+        report(document()).result_json, PassportRequest(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC)
+    )
     file, folder = tmp_path / "a.jws", tmp_path / "phones"
     file.write_bytes(sign(drawn, read_private(tmp_path / "passport-key.pem")))
     assert run("add", folder, file) == 2

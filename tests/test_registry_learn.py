@@ -13,47 +13,56 @@ from schemas import check_schema
 from test_report import document
 
 import camssf
-import camssf.tools.training
+import camssf.learning.training
 from camssf import cli
-from camssf.curves.basis import Basis, read_basis
-from camssf.curves.choice import recover
-from camssf.curves.engine import load_model
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import sense
-from camssf.curves.ssf import answer
-from camssf.documents.choice import choice_of
-from camssf.documents.report import report
+from camssf.documents.basis_choice import choice_of
 from camssf.errors import InvalidArgument
 from camssf.fleet.rows import Origin, Row, row, widths_of
 from camssf.grid import Floats
+from camssf.learning.basis import main as learn_tables
+from camssf.learning.results import (
+    PhotoLikelihood,
+    ReferenceBasis,
+    Tables,
+    log_predictive,
+    photo_likelihood,
+    populate,
+    reference_basis,
+    weigh,
+)
+from camssf.learning.training import training_set_of
+from camssf.recovery.basis import Basis, read_basis
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.linear_model import linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.sensitivity import answer
+from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
-from camssf.tools.learn import main as learn_tables
-from camssf.tools.results import Old, Said, Tables, log_predictive, old_basis, populate, said, weigh
-from camssf.tools.training import training_set_of
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet.learn import FOLDS, Asked, Judgement, judge_gains, learn_basis
+from camssf.fleet.learn import FOLDS, Judgement, LearnRequest, judge_gains, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
 
 
 @cache
-def old() -> Old:
-    known = training_set_of("phones").known
+def old() -> ReferenceBasis:
+    known = training_set_of("phones").statistics
     assert known is not None
-    return old_basis(read_basis("phones"), known.names)
+    return reference_basis(read_basis("phones"), known.names)
 
 
-def photo(code: Floats, rng: np.random.Generator) -> Evidence:
+def photo(code: Floats, rng: np.random.Generator) -> Observation:
     """Of a phone of this code (3, 24); the noise is large, so that the basis has much to say."""
     basis = read_basis("phones")
     curves = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
     chart, light = read_chart("classic24").values, read_lamp("D55").values
     y = (light * chart) @ curves / (light @ curves)
     error = np.hypot(0.003 * y, 0.0006)
-    return Evidence(
+    return Observation(
         y + error * rng.normal(size=y.shape), chart, light, standard_error=error, chart_tolerance=0.02,
         lamp_tolerance=0.01,
     )  # fmt: skip
@@ -96,8 +105,8 @@ def test_the_old_prior_is_taken_out_again() -> None:
     found = answer(evidence, basis, engine="reference", gamma=0.0)
     assert found.code_covariance is not None
     curves = found.peak()[0][::10].T
-    taken = said(("", "", ""), curves, found.code_covariance, old(), [(1.0, 1.0)], 0.0)
-    rows = sense(evidence, basis)
+    taken = photo_likelihood(("", "", ""), curves, found.code_covariance, old(), [(1.0, 1.0)], 0.0)
+    rows = linear_model(evidence, basis)
     weighed = np.linalg.solve(rows.covariance[0], np.column_stack([rows.matrix[0], rows.target[0]]))
     J, h = rows.matrix[0].T @ weighed[:, :-1], rows.matrix[0].T @ weighed[:, -1]
     strongest = np.linalg.eigh(J)[1][:, -20:]  # what it says well; the very best is bounded, the faintest left out
@@ -117,8 +126,8 @@ def test_what_was_found_under_two_widths_says_the_same_as_under_one() -> None:
     rng = np.random.default_rng(2)
     evidence = photo(1.5 * rng.normal(size=(3, 24)), rng)
     one, wide = (answer(evidence, "phones", engine="reference", gamma=0.0, prior_scale=s) for s in (1.0, 2.0))
-    alone = said(("", "", ""), one.peak()[0][::10].T, one.code_covariance, old(), [(1.0, 1.0)], 0.0)  # type: ignore[arg-type]
-    other = said(("", "", ""), wide.peak()[0][::10].T, wide.code_covariance, old(), [(2.0, 1.0)], 0.0)  # type: ignore[arg-type]
+    alone = photo_likelihood(("", "", ""), one.peak()[0][::10].T, one.code_covariance, old(), [(1.0, 1.0)], 0.0)  # type: ignore[arg-type]
+    other = photo_likelihood(("", "", ""), wide.peak()[0][::10].T, wide.code_covariance, old(), [(2.0, 1.0)], 0.0)  # type: ignore[arg-type]
     mean, spread = np.zeros(72), np.eye(72)
     J, K = (each.factor @ each.factor.T for each in (alone, other))
     assert np.trace(spread @ J) == pytest.approx(np.trace(spread @ K), rel=0.1)
@@ -132,7 +141,7 @@ def test_what_was_found_under_two_widths_says_the_same_as_under_one() -> None:
 
 def test_photos_that_say_nothing_change_nothing() -> None:
     """The trap: curves that lean on the old basis, taken for measured ones, would narrow it."""
-    nothing = [Said(("acme", f"m{i}", str(i)), np.zeros((72, 1)), np.zeros(1)) for i in range(50)]
+    nothing = [PhotoLikelihood(("acme", f"m{i}", str(i)), np.zeros((72, 1)), np.zeros(1)) for i in range(50)]
     found = populate(nothing, old())
     assert found.mean == pytest.approx(np.zeros(72), abs=1e-12)
     assert found.between == pytest.approx(np.eye(72), abs=1e-9)
@@ -150,7 +159,9 @@ def test_a_population_is_found_again() -> None:
         for unit in range(4):
             x = centre + 0.4 * rng.normal(size=72)
             A = np.linalg.qr(rng.normal(size=(72, 36)))[0] * 4.0
-            results.append(Said((f"maker {model}", f"m{model}", str(unit)), A, A.T @ x + rng.normal(size=36)))
+            results.append(
+                PhotoLikelihood((f"maker {model}", f"m{model}", str(unit)), A, A.T @ x + rng.normal(size=36))
+            )
     found = populate(results, replace(old(), names=("Elder 1",)))  # one camera, so that it counts for little
     share = found.weights[0]
     assert share == pytest.approx(1 / 61)
@@ -165,7 +176,7 @@ def test_a_population_is_found_again() -> None:
 def test_several_photos_of_a_unit_count_as_one() -> None:
     rng = np.random.default_rng(4)
     A = np.linalg.qr(rng.normal(size=(72, 30)))[0] * 5.0
-    one = Said(("a", "m", "u"), A, A.T @ np.ones(72))
+    one = PhotoLikelihood(("a", "m", "u"), A, A.T @ np.ones(72))
     once, often = populate([one], old()), populate([one] * 7, old())
     assert once.mean == pytest.approx(often.mean, abs=1e-9)
     assert once.within == pytest.approx(often.within, abs=1e-9)
@@ -187,13 +198,13 @@ def test_weights_are_those_of_learn() -> None:
 @pytest.mark.requirement("R-LEARN")
 def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> None:
     """Those of a model that were not seen are nearer; and the judgement, which does not know the truth, says so."""
-    lesson = learn_basis(registry, Asked(model="P1"))
+    lesson = learn_basis(registry, LearnRequest(model="P1"))
     assert (len(lesson.keys), lesson.of, lesson.judgement.left_out) == (20, ("acme", "P1"), "unit")
     assert lesson.judgement.helps is True
     everybody = learn_basis(registry)
     assert everybody.judgement.helps is True
     assert (everybody.judgement.left_out, everybody.judgement.groups) == ("model", 4)
-    assert learn_basis(registry, Asked(leave="maker")).judgement.helps is None  # there is one maker alone
+    assert learn_basis(registry, LearnRequest(leave="maker")).judgement.helps is None  # there is one maker alone
     rng, (_, centres) = np.random.default_rng(8), fleet()
     wrong: dict[str, list[float]] = {"old": [], "all": [], "own": []}
     basis = read_basis("phones")
@@ -221,7 +232,7 @@ def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> Non
 def test_a_basis_that_was_learned_can_be_extended(registry: Registry, tmp_path: Path) -> None:
     """Its models count as cameras of their makers, beside the six that `phones` knows."""
     learn_basis(registry).save(tmp_path / "ours.npz")
-    known = training_set_of(str(tmp_path / "ours.npz")).known
+    known = training_set_of(str(tmp_path / "ours.npz")).statistics
     assert known is not None
     assert set(known.names) == {*old().names, *(f"acme P{i}" for i in range(4))}
     table(tmp_path / "mine.csv")
@@ -241,30 +252,33 @@ def table(path: Path, names: tuple[str, ...] = ("Tester One", "Tester Two")) -> 
 
 def test_measured_tables_count_beside_results(registry: Registry, tmp_path: Path) -> None:
     table(tmp_path / "mine.csv")
-    without, found = learn_basis(registry), learn_basis(registry, Asked(table=tmp_path / "mine.csv", licence="CC0"))
+    without, found = (
+        learn_basis(registry),
+        learn_basis(registry, LearnRequest(table=tmp_path / "mine.csv", licence="CC0")),
+    )
     document_ = found.document()
     assert [each["name"] for each in document_["tables"]] == ["Tester One", "Tester Two"]
     shares = [document_["weight_of_basis"], *(each["weight"] for each in document_["tables"] + document_["models"])]
     assert sum(shares) == pytest.approx(1.0)
-    nodes, _ = (camssf.tools.training.read_curves(tmp_path / "mine.csv"), None)
+    nodes, _ = (camssf.learning.training.read_curves(tmp_path / "mine.csv"), None)
     target = nodes["Tester Two"].T / nodes["Tester Two"].sum(axis=0)[:, None]
     near, far = (np.abs(each.mean / each.mean.sum(axis=1)[:, None] - target).sum() for each in (found, without))
     assert near < far
     assert "CC0" in found.source
     table(tmp_path / "twice.csv", ("Samsung Galaxy S8", "Tester Two"))
     with pytest.raises(InvalidArgument, match="in the basis already"):
-        learn_basis(registry, Asked(table=tmp_path / "twice.csv"))
+        learn_basis(registry, LearnRequest(table=tmp_path / "twice.csv"))
 
 
 def test_tables_as_results_would_have_it() -> None:
     """A table in the old basis' directions and a photo without error of the same camera teach the same."""
     code = np.random.default_rng(6).normal(size=72) * np.where(np.arange(72) % 24 < 3, 1.0, 0.0)
     curves = old().mean + np.einsum("cmr,cr->cm", old().dictionary, code.reshape(3, 24))
-    none = camssf.tools.training.Enlargement(0.0, 0.0, 0.0, 0.0, 1.0, 60.0, own_mean=True)
-    nothing = Said(("acme", "m", "1"), np.zeros((72, 1)), np.zeros(1))
+    none = camssf.learning.training.Enlargement(0.0, 0.0, 0.0, 0.0, 1.0, 60.0, own_mean=True)
+    nothing = PhotoLikelihood(("acme", "m", "1"), np.zeros((72, 1)), np.zeros(1))
     tables = Tables(curves.T[None] / curves.max(axis=1), ("Acme t",), none)
     by_table = populate([nothing], old(), tables)
-    exact = Said(("acme", "t", "1"), 1e3 * np.eye(72), 1e3 * code)
+    exact = PhotoLikelihood(("acme", "t", "1"), 1e3 * np.eye(72), 1e3 * code)
     by_photo = populate([nothing, exact], old())
     assert by_table.mean == pytest.approx(by_photo.mean, abs=0.02)
     mean, dictionary = by_table.basis()
@@ -303,7 +317,7 @@ def test_what_does_not_count_is_said(tmp_path: Path) -> None:
     assert found.left_aside["doubtful"] == 1
     assert found.left_aside["another release's phones"] == 2
     assert found.judgement.helps is None
-    assert len(learn_basis(one, Asked(statuses=("accepted", "doubtful"))).keys) == 3
+    assert len(learn_basis(one, LearnRequest(statuses=("accepted", "doubtful"))).keys) == 3
 
 
 def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
@@ -323,17 +337,19 @@ def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("wanted", "words"),
     [
-        (Asked(basis="gaussian"), "--basis takes cameras or phones"), (Asked(basis="cameras"), "on cameras"),
-        (Asked(leave="unit"), "--leave takes model or maker; got 'unit'"), (Asked(model="P9"), "No result of P9"),
-        (Asked(model="P1", make="Other"), "No result of P1"),
-        (Asked(table=Path("none.csv")), "cannot be read"),
+        (LearnRequest(basis="gaussian"), "--basis takes cameras or phones"),
+        (LearnRequest(basis="cameras"), "on cameras"),
+        (LearnRequest(leave="unit"), "--leave takes model or maker; got 'unit'"),
+        (LearnRequest(model="P9"), "No result of P9"),
+        (LearnRequest(model="P1", make="Other"), "No result of P1"),
+        (LearnRequest(table=Path("none.csv")), "cannot be read"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_learned(registry: Registry, asked: Asked, words: str) -> None:
+def test_what_cannot_be_learned(registry: Registry, wanted: LearnRequest, words: str) -> None:
     with pytest.raises(InvalidArgument, match=words):
-        learn_basis(registry, asked)
+        learn_basis(registry, wanted)
 
 
 def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:

@@ -26,24 +26,25 @@ from hypothesis import strategies as st
 from scipy.stats import truncnorm
 
 import camssf
-from camssf.curves.basis import read_basis
-from camssf.curves.evidence import Evidence
-from camssf.curves.ssf import answer
-from camssf.documents import report as report_module
+from camssf.documents import result_json
 from camssf.documents import schema as schema_module
-from camssf.documents.beside import Beside, Signature, taken
 from camssf.documents.excerpt import excerpt
 from camssf.documents.passport import Passport, check_belongs
-from camssf.documents.report import NAMES, Report, read_document, report
-from camssf.documents.view import certificate, plots
-from camssf.documents.view import patches as patch_view
-from camssf.documents.view import photos as photo_view
-from camssf.documents.view.bands import possible
-from camssf.documents.view.comparison import LIMIT, comparison_of, worst_of
-from camssf.documents.view.curves import curves_of
+from camssf.documents.result_json import read_document
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.grid import WAVELENGTHS
-from camssf.photo.unit import Unit, read_unit
+from camssf.photo.read.unit import Unit, read_unit
+from camssf.recovery.basis import read_basis
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import answer
+from camssf.report.build import NAMES, Report, report
+from camssf.report.provenance import Provenance, Signature, read_provenance
+from camssf.report.sections import certificate, drawings
+from camssf.report.sections import patches as patch_view
+from camssf.report.sections import photos as photo_view
+from camssf.report.sections.bands import possible
+from camssf.report.sections.comparison import LIMIT, comparison_of, worst_of
+from camssf.report.sections.curves import curves_of
 from camssf.rules import rules
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
@@ -359,14 +360,14 @@ def passport(made: Document) -> Passport:
     )
 
 
-def known(made: Document, *, verified: bool = True) -> Beside:
+def known(made: Document, *, verified: bool = True) -> Provenance:
     """A signed result, beside another one of the same unit."""
     other = document("A")
     other["channel_gain"] = [0.84, 1.0, 0.65]
     nudged = 0.98 * np.array(other["ssf"]["green"]) + 0.02 * np.roll(other["ssf"]["green"], 20)
     other["ssf"]["green"] = (nudged / nudged.max()).tolist()
     signature = Signature(passport(made), "K" * 43, verified)
-    return Beside(unit=Unit(focal_length=50.0), signature=signature, other=other, other_name="2025/result.json")
+    return Provenance(unit=Unit(focal_length=50.0), signature=signature, other=other, other_name="2025/result.json")
 
 
 @cache
@@ -636,7 +637,7 @@ def test_read_document_refuses_missing_huge_and_folders(tmp_path: Path, monkeypa
     for path in (tmp_path / "missing.json", tmp_path, "a\0b"):
         with pytest.raises(InvalidArgument, match="cannot be read"):
             read_document(path)
-    monkeypatch.setattr(report_module, "LARGEST_DOCUMENT", 100)
+    monkeypatch.setattr(result_json, "LARGEST_DOCUMENT", 100)
     (tmp_path / "big.json").write_bytes(b" " * 101)
     with pytest.raises(InvalidArgument, match="larger than 100 bytes"):
         read_document(tmp_path / "big.json")
@@ -1046,7 +1047,7 @@ def test_a_check_beyond_the_limit_that_refuses_says_so() -> None:
 
 def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
     made = document()
-    bare = {fact.term: fact.text for fact in certificate.facts_of(made, Beside())}
+    bare = {fact.term: fact.text for fact in certificate.facts_of(made, Provenance())}
     assert bare["Unit"] == bare["Lens"] == bare["Photographed"] == "not stated"
     assert bare["Valid"] == "unsigned"
     full = {fact.term: fact.text for fact in certificate.facts_of(made, known(made))}
@@ -1063,7 +1064,7 @@ def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
     unsigned = Page(report(made).html).text
     assert "Unsigned." in unsigned
     for verified, words in ((True, "Signature verified."), (False, "the signature was not verified")):
-        page = Page(report(made, beside=known(made, verified=verified)).html).text
+        page = Page(report(made, provenance=known(made, verified=verified)).html).text
         assert words in page
         assert "Unsigned" not in page
         for each in ("0123456789abcdef" * 2, "K" * 43, "5e" * 32, "2026-11-22 09:30:00 UTC"):
@@ -1073,7 +1074,7 @@ def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
 
 def test_what_the_photos_say_of_the_unit(tmp_path: Path) -> None:
     scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(600, 450)))
-    said = taken([scene.shots[0].chart, tmp_path / "missing.dng"])
+    said = read_provenance([scene.shots[0].chart, tmp_path / "missing.dng"])
     assert said.unit == read_unit(scene.shots[0].chart).unit
     assert len(said.captured) == 2
     assert said.captured[1] == ""
@@ -1202,7 +1203,7 @@ def patches_of(signal: np.ndarray, error: np.ndarray, predicted: np.ndarray) -> 
 def test_noise_of_counted_light_lies_on_its_line_and_other_noise_does_not() -> None:
     signal = np.geomspace(0.03, 0.9, 24)[:, None] * np.array([1.0, 0.9, 0.8])
     counted = np.sqrt(1e-8 + 3e-6 * signal + 4e-6 * signal**2)
-    drawn = plots.noise_plot(patches_of(signal, counted, signal), "noise")
+    drawn = drawings.noise_plot(patches_of(signal, counted, signal), "noise")
     assert drawn is not None
     assert drawn.found == pytest.approx((1, 1, 1), rel=1e-6)
     assert len(drawn.plot.dots) == 72
@@ -1211,11 +1212,11 @@ def test_noise_of_counted_light_lies_on_its_line_and_other_noise_does_not() -> N
     line = np.array([p.split(",") for p in drawn.plot.lines[0][1][1:].split("L")], dtype=float)
     assert np.interp(x, line[:, 0], line[:, 1]) == pytest.approx(y, abs=0.6)
     denoised = counted * np.where(np.arange(24) % 2, 1.0, 0.3)[:, None]
-    spoilt = plots.noise_plot(patches_of(signal, denoised, signal), "noise")
+    spoilt = drawings.noise_plot(patches_of(signal, denoised, signal), "noise")
     assert spoilt is not None
     assert max(abs(v - 1) for v in spoilt.found) > 0.2
-    assert plots.noise_plot([], "noise") is None
-    assert plots.noise_plot(patches_of(signal, 0 * signal, signal), "noise") is None
+    assert drawings.noise_plot([], "noise") is None
+    assert drawings.noise_plot(patches_of(signal, 0 * signal, signal), "noise") is None
 
 
 def test_strange_numbers_still_draw() -> None:
@@ -1233,14 +1234,14 @@ def test_strange_numbers_still_draw() -> None:
         plain = [{"name": "", "used": True, "reflectance_srgb": [0, 0, 0], **patch} for patch in patches]
         patch_view.residuals_of({"shots": [{"patches": plain}]})
         for found in (
-            plots.noise_plot(patches, "a"),
-            plots.linearity_plot(patches, "a"),
-            plots.light_plot(np.abs(numbers(681)), np.abs(numbers(681)), "a"),
-            plots.difference_plot(numbers(681, 3), np.abs(numbers(681, 3)), "a"),
+            drawings.noise_plot(patches, "a"),
+            drawings.linearity_plot(patches, "a"),
+            drawings.light_plot(np.abs(numbers(681)), np.abs(numbers(681)), "a"),
+            drawings.difference_plot(numbers(681, 3), np.abs(numbers(681, 3)), "a"),
         ):
             drawn += found is not None
             if found is not None:
-                plot = found.plot if isinstance(found, plots.Scatter) else found
+                plot = found.plot if isinstance(found, drawings.Scatter) else found
                 assert not re.search(r"\b(nan|inf)\b", repr(plot).replace("label=", ""))
     assert drawn > 300
 
@@ -1250,10 +1251,10 @@ def test_linearity_finds_a_tone_curve(exponent: float) -> None:
     predicted = np.geomspace(0.03, 0.9, 24)[:, None] * np.array([1.0, 0.9, 0.8])
     signal = predicted**exponent
     signal[3] *= 3  # one strange patch turns nothing
-    drawn = plots.linearity_plot(patches_of(signal, 0.01 * signal, predicted), "linearity")
+    drawn = drawings.linearity_plot(patches_of(signal, 0.01 * signal, predicted), "linearity")
     assert drawn is not None
     assert drawn.found == pytest.approx((exponent,) * 3, abs=1e-9)
-    assert plots.linearity_plot(patches_of(signal, signal, predicted * np.nan), "linearity") is None
+    assert drawings.linearity_plot(patches_of(signal, signal, predicted * np.nan), "linearity") is None
 
 
 def test_the_scale_of_residuals_fits_the_data() -> None:
@@ -1288,7 +1289,7 @@ def test_another_result_is_compared() -> None:
     other = document("A")
     shift = 40  # steps of 0.5 nm
     other["ssf"]["green"] = np.roll(other["ssf"]["green"], shift).tolist()
-    page = Page(report(made, beside=Beside(other=other, other_name="2025/result.json")).html)
+    page = Page(report(made, provenance=Provenance(other=other, other_name="2025/result.json")).html)
     for words in ("Compared with another result", "2025/result.json", "NIKON D5100; doubtful, A, basis cameras"):
         assert words in page.text
     assert "another camera" not in page.text
@@ -1314,7 +1315,7 @@ def test_another_result_is_compared() -> None:
     assert green.endswith("its peak moved by \u221220.0 nm.")
     assert "The curves agree in red and blue and differ in green." in page.text
     other["camera"]["model"] = "D70"
-    assert "It names another camera." in report(made, beside=Beside(other=other)).html
+    assert "It names another camera." in report(made, provenance=Provenance(other=other)).html
     assert comparison_of(made, None, "") is None
     assert comparison_of(refused(), other, "") is None
     other["ssf_std"] = None
@@ -1355,8 +1356,8 @@ def code_covariance(lamp: str) -> np.ndarray:
     chart, light = read_chart("classic24").values, read_lamp(lamp).values
     signals = (light * chart) @ mean / (light @ mean)
     noise = np.hypot(0.003 * signals, 6e-4)
-    evidence = Evidence(signals, chart, light, standard_error=noise, chart_tolerance=0.02, lamp_tolerance=0.01)
-    found = answer(evidence, "cameras", engine="onnx").code_covariance
+    observation = Observation(signals, chart, light, standard_error=noise, chart_tolerance=0.02, lamp_tolerance=0.01)
+    found = answer(observation, "cameras", engine="onnx").code_covariance
     assert found is not None
     return np.asarray(found)
 
@@ -1364,14 +1365,14 @@ def code_covariance(lamp: str) -> np.ndarray:
 def test_templates_escape_whatever_they_are_given() -> None:
     """Also what stands beside the document: names of units, passports and files are not ours."""
     made = document()
-    beside = known(made)
-    assert beside.signature is not None
+    provenance = known(made)
+    assert provenance.signature is not None
     unit = Unit(*[HOSTILE] * 5)
-    spoilt = replace(beside.signature.passport, unit=unit, captured=HOSTILE, chart_serial=HOSTILE)
+    spoilt = replace(provenance.signature.passport, unit=unit, captured=HOSTILE, chart_serial=HOSTILE)
     page = Page(
         report(
             made,
-            beside=replace(beside, signature=Signature(spoilt, HOSTILE, False), other_name=HOSTILE),
+            provenance=replace(provenance, signature=Signature(spoilt, HOSTILE, False), other_name=HOSTILE),
         ).html
     )
     assert page.open == []
@@ -1588,7 +1589,7 @@ def shown() -> dict[str, str]:
     named = [patches[k % 24] | {"name": f"{chr(65 + k % 14)}{k // 14 + 1}"} for k in i.tolist()]
     large["shots"][0]["patches"] = named
     return {
-        "one shot": report(document(), [preview()], beside=known(document())).html,
+        "one shot": report(document(), [preview()], provenance=known(document())).html,
         "two shots": report(document("D55", "A"), [preview(), None]).html,
         "an unnamed light": report(unnamed(), [preview()]).html,
         "refused": report(refused()).html,

@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks import rivals
 from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, bends, between, method, pinv, qr
-from camssf.curves.basis import NODES, gaussian_basis, read_basis
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.basis import NODES, gaussian_basis, read_basis
 from camssf.spectra import read_chart, read_lamp
 
 ALL = (*TABLE_1, *OURS, *FIGURE_4)

@@ -12,11 +12,10 @@ import pytest
 from benchmarks import mutate_rules, rules_table
 from camssf import rules as module
 from camssf.errors import InvalidArgument
-from camssf.evidence import light, reasons
-from camssf.evidence import verdict as judge
 from camssf.photo import patches, signals
 from camssf.rules import fill, parse, rules
 from camssf.spectra import read_lamp
+from camssf.verdict import judge, lamp, reasons
 
 Json = dict[str, Any]
 TEXT = mutate_rules.PLACE.read_text("utf-8")
@@ -31,7 +30,7 @@ def test_the_stages_read_the_file() -> None:
 
 
 def test_every_rival_is_a_lamp() -> None:
-    assert [read_lamp(name).values.max() > 0 for name in light.RIVALS] == [True] * 18
+    assert [read_lamp(name).values.max() > 0 for name in lamp.RIVALS] == [True] * 18
 
 
 BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
@@ -160,7 +159,7 @@ def test_without_a_jar_kotlin_is_skipped_visibly(
 
 @pytest.mark.slow
 def test_the_process_is_as_before_after_a_mutant() -> None:
-    import camssf.evidence.verdict as now
+    import camssf.verdict.judge as now
 
     assert now is judge
     assert rules().number("verdict.surprise") == 3.5

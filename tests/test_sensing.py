@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from camssf.curves.basis import NODES, interpolate, read_basis
-from camssf.curves.code import solve
-from camssf.curves.covariance import CHART_CORRELATION, smooth_errors
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import Sensing, anchor, sense
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.basis import NODES, interpolate, read_basis
+from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.solve import solve
 from camssf.spectra import read_lamp
-from camssf.spectra.families import FAMILIES, Kind, principal_modes
+from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from tests.problems import chart_and_lamp, recovered, theory, toy_camera
 
 
-def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Sensing:
+def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> LinearModel:
     k, n, _ = y.shape
     arguments: dict[str, object] = {
         "chart_tolerance": np.zeros(n),
@@ -30,8 +30,8 @@ def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Sen
     } | changes
     basis = arguments.pop("basis", "cameras")
     error = arguments.pop("standard_error", np.full(y.shape, 1e-3))
-    evidence = Evidence(y, reflectance, lamp, standard_error=error, **arguments)  # type: ignore[arg-type]
-    return sense(evidence, read_basis(str(basis)))
+    observation = Observation(y, reflectance, lamp, standard_error=error, **arguments)  # type: ignore[arg-type]
+    return linear_model(observation, read_basis(str(basis)))
 
 
 def test_rows_vanish_at_the_truth_whatever_its_scale() -> None:
@@ -151,8 +151,8 @@ def test_what_channels_share(term: str) -> None:
         "modes": {"lamp_modes": 0.1 * np.stack([[WAVELENGTHS / 550 - 1]] * 2)},
         "noise": {},
     }
-    found = sense(
-        Evidence(
+    found = linear_model(
+        Observation(
             y, reflectance, lamps,
             **{"standard_error": np.full(y.shape, 1e-3), "chart_tolerance": 0.0, "white_tolerance": 0.0}
             | arguments[term],
@@ -272,7 +272,7 @@ def posterior(A: Floats, D: Floats, target: Floats, sigma: Floats) -> tuple[Floa
 
 @pytest.mark.parametrize("size", [0.01, 0.3])
 def test_a_lamp_with_modes_is_one_unknown_of_three_channels(size: float) -> None:
-    """`sense` and `solve` with γ = 0 against the posterior of the three codes and of u together.
+    """`linear_model` and `solve` with γ = 0 against the posterior of the three codes and of u together.
 
     Nothing is taken from the rows: signals, slopes and curvature come from the integrals by finite differences, first
     at the means, then at what that finds. The product has no u among its unknowns, but D Dᵀ in Σ.
@@ -291,8 +291,8 @@ def test_a_lamp_with_modes_is_one_unknown_of_three_channels(size: float) -> None
     signals = np.moveaxis(y.reshape(3, 2, 24), 0, -1)
     found = rows(signals, reflectance, lamps, lamp_modes=modes, standard_error=np.full((2, 24, 3), error))
 
-    def curvature(B: Floats, of_u: Floats, of_x: Floats) -> Floats:
-        return np.asarray(np.einsum("nqx,qp,xz,mpz->nm", B, of_u, of_x, B, optimize=True))
+    def curvature(B: Floats, mode_covariance: Floats, code_covariance: Floats) -> Floats:
+        return np.asarray(np.einsum("nqx,qp,xz,mpz->nm", B, mode_covariance, code_covariance, B, optimize=True))
 
     nil_x, nil_u, noise = np.zeros(72), np.zeros(4), error**2 * np.eye(144)
     shot = np.tile(np.repeat([0, 1], 24), 3)
@@ -307,9 +307,9 @@ def test_a_lamp_with_modes_is_one_unknown_of_three_channels(size: float) -> None
     x, off, spread = posterior(A, D, y - bent.see(nil_x, nil_u), sigma)
     bend = 1 + np.einsum("kq,kqv->kv", off.reshape(2, 2), modes[:, :, ::10])
     assert found.lamp == pytest.approx(lamps * interpolate(bend.T).T, rel=1e-6)
-    of_x = np.linalg.inv(A.T @ np.linalg.solve(sigma, A) + np.eye(72))
+    code_covariance = np.linalg.inv(A.T @ np.linalg.solve(sigma, A) + np.eye(72))
     A, D, B = bent.slopes(x, off)
-    sigma = noise + drift(x, off) + curvature(B, spread[72:, 72:], of_x)
+    sigma = noise + drift(x, off) + curvature(B, spread[72:, 72:], code_covariance)
     target = y - bent.see(x, off) + A @ x + D @ off
     assert found.matrix[0] == pytest.approx(A, abs=1e-5 * np.abs(A).max())
     assert found.target[0] == pytest.approx(target, abs=1e-5 * np.abs(target).max())
@@ -339,7 +339,7 @@ def test_a_lamp_left_out_of_its_family_is_found_out() -> None:
     Were signals and chart exact, the family's own fault would be taken for evidence.
     """
     family = FAMILIES["white-led"]
-    assert isinstance(family, Kind)
+    assert isinstance(family, LampKind)
     reflectance, day = chart_and_lamp("D55", slice(0, 24))
     seen = (WAVELENGTHS >= 420) & (WAVELENGTHS <= 680)
     shares = {}

@@ -12,13 +12,13 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
-from camssf.documents.patches import read_patches
+from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
 from camssf.options import Options
 from camssf.photo.capture import Capture, measure
-from camssf.photo.mosaic import Mosaic, read_dng, shading
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
-from camssf.photo.pose import Pose
+from camssf.photo.read.dng import Mosaic, read_dng, shading
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
@@ -139,7 +139,7 @@ def test_signals_above_black_are_multiplied() -> None:
     y, x = np.mgrid[0:120, 0:120]
     samples = (1000 + 60 * ((x // 2 + y // 2) % 2)).astype(np.uint16)
     samples[::2, ::2] = 15871  # a quarter at the ceiling
-    from camssf.photo.opcodes import GainMap
+    from camssf.photo.read.gain_maps import GainMap
 
     gains = GainMap(2, 0, 0, 120, 120, 0, 1, 1, 1, (1.0, 1.0), (0.0, 0.0), np.full((1, 1, 1), 1.5))
     photo = mosaic(samples, gain_maps=(gains,))

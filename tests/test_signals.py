@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexposed
-from camssf.photo.mosaic import CFA_ORDERS
+from camssf.photo.find.pose import find_chart
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
-from camssf.photo.pose import find_chart
+from camssf.photo.read.dng import CFA_ORDERS
 from camssf.photo.signals import Signals, normalise
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene

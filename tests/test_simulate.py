@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.layouts import LAYOUTS
-from camssf.photo.mosaic import CFA_ORDERS, read_dng
+from camssf.photo.find.layouts import LAYOUTS
+from camssf.photo.read.dng import CFA_ORDERS, read_dng
 from camssf.simulation import frames as module
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate

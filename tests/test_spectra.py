@@ -25,7 +25,7 @@ from camssf.spectra import (
     read_lamp,
     shipped_cameras,
 )
-from camssf.spectra.families import FAMILIES, Kind
+from camssf.spectra.families import FAMILIES, LampKind
 
 DATA = Path(__file__).parents[1] / "data"
 TEN = np.arange(380, 731, 10)
@@ -59,7 +59,7 @@ def test_every_name_reads() -> None:
         assert not lamp.values.flags.writeable
         family = FAMILIES.get(name)
         usual = 0 if name == "equal-energy" else 0.02
-        assert lamp.tolerance == (family.left if isinstance(family, Kind) else usual)
+        assert lamp.tolerance == (family.left if isinstance(family, LampKind) else usual)
 
 
 @pytest.mark.parametrize(

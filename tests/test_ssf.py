@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves.basis import gaussian_basis, read_basis
-from camssf.curves.code import solve
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import anchor, sense
-from camssf.curves.ssf import Ssf
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.basis import gaussian_basis, read_basis
+from camssf.recovery.linear_model import anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.solve import solve
 from tests import problems
 from tests.problems import chart_and_lamp, explained, measured_cameras, predicted, theory, toy_camera
 
@@ -218,7 +218,7 @@ def test_bands_are_the_posterior_s(shots: int) -> None:
     """The covariance of x as I - Aᵀ (Σ + A Aᵀ)⁻¹ A, and the curves' by finite differences of the curve of peak 1."""
     told = declared(shots) | {"basis": "cameras"}
     answer = recovered(**told)
-    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
     A, sigma = rows.matrix[0], rows.covariance[0]
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
     assert answer.code_covariance is not None
@@ -236,7 +236,7 @@ def test_bands_are_the_posterior_s(shots: int) -> None:
 def test_the_evidence_is_that_of_the_rows_and_prefers_the_true_lamp() -> None:
     told = declared(2) | {"basis": "cameras"}
     answer = recovered(**told)
-    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
     assert answer.log_evidence == pytest.approx(solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9)
     wrong = recovered(**told | {"lamp": np.stack([told["lamp"][0], chart_and_lamp("FL2")[1]])})
     assert answer.log_evidence is not None
@@ -267,7 +267,7 @@ def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     assert answer.code_covariance is not None
     std = answer.peak()[1]
     assert std is not None
-    rows = sense(problems.told(**told)[0], read_basis("cameras"))
+    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
     gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
     slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
     band = np.sum(std**2, axis=0)
@@ -308,8 +308,8 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
     k, n = shots, 24
     y = np.concatenate([told["signals"], found.values[:, 12:]], axis=1)
-    rows = sense(
-        Evidence(
+    rows = linear_model(
+        Observation(
             y,
             np.concatenate([told["reflectance"], others]),
             told["lamp"],

@@ -354,7 +354,7 @@ def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
 
 def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
     """As a cluster's worker does."""
-    from camssf.curves.basis import read_basis
+    from camssf.recovery.basis import read_basis
 
     file, shipped = tmp_path / "mine.npz", [read_basis(name) for name in ("phones", "cameras")]
     for number, basis in enumerate(shipped):

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.layouts import LAYOUTS
+from camssf.photo.find.layouts import LAYOUTS
 from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
-from camssf.spectra.families import FAMILIES, Kind, logarithm
-from camssf.tools import tabulate
+from camssf.spectra.families import FAMILIES, LampKind, logarithm
+from tools import tabulate
 
 Json = dict[str, Any]
 
@@ -82,7 +82,7 @@ def test_names_and_layouts_are_the_package_s() -> None:
     assert file["tolerances"]["public_chart"] == read_chart("classic24").tolerance[0]
 
 
-@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if isinstance(family, Kind)])
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if isinstance(family, LampKind)])
 def test_weights_give_the_family_s_mean_and_modes(name: str) -> None:
     """As a phone does it: sums of the members, no singular value decomposition."""
     family, lamp = bundled()["families"][name], read_lamp(name)
@@ -97,7 +97,7 @@ def test_weights_give_the_family_s_mean_and_modes(name: str) -> None:
     assert low >= 0
 
 
-@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if not isinstance(family, Kind)])
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if not isinstance(family, LampKind)])
 def test_a_temperature_family_is_a_central_difference(name: str) -> None:
     family, lamp = bundled()["families"][name], read_lamp(name)
     formula = {"planck": planck, "daylight": daylight}[family["formula"]]

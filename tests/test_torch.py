@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.curves.engine import onnx_runtime
-from camssf.curves.finish import finish, finish_steps
-from camssf.curves.layers import DEPTH, LAYERS, RELAXATION
-from camssf.curves.problem import Problem, whiten
+from camssf.recovery.elastic_net import ElasticNet, whiten
+from camssf.recovery.layers import DEPTH, LAYERS, RELAXATION
+from camssf.recovery.onnx_model import onnx_runtime
+from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
 from tests.problems import gamma_max, random_sensing
 
 torch = pytest.importorskip("torch", reason="torch is not installed (extra: export)")
@@ -24,15 +24,15 @@ SIGNED = pytest.mark.parametrize("nonnegative", [False, True], ids=["signed", "n
 
 def three(
     nonnegative: bool = False, l2: float = 0.5, seed: int = 7, size: tuple[int, int] = (20, 12)
-) -> list[Problem]:
+) -> list[ElasticNet]:
     """Three problems of their own γ."""
     sensing = random_sensing(seed, *size)
     shares = np.array([0.02, 0.05, 0.1]) * gamma_max(sensing)
     rows = zip(sensing.matrix, sensing.target, sensing.covariance, shares, strict=True)
-    return [Problem(*whiten(A, b, S)[:2], l2, float(gamma), nonnegative) for A, b, S, gamma in rows]
+    return [ElasticNet(*whiten(A, b, S)[:2], l2, float(gamma), nonnegative) for A, b, S, gamma in rows]
 
 
-def arguments(problems: list[Problem]) -> tuple[Any, ...]:
+def arguments(problems: list[ElasticNet]) -> tuple[Any, ...]:
     """A, b, λ₂, γ of the twin."""
     A, b = (torch.tensor(np.stack(part)) for part in zip(*((p.A, p.b) for p in problems), strict=True))
     l2 = torch.tensor(problems[0].l2, dtype=torch.float64)
@@ -59,7 +59,7 @@ def test_the_pull_is_refined_as_the_reference_s_is() -> None:
 
     rng = np.random.default_rng(9)
     left, _, right = np.linalg.svd(rng.normal(size=(20, 12)), full_matrices=False)
-    problem = Problem(left * np.geomspace(1e4, 1e-2, 12) @ right, rng.normal(size=20), 0.0, 1e-3, False)
+    problem = ElasticNet(left * np.geomspace(1e4, 1e-2, 12) @ right, rng.normal(size=20), 0.0, 1e-3, False)
     spread = problem.H + problem.gamma * np.eye(12)
     plain = np.linalg.inv(spread) @ problem.g
     refined, reference = (
@@ -107,7 +107,7 @@ def test_deep_gradients_are_the_optimum_s_own(nonnegative: bool) -> None:
     A, b, l2, gamma = arguments([problem])
     net = UnrolledNet(depth=400, nonnegative=nonnegative)
     by_b, by_gamma = torch.autograd.functional.jacobian(lambda b, gamma: net(A, b, l2, gamma)[0], (b, gamma))
-    x = finish(problem, np.zeros(8), finish_steps(8))[0]
+    x = pivot_to_optimum(problem, np.zeros(8), finish_steps(8))[0]
     serves = np.flatnonzero(x)
     assert 1 < serves.size < 8
     M = problem.M[np.ix_(serves, serves)]
@@ -127,9 +127,9 @@ def written(iteration: str) -> bytes:
 
     from camssf_onnx import layers
     from camssf_onnx.algebra import inverse
+    from camssf_onnx.elastic_net import pose
     from camssf_onnx.graph import Graph, Value
     from camssf_onnx.model import IR, OPSET
-    from camssf_onnx.problem import pose
 
     g = Graph("layers")
     shapes: dict[str, list[int]] = {

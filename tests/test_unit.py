@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.documents.patches import patches_document, read_patches
+from camssf.documents.patches_json import patches_document, read_patches
 from camssf.errors import CalibrationError, UnitDiffers
 from camssf.options import Options
 from camssf.photo.capture import Capture, check_shots, measure
-from camssf.photo.mosaic import read_dng
 from camssf.photo.patches import measure_patches
-from camssf.photo.unit import Unit, check_unit
+from camssf.photo.read.dng import read_dng
+from camssf.photo.read.unit import Unit, check_unit
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
-from camssf.evidence.scores import Scores, reflectance_srgb, rmse, rmsre, validate
+from camssf.fit.scores import Scores, reflectance_srgb, rmse, rmsre, validate
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_camera, read_chart, read_lamp

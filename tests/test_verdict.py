@@ -9,27 +9,27 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from camssf.curves.basis import NODES, Basis, interpolate, read_basis
-from camssf.curves.choice import recover
-from camssf.curves.covariance import CHANNEL_SHARE, smooth_errors
-from camssf.curves.evidence import Evidence
-from camssf.curves.sensing import anchor, sense
-from camssf.curves.ssf import Ssf
 from camssf.errors import CalibrationError, NotSensorRaw
-from camssf.evidence.checks import Check, Checks
-from camssf.evidence.light import CONDEMNED, RIVAL, Neutral, Rival
-from camssf.evidence.light import rivalled as rule_4
-from camssf.evidence.reasons import Fatal, Reason, Verdict, refusal
-from camssf.evidence.surprise import SUSPECT, Surprise, Weighed, _covariance, directions
-from camssf.evidence.verdict import STRANGE, judge, strangeness
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.layouts import LAYOUTS
+from camssf.photo.find.layouts import LAYOUTS
+from camssf.photo.find.pose import Pose
+from camssf.photo.find.search import agreement, plain_signals
 from camssf.photo.patches import FrameMeans, PatchMeans
-from camssf.photo.pose import Pose
-from camssf.photo.search import agreement, plain_signals
 from camssf.photo.signals import Signals, normalise
+from camssf.recovery.basis import NODES, Basis, interpolate, read_basis
+from camssf.recovery.covariance import CHANNEL_SHARE, smooth_errors
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.linear_model import anchor, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
+from camssf.verdict.checks import Check, Checks
+from camssf.verdict.goodness_of_fit import SUSPECT, GoodnessOfFit, VerdictInputs, _covariance, directions
+from camssf.verdict.judge import STRANGE, judge, strangeness
+from camssf.verdict.lamp import CONDEMNED, RIVAL, Neutral, Rival
+from camssf.verdict.lamp import rival_lamp as rule_4
+from camssf.verdict.reasons import Fatal, Reason, Verdict, refusal
 from tests.problems import chart_and_lamp, measured_cameras, theory
 
 TABLE = read_chart("classic24")
@@ -85,9 +85,9 @@ class Scene:
             found.append(replace(only.ssf, predicted=predicted, lamp=self.ssf.lamp))
         return found
 
-    def evidence(self, lamps: list[Lamp]) -> Evidence:
+    def evidence(self, lamps: list[Lamp]) -> Observation:
         used = self.signals.used[0]
-        return Evidence(
+        return Observation(
             self.signals.values[:, used],
             TABLE.values[used],
             np.stack([lamp.values for lamp in lamps]),
@@ -103,18 +103,18 @@ class Scene:
             ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.lamp])
         )
 
-    def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> Surprise:
-        return self.told(lamps or self.lamps).surprise(ssf or self.ssf)
+    def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> GoodnessOfFit:
+        return self.told(lamps or self.lamps).goodness_of_fit(ssf or self.ssf)
 
-    def told(self, lamps: list[Lamp]) -> Weighed:
-        return Weighed(self.signals, TABLE, self.shots, self.poses, lamps, self.rho, 0.01)
+    def told(self, lamps: list[Lamp]) -> VerdictInputs:
+        return VerdictInputs(self.signals, TABLE, self.shots, self.poses, lamps, self.rho, 0.01)
 
     def judged(self, **changes: Any) -> Verdict:
         given = {
             name: changes.get(name, getattr(self, name)) for name in ("signals", "shots", "poses", "lamps", "ssf")
         }
         return judge(
-            Weighed(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            VerdictInputs(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
             given["ssf"],
             rivals=self.rivals,
             neutrals=self.neutrals,
@@ -221,8 +221,8 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
     scene = Scene(clean(), clean("A"), lamps=("D55", "A"))
     used = scene.signals.used[0]
     answer = Basis("answer", scene.ssf.values.T, np.zeros((3, WAVELENGTHS.size, 1)), True, "")
-    known = sense(
-        Evidence(
+    known = linear_model(
+        Observation(
             scene.signals.values[:, used],
             TABLE.values[used],
             np.stack([lamp.values for lamp in scene.lamps]),
@@ -267,8 +267,8 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     light = read_lamp("D55").values
     scene = Scene(theory(TABLE.values, light, book.mean.T) * np.exp(0.02 * np.sin(np.arange(24.0)))[:, None])
     used = scene.signals.used[0]
-    known = sense(
-        Evidence(
+    known = linear_model(
+        Observation(
             scene.signals.values[:, used],
             TABLE.values[used],
             light[None],
@@ -296,11 +296,11 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     z, strongest = [], []
     for _ in range(80):
         scene = drawn(rng)
-        found = Weighed(scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01).surprise_of(
-            0, scene.ssf
-        )
+        found = VerdictInputs(
+            scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01
+        ).goodness_of_fit_of_shot(0, scene.ssf)
         z.append(found.z)
-        strongest.append(max(suspect.gain for suspect in found.suspects))
+        strongest.append(max(suspect.gain for suspect in found.explanations))
     # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.21, each three standard errors.
     assert abs(np.mean(z)) < 0.34
     assert abs(np.std(z) - 1.0) < 0.21
@@ -359,7 +359,7 @@ def drawn(rng: np.random.Generator) -> Scene:
 
 @pytest.mark.parametrize("total", [40.0, 72.0, 130.0])
 def test_z_is_the_normal_number_of_chi_squared(total: float) -> None:
-    mine = Surprise(total - 3.0, 3.0, 72, ()).z
+    mine = GoodnessOfFit(total - 3.0, 3.0, 72, ()).z
     assert mine == pytest.approx(norm.isf(chi2.sf(total, 72)), abs=0.02)
 
 

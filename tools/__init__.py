@@ -1,1 +1,1 @@
-"""What a release shows of itself: requirements, SOUP, SBOM; and what users get, kept. None of it ships."""
+"""Tools that write data files and release documents (requirements, SOUP, SBOM) or compare outputs; not shipped."""

@@ -1,4 +1,4 @@
-"""What is installed with camssf: every run-time dependency, direct and brought along, from the installed metadata."""
+"""Lists all run-time dependencies of camssf, direct and indirect, from the metadata of the installed packages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 EXTRAS = ("passport", "fleet")
-"""Extras that users install; `dev` and `export` are the project's own."""
+"""Extras for users; `dev` and `export` are for developers."""
 CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",
@@ -20,9 +20,9 @@ CLASSIFIERS = {
     "Python Software Foundation License": "PSF-2.0",
     "The Unlicense (Unlicense)": "Unlicense",
 }
-"""Last words of the classifiers `License :: OSI Approved :: ...`, as SPDX."""
+"""SPDX identifiers by the last part of the classifier `License :: OSI Approved :: ...`."""
 WORDS = {"3-Clause BSD License": "BSD-3-Clause", "ISC License": "ISC"}
-"""What stands in the field License instead of SPDX."""
+"""SPDX identifiers by other texts in the field License."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Package:
     """One installed distribution.
 
     Attributes:
-        name: as packaging normalises it.
-        version: the installed one.
-        licence: an SPDX expression where the metadata allow one, else their words.
-        needs: names of what it needs itself, in this environment.
-        direct: camssf asks for it itself: "always", or the extra that does; None where another brings it.
+        name: normalised as by `packaging`.
+        version: the installed version.
+        licence: an SPDX expression if the metadata give one, else their text.
+        needs: names of its own requirements in this environment.
+        direct: "always" or the extra of camssf that requires it; None for an indirect dependency.
     """
 
     name: str
@@ -45,8 +45,8 @@ class Package:
 
 
 def licence(found: Distribution) -> str:
-    """License-Expression; else a classifier; else the first line of License."""
-    said = found.metadata.json  # a plain dictionary: asking the message for what it lacks is deprecated
+    """The licence: from License-Expression, else from a classifier, else from the first line of License."""
+    said = found.metadata.json  # a plain dictionary, because the message's lookup of missing keys is deprecated
     if expression := said.get("license_expression"):
         return str(expression)
     classified = [
@@ -67,7 +67,7 @@ def needs(found: Distribution, extra: str = "") -> list[Requirement]:
 
 
 def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Package]:
-    """All that an installation of `root` with these extras brings, by name.
+    """All dependencies of `root` with these extras, sorted by name.
 
     Raises:
         PackageNotFoundError: one of them is not installed here.
@@ -90,7 +90,7 @@ def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Packag
 
 
 def _wanted(found: Distribution) -> set[str]:
-    """Names of the plain requirements; extras that a requirement asks for are looked up where it leads."""
+    """Names of the requirements, including those of the extras that a requirement asks for."""
     names = set()
     for each in needs(found):
         names.add(canonicalize_name(each.name))

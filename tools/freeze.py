@@ -1,9 +1,9 @@
-"""What users get, kept and compared: `python -m tools.freeze write FOLDER`, later `... compare FOLDER`.
+"""Stores what users get and compares it later: `python -m tools.freeze write FOLDER`, then `... compare FOLDER`.
 
-Twelve simulated captures with fixed seeds, their documents, four of their pages (with pictures of them where Chromium
-is there), every export of one result, the error codes with their pages, and the hash of the golden manifest. All of
-it is made through the command line, so names within the package may change. `compare` makes everything anew and
-prints every difference with its path; it ends with 1 where there is one.
+It stores the documents of twelve simulated captures with fixed seeds, four of their pages (with screenshots if
+Chromium is installed), every export of one result, the error codes with their pages, and the hash of the golden
+manifest. All is made by the command line, so names inside the package may change. `compare` makes everything again,
+prints every difference with its path, and exits with 1 if there is one.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Json: TypeAlias = Any
 
 ROOT = Path(__file__).parents[1]
 RELATIVE, NOUGHT = 1e-12, 1e-18
-"""Numbers differ beyond this part of the largest in their list, and by more than the second: gaps are noise there."""
+"""Tolerances of numbers: relative to the largest in their list, and absolute (duality gaps are rounding noise)."""
 PIXELS = 1e-3
-"""Part of a picture's pixels that may differ."""
+"""Fraction of a picture's pixels that may differ."""
 AT_ONCE = 2
 CAMERA = "Canon EOS 5D Mark II"
-"""Of the bundled table."""
+"""Name in the bundled table."""
 FRAME = ("--size", "600x450", "--fill", "0.85")
 WHITE_DARK = ("--white", "white.dng", "--dark", "dark.dng")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -50,8 +50,8 @@ class Capture:
 
     Attributes:
         scene: options of `simulate`.
-        call: photos and options of `calibrate`; files of the scene's folder.
-        maker: put into the simulated files in place of "camssf", the same length or shorter; "" to leave it.
+        call: photos and options of `calibrate`; files in the scene's folder.
+        maker: replaces the maker "camssf" in the simulated files, at most as long; "" to leave it.
     """
 
     scene: tuple[str, ...]
@@ -96,7 +96,7 @@ EXPORTED = "accepted"
 
 
 def make(folder: Path) -> None:
-    """Everything, into an empty folder."""
+    """Write everything into an empty folder."""
     with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(AT_ONCE) as pool:
         work = Path(place)
         write_phone(work / "phone.csv")
@@ -111,7 +111,7 @@ def make(folder: Path) -> None:
 
 
 def capture(work: Path, name: str, folder: Path) -> None:
-    """Simulate and calibrate; keep the document, the exit status and, of PAGES, the page."""
+    """Simulate and calibrate; store the document, the exit status and, for PAGES, the page."""
     each, own = CAPTURES[name], work / name
     own.mkdir()
     for table in ("phone.csv", "sg.csv"):
@@ -134,7 +134,7 @@ def capture(work: Path, name: str, folder: Path) -> None:
 
 
 def exports(result: Path, folder: Path) -> None:
-    """One result in every format that `export --help` names."""
+    """Export one result in every format that `export --help` lists."""
     words = " ".join(camssf(result.parent, "export", "--help").stdout.split())
     found = re.search(r"--to FORMAT One of ([\w, -]+)\.", words)
     if found is None:
@@ -147,7 +147,7 @@ def exports(result: Path, folder: Path) -> None:
 
 
 def error_codes(folder: Path) -> None:
-    """The list of the codes, and what is said of each."""
+    """Store the list of error codes and the explanation of each."""
     listed = camssf(folder, "explain").stdout
     put(folder / "errors" / "list.txt", listed)
     for code in re.findall(r"^\s*([a-z]+(?:_[a-z]+)*)\b", listed, re.MULTILINE):
@@ -155,7 +155,7 @@ def error_codes(folder: Path) -> None:
 
 
 def camssf(folder: Path, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """A run of the command line: one thread for linear algebra, wide lines, no colours, one time in every export."""
+    """Run the command line with one BLAS thread, wide lines, no colours and a fixed time in every export."""
     one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     environment = {**os.environ, **one, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb", "SOURCE_DATE_EPOCH": "0"}
     run = subprocess.run(
@@ -167,13 +167,13 @@ def camssf(folder: Path, *words: str, check: bool = True) -> subprocess.Complete
 
 
 def put(path: Path, text: str) -> None:
-    """Write a text and the folders above it."""
+    """Write a text file, and create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, "utf-8")
 
 
 def rename_maker(photo: Path, maker: str) -> None:
-    """Put another maker into a simulated file, whose tags lie at the same places."""
+    """Replace the maker in a simulated file without moving its tags."""
     old = b"camssf\0"
     data = photo.read_bytes()
     if old not in data or len(maker) >= len(old):
@@ -182,7 +182,7 @@ def rename_maker(photo: Path, maker: str) -> None:
 
 
 def write_phone(path: Path) -> None:
-    """Curves like a phone's: bells with a flank."""
+    """Write curves similar to a phone's, as sums of Gaussians."""
     nm = np.arange(380, 721, 5)
 
     def bell(centre: float, width: float) -> Any:
@@ -195,7 +195,7 @@ def write_phone(path: Path) -> None:
 
 
 def write_semi_gloss(path: Path) -> None:
-    """A chart of 14 by 10 patches with smooth spectra: greys around, colours within, one white."""
+    """Write a chart of 14 by 10 patches with smooth spectra: grey border, coloured interior, one white patch."""
     nm, draw = np.arange(380, 721, 10), np.random.default_rng(140)
     rise = 1 / (1 + np.exp((nm[:, None] - np.array([490, 585])) / 15))
     bands = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]])
@@ -212,7 +212,7 @@ def write_semi_gloss(path: Path) -> None:
 
 
 def write_table(path: Path, head: Sequence[str], rows: Any) -> None:
-    """A CSV."""
+    """Write a CSV."""
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(head)
@@ -223,7 +223,7 @@ def write_table(path: Path, head: Sequence[str], rows: Any) -> None:
 
 
 class _Text(HTMLParser):
-    """The texts of a page, those of drawings included, one a line."""
+    """Collects the texts of a page, including those of drawings, one a line."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -243,7 +243,7 @@ class _Text(HTMLParser):
 
 
 def text_of_page(html: str) -> str:
-    """What a page says, without its style and pictures."""
+    """The text of a page, without style and pictures."""
     parser = _Text()
     parser.feed(html)
     parser.close()
@@ -251,7 +251,7 @@ def text_of_page(html: str) -> str:
 
 
 def picture_of(page: Path, out: Path, profile: Path) -> None:
-    """What Chromium shows of a page; nothing where there is no Chromium."""
+    """Save a screenshot of a page by Chromium; nothing if Chromium is not installed."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         return
@@ -268,7 +268,7 @@ def picture_of(page: Path, out: Path, profile: Path) -> None:
 
 
 def differences(kept: Path, made: Path) -> list[str]:
-    """Every difference of two folders, with its path; pictures that one side lacks are not compared."""
+    """All differences between two folders, with their paths; pictures in only one of them are ignored."""
     names = sorted({path.relative_to(each).as_posix() for each in (kept, made) for path in _files(each)})
     found: list[str] = []
     for name in names:
@@ -287,12 +287,12 @@ def _files(folder: Path) -> Iterable[Path]:
 
 
 def document_apart(old: bytes, new: bytes) -> list[str]:
-    """Numbers by RELATIVE, all else by equality."""
+    """Differences of two JSON documents: numbers within RELATIVE and NOUGHT, all else exactly."""
     return list(_apart(json.loads(old), json.loads(new), "", 0.0))
 
 
 def _apart(old: Json, new: Json, path: str, scale: float) -> Iterator[str]:
-    """The differences below a path; `scale` is the largest number of the list that the two stand in."""
+    """The differences below a path; `scale` is the largest number in the list that contains the two values."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted({*old, *new}):
             if key in old and key in new:
@@ -324,7 +324,7 @@ def _short(value: Json) -> str:
 
 
 def text_apart(old: bytes, new: bytes) -> list[str]:
-    """The lines that differ; of a binary file where it first does."""
+    """The lines that differ; for a binary file the position of the first difference."""
     if old == new:
         return []
     try:
@@ -339,7 +339,7 @@ def text_apart(old: bytes, new: bytes) -> list[str]:
 
 
 def picture_apart(old: bytes, new: bytes) -> list[str]:
-    """The part of the pixels that differ."""
+    """The fraction of the pixels that differ, if it is above PIXELS."""
     from io import BytesIO
 
     from PIL import Image
@@ -355,11 +355,11 @@ COMPARED: dict[str, Callable[[bytes, bytes], list[str]]] = {
     "results.json": document_apart,
     "pages.png": picture_apart,
 }
-"""By a file's folder and ending; all else as text."""
+"""Comparison by a file's folder and suffix; all others are compared as text."""
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Write or compare."""
+    """Run the command; returns 1 if `compare` finds a difference."""
     parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
     parser.add_argument("what", choices=("write", "compare"))
     parser.add_argument("folder", type=Path, help="outside of the repository; empty or new for write")

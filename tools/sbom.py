@@ -1,7 +1,7 @@
-"""The SBOM of the Python package, CycloneDX 1.6: `python -m tools.sbom [-o FILE]`.
+"""Writes the SBOM of the Python package, CycloneDX 1.6: `python -m tools.sbom [-o FILE]`.
 
-A wheel asks for ranges; the SBOM says which versions stand in this environment, in `.ci/run` the pinned ones.
-The same environment gives the same bytes: no serial number, no time. Kotlin's are cyclonedx-maven-plugin's.
+A wheel requires ranges of versions; the SBOM lists the versions in this environment, in `.ci/run` the pinned ones.
+The same environment gives the same bytes: no serial number, no time. Kotlin's SBOMs come from cyclonedx-maven-plugin.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def _url(name: str, version: str) -> str:
 
 
 def _licences(said: str) -> list[dict[str, Any]]:
-    """An expression as such: CycloneDX allows one, or licences one by one."""
+    """The licence as a CycloneDX list: one expression, or one licence with its id."""
     return [{"expression": said}] if " " in said else [{"license": {"id": said}}]
 
 
@@ -43,7 +43,7 @@ def _component(found: Package) -> dict[str, Any]:
 
 
 def document(packages: Sequence[Package]) -> dict[str, Any]:
-    """The SBOM of camssf with these."""
+    """The SBOM of camssf with these packages."""
     own, at = _url("camssf", __version__), {each.name: _url(each.name, each.version) for each in packages}
     asked = [at[each.name] for each in packages if each.direct is not None]
     return {
@@ -71,7 +71,7 @@ def document(packages: Sequence[Package]) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write it."""
+    """Run the command; returns 1 if a package is not installed."""
     parser = argparse.ArgumentParser(prog="python -m tools.sbom", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--out", type=Path, default=Path("dist") / f"camssf-{__version__}-cyclonedx.json")
     options = parser.parse_args(argv)

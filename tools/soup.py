@@ -1,8 +1,8 @@
-"""docs/soup.md: every run-time dependency, licence, version, what is known of it. `python -m tools.soup [--check]`.
+"""Writes docs/soup.md: run-time dependencies, versions, licences, known anomalies. `python -m tools.soup [--check]`.
 
-Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` leaves;
-where there are none, Kotlin's rows stay as the page has them. What a dependency is for, what its wheel bundles, and
-its known anomalies stand in tools/soup.json: one that is not there, or is there and no dependency, ends with 1.
+Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` writes;
+without SBOMs, Kotlin's rows on the page stay unchanged. The purpose of a dependency, what its wheel bundles, and its
+known anomalies are in tools/soup.json; a missing or superfluous entry there makes the command exit with 1.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Found: TypeAlias = Mapping[str, tuple[str, str]]
 
 
 def python_found() -> Found:
-    """Of this environment."""
+    """Python's dependencies in this environment."""
     return {each.name: (each.version, each.licence) for each in closure()}
 
 
 def kotlin_found(folder: Path = ROOT / "android-bindings") -> Found:
-    """Of the SBOMs of what is shipped; nothing where none was made."""
+    """Kotlin's dependencies from the SBOMs of the shipped artifacts; empty if there are none."""
     found: dict[str, tuple[str, str]] = {}
     for path in sorted((folder / "packaging" / "target" / "repository").glob("**/*-cyclonedx.json")):
         for each in json.loads(path.read_text("utf-8"))["components"]:
@@ -54,7 +54,7 @@ def _licence(component: Mapping[str, Any]) -> str:
 
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """What tools/soup.json lacks, and what it has too much."""
+    """Missing and superfluous entries of tools/soup.json."""
     lacking = [f"{name}: say in tools/soup.json what it is for and what is known of it." for name in found]
     return [words for words, name in zip(lacking, found, strict=True) if name not in known] + [
         f"{name} in tools/soup.json is no dependency." for name in known if name not in found
@@ -62,7 +62,7 @@ def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
 
 
 def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The rows, what is bundled beside the licence."""
+    """The rows of the table; bundled software is listed with the licence."""
     rows = []
     for name, (version, licence) in found.items():
         told = known.get(name, {})
@@ -72,13 +72,13 @@ def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
 
 
 def stored(page: str, language: str) -> list[str]:
-    """The rows that a page has."""
+    """The rows that the page has now."""
     begin, end = MARKS[language]
     return page.partition(begin)[2].partition(end)[0].strip().splitlines()
 
 
 def written(page: str, language: str, rows: Sequence[str]) -> str:
-    """The page with one of its tables made anew."""
+    """The page with new rows in one of its tables."""
     begin, end = MARKS[language]
     if page.count(begin) != 1 or page.count(end) != 1:
         raise ValueError(f"the page has no place for the table: {begin} and {end}")
@@ -87,7 +87,7 @@ def written(page: str, language: str, rows: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page, or say whether it is what is installed."""
+    """Write the page, or check it against the installed packages; returns 1 if there are faults."""
     parser = argparse.ArgumentParser(prog="python -m tools.soup", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
     options = parser.parse_args(argv)

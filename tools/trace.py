@@ -1,10 +1,10 @@
-"""docs/traceability.md: requirement, risk, tests, result of the last run. `python -m tools.trace [--check]`.
+"""Writes docs/traceability.md: requirements, risks, tests, last results. `python -m tools.trace [--check]`.
 
-Requirements stand in tools/requirements.json. A test names those that it shows: in Python by
+Requirements are in tools/requirements.json. A test names those that it verifies: in Python by
 `@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
-Results are read from pytest's and Surefire's JUnit XML. The command ends with 1 where a requirement has no test, a
-marker names no requirement, a row of the README's table of claims is no requirement, or, with results, where a
-requirement's test failed or none ran.
+Results are read from JUnit XML by pytest and Surefire. The command exits with 1 if a requirement has no test, a
+marker names an unknown requirement, a row of the README's table of claims belongs to no requirement, or, with
+results, if a requirement's test failed or none ran.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ DECLARED = re.compile(r"^\s*(?:(?:internal|public|private|open|abstract) )*(clas
 
 @dataclass(frozen=True)
 class Requirement:
-    """What must hold.
+    """One requirement.
 
     Attributes:
         name: R- and capital letters.
         text: one sentence.
         risk: what happens to whom if it does not hold.
-        claim: how a row of the README's table of claims begins, markup left out; None where none claims it.
+        claim: beginning of the row in the README's table of claims, without markup; None if it has no row.
     """
 
     name: str
@@ -53,13 +53,13 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Marked:
-    """A test, or all tests of a file or class, that a marker names.
+    """A marked test, or all tests of a marked file or class.
 
     Attributes:
-        requirement: its name.
-        place: the file, from the repository's root.
-        group: as JUnit XML names it: Python's module, Kotlin's class.
-        test: the function; None for all.
+        requirement: name of the requirement.
+        place: path of the file, relative to the repository.
+        group: class name in JUnit XML: Python's module, Kotlin's class.
+        test: name of the function; None for all.
     """
 
     requirement: str
@@ -68,35 +68,35 @@ class Marked:
     test: str | None
 
     def __str__(self) -> str:
-        """As the page shows it."""
+        """The test as the page shows it."""
         name = Path(self.place).name
         return f"`{name}`" if self.test is None else f"`{name}`: {self.test}"
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How the cases of some tests ended."""
+    """Numbers of test cases by their result."""
 
     passed: int = 0
     failed: int = 0
     skipped: int = 0
 
     def __add__(self, other: Counts) -> Counts:
-        """Both."""
+        """The sum of both."""
         return Counts(self.passed + other.passed, self.failed + other.failed, self.skipped + other.skipped)
 
     def __str__(self) -> str:
-        """Without what is zero."""
+        """The numbers that are not zero, in words."""
         said = [(self.passed, "passed"), (self.failed, "**failed**"), (self.skipped, "skipped")]
         return ", ".join(f"{count} {word}" for count, word in said if count) or NOT_RUN
 
 
 Results = Mapping[tuple[str, str], Counts]
-"""By group and test, parameters left out."""
+"""Results by group and test, without parameters."""
 
 
 def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
-    """All of them, in the file's order."""
+    """All requirements, in the file's order."""
     found = [Requirement(**each) for each in json.loads(path.read_text("utf-8"))]
     names = [each.name for each in found]
     if len(set(names)) < len(names):
@@ -105,7 +105,7 @@ def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
 
 
 def _named(node: ast.expr) -> list[str]:
-    """The requirements in `pytest.mark.requirement(...)`, or in a list with such calls in it."""
+    """The requirements in `pytest.mark.requirement(...)`, or in a list of such calls."""
     if isinstance(node, ast.List | ast.Tuple):
         return [name for each in node.elts for name in _named(each)]
     if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "pytest.mark.requirement"):
@@ -114,7 +114,7 @@ def _named(node: ast.expr) -> list[str]:
 
 
 def python_markers(text: str, place: str) -> Iterator[Marked]:
-    """Of one test file."""
+    """The markers in one Python test file."""
     group = Path(place).stem
     for node in ast.parse(text).body:
         if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["pytestmark"]:
@@ -125,7 +125,7 @@ def python_markers(text: str, place: str) -> Iterator[Marked]:
 
 
 def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
-    """Of one test file: tags stand on the lines before the class or function that they belong to."""
+    """The markers in one Kotlin test file; tags are on the lines before their class or function."""
     (package,) = re.findall(r"^package (\S+)$", text, re.MULTILINE)
     tags: list[str] = []
     group = ""
@@ -141,7 +141,7 @@ def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
 
 @cache
 def markers(root: Path = ROOT) -> tuple[Marked, ...]:
-    """Of all tests in both languages."""
+    """The markers of all tests in both languages."""
     python = sorted((root / "tests").glob("test_*.py"))
     kotlin = sorted((root / "android-bindings").glob("*/src/test/kotlin/**/*.kt"))
     found = [each for path in python for each in python_markers(path.read_text("utf-8"), _place(path, root))]
@@ -154,12 +154,12 @@ def _place(path: Path, root: Path) -> str:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Surefire's files anywhere below, and pytest's if it lies there, too."""
+    """Surefire's files anywhere below the folder, and pytest's file in it."""
     return sorted({*folder.glob("**/TEST-*.xml"), *folder.glob("pytest.xml")})
 
 
 def read_results(paths: Sequence[Path]) -> Results:
-    """Of JUnit XML files, and of all TEST-*.xml below folders, a pytest.xml in them too."""
+    """The results in JUnit XML files; for a folder, in all TEST-*.xml below it and its pytest.xml."""
     files = [file for path in paths for file in (_inside(path) if path.is_dir() else [path])]
     found: dict[tuple[str, str], Counts] = {}
     for file in files:
@@ -177,12 +177,12 @@ def read_results(paths: Sequence[Path]) -> Results:
 
 
 def _bare(name: str) -> str:
-    """Without parameters, and what runners put behind a name; a name of words with brackets is cut there, too."""
+    """The name up to the first bracket, without parameters and suffixes of test runners."""
     return re.split(r"[\[({]", name, maxsplit=1)[0]
 
 
 def counts(tests: Sequence[Marked], results: Results) -> Counts:
-    """Of the tests of one requirement; what two markers name counts once."""
+    """The results of one requirement's tests; a test with two markers counts once."""
     keys = {
         (group, test)
         for group, test in results
@@ -199,7 +199,7 @@ def claims(readme: str) -> list[str]:
 
 
 def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: Sequence[str]) -> list[str]:
-    """Why the trace is not whole, each with what to do."""
+    """What is missing or wrong in the trace, each with what to do."""
     known, shown = {each.name for each in requirements}, {each.requirement for each in tests}
     found = [
         f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
@@ -225,7 +225,7 @@ def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: S
 
 
 def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
-    """Name, text, risk and tests of each."""
+    """Name, text, risk and tests of each requirement."""
     table = []
     for each in requirements:
         own = list(dict.fromkeys(str(test) for test in tests if test.requirement == each.name))
@@ -235,7 +235,7 @@ def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[t
 
 
 def stored(page: str) -> tuple[str, dict[str, str]]:
-    """The line about the last run, and its results by requirement, as a page tells them."""
+    """The line about the last run, and its results by requirement, from the page."""
     inside = page.partition(BEGIN)[2].partition(END)[0]
     run = next((line for line in inside.splitlines() if line.startswith("Last run:")), f"Last run: {NOT_RUN}.")
     cells = [line.strip("|").split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
@@ -243,7 +243,7 @@ def stored(page: str) -> tuple[str, dict[str, str]]:
 
 
 def written(page: str, table: Sequence[tuple[str, str, str, str]], run: str, ended: Mapping[str, str]) -> str:
-    """The page with its table made anew."""
+    """The page with a new table."""
     head, begin, rest = page.partition(BEGIN)
     _, end, tail = rest.partition(END)
     if not begin or not end:
@@ -254,7 +254,7 @@ def written(page: str, table: Sequence[tuple[str, str, str, str]], run: str, end
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page, or say whether the trace is whole."""
+    """Write the page, or check it; returns 1 if there are faults."""
     parser = argparse.ArgumentParser(prog="python -m tools.trace", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
@@ -290,7 +290,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _told(page: str) -> list[tuple[str, str, str, str]]:
-    """The rows that a page has now."""
+    """The rows that the page has now."""
     inside = page.partition(BEGIN)[2].partition(END)[0]
     lines = [line[2:-2].split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
     return [(line[0], line[1], line[2], line[3]) for line in lines]

@@ -14,9 +14,9 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from camssf.curves.basis import NODES, Basis, interpolate
-from camssf.curves.covariance import FLOOR
 from camssf.grid import STEP, Floats
+from camssf.recovery.basis import NODES, Basis, interpolate
+from camssf.recovery.covariance import FLOOR
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
-from camssf.curves.choice import recover
-from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.observation import Observation
 
 NAME = "l1 on Gaussians (the paper)"
 WEIGHTS = (0.0,)
@@ -15,7 +15,7 @@ def estimate(given: Given, weight: float) -> Floats:
     """Curves (681, 3)."""
     del weight
     return recover(
-        Evidence(
+        Observation(
             given.signals,
             given.reflectance,
             given.lamp,

@@ -12,8 +12,8 @@ from scipy.optimize import nnls
 
 from benchmarks.rivals import Given
 from benchmarks.rivals.qr import READINGS
-from camssf.curves.basis import gaussian_basis
 from camssf.grid import Floats
+from camssf.recovery.basis import gaussian_basis
 
 NAME = "pseudo-inverse with non-negativity"
 WEIGHTS = (0.0, 1.0, 2.0, 3.0)

@@ -12,8 +12,8 @@ from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
 from benchmarks.rivals import Given
-from camssf.curves.basis import gaussian_basis
 from camssf.grid import Floats
+from camssf.recovery.basis import gaussian_basis
 
 NAME = "QR with non-negativity"
 READINGS = ("wavelengths, clipped", "wavelengths, NNLS", "Gaussians, clipped", "Gaussians, NNLS")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rivals import Given, between
-from camssf.curves.basis import NODES
 from camssf.grid import STEP, Floats
+from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
 
 NAME = "PCA subspace (Jiang 2013, colour-science)"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from benchmarks.rivals import Given
-from camssf.curves.choice import recover
-from camssf.curves.evidence import Evidence
 from camssf.grid import Floats
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.observation import Observation
 
 NAME = "l1 on Gaussians, γ tuned"
 WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
@@ -15,7 +15,7 @@ WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 def estimate(given: Given, weight: float) -> Floats:
     """Curves (681, 3)."""
     return recover(
-        Evidence(
+        Observation(
             given.signals,
             given.reflectance,
             given.lamp,

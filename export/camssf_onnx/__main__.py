@@ -1,5 +1,5 @@
-"""`python -m camssf_onnx build` writes the shipped models, `check` proves that they are what the sources
-make. `python -m golden.models` runs the golden cases on them.
+"""`python -m camssf_onnx build` writes the shipped models, `check` rebuilds them and compares the bytes.
+`python -m golden.models` runs the golden cases on them.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import camssf
-from camssf.curves.basis import read_basis
-from camssf.curves.engine import SHIPPED
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
+from camssf.recovery.basis import read_basis
+from camssf.recovery.onnx_model import SHIPPED
 
 DATA = Path(camssf.__file__).parent / "data"
 LARGEST = 400_000
-"""Size bar of a model file, bytes."""
+"""Largest allowed size of a model file, bytes."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; exit status 0, 1 where a check failed, or that of the error's family."""
+    """Run the command; exit status 0, 1 if a check failed, or that of the error's family."""
     parser = argparse.ArgumentParser(prog="python -m camssf_onnx", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
     verbs.add_parser("build", help="write both models into the package's data folder")
@@ -55,7 +55,7 @@ def built() -> Iterator[tuple[str, bytes]]:
 
 
 def faults(content: bytes) -> list[str]:
-    """What a model's file must not be: too large, another opset or IR, other operators, invalid."""
+    """Faults of a model file: too large, another opset or IR, non-standard operators, external data, invalid."""
     import onnx
 
     from camssf_onnx.model import IR, OPSET
@@ -81,7 +81,7 @@ def faults(content: bytes) -> list[str]:
 
 
 def _nodes(graph: Any) -> Iterator[Any]:
-    """All nodes, those of Loop bodies included."""
+    """All nodes, including those of subgraphs."""
     for node in graph.node:
         yield node
         for attribute in node.attribute:

@@ -1,18 +1,18 @@
-"""Linear algebra and the grid's integrals, as nodes: what ONNX lacks in float64, written over what it has."""
+"""Linear algebra and the grid's integrals as nodes: float64 operations that ONNX lacks, built from those it has."""
 
 from __future__ import annotations
 
 import numpy as np
 from onnx import TensorProto
 
-from camssf.curves.basis import NODES
 from camssf.grid import STEP, WAVELENGTHS
+from camssf.recovery.basis import NODES
 from camssf_onnx.graph import Body, Graph, Value
 
 BIG = 1e300
-"""A bound that does not exist: no infinities."""
+"""Stands for a missing bound, so that the graph has no infinities."""
 PANEL = 6
-"""Pivots that `whiten` takes at once."""
+"""Number of pivots that `whiten` eliminates in one step."""
 D, I64, B = TensorProto.DOUBLE, TensorProto.INT64, TensorProto.BOOL
 M = WAVELENGTHS.size
 
@@ -20,8 +20,9 @@ M = WAVELENGTHS.size
 def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[Value, Value]:
     """L⁻¹ columns with Σ = L Lᵀ, and ln det Σ: (c, N, N) and (c, N, p) give (c, N', p) and (c,).
 
-    Panels of pivots: of each the small Cholesky factor, inverted, turns its rows of (Σ | columns) into rows of
-    L⁻¹ (Σ | columns), and one product takes these off the rest. N is filled up to whole panels by rows of noughts.
+    Works by panels of pivots: the inverse of a panel's small Cholesky factor turns its rows of (Σ | columns) into
+    rows of L⁻¹ (Σ | columns), and one product of these is subtracted from the rest. N is padded to whole panels, Σ by
+    the identity and columns by zeros.
     """
     N = size_of(g, sigma, 1)
     whole = g.constant(panel, np.int64)
@@ -75,18 +76,18 @@ def inverse(g: Graph, matrix: Value, size: int) -> tuple[Value, Value]:
 
 
 def stride_of(count: int) -> int:
-    """Steps that share one turn of a Loop, whose own cost is that of a few nodes."""
+    """Number of steps in one turn of a Loop: a turn itself costs as much as a few nodes."""
     return next(stride for stride in (4, 3, 2, 1) if count % stride == 0)
 
 
 def turns(body: Graph, step: Value, count: int, stride: int) -> list[Value]:
-    """The indices (1,) that a turn of a Loop over `count` takes."""
+    """The indices (1,) that one turn of a Loop over `count` steps takes."""
     order = np.arange(count).reshape(-1, stride)
     return [body.op("Gather", body.constant(order[:, i : i + 1], np.int64), step, axis=0) for i in range(stride)]
 
 
 def fold(g: Graph, f: Value) -> Value:
-    """Values on the grid (..., 681) to the 5-nm nodes (..., 69), the adjoint of `unfold`: Σ f s = Σ f_nodes s."""
+    """Fold values on the grid (..., 681) onto the nodes (..., 69), the adjoint of `unfold`: Σ f s = Σ f_nodes s."""
     share = np.arange(10) / 10.0
     shape = g.op("Shape", f)
     lead = shape.slice(0, -1, 0)
@@ -105,7 +106,7 @@ def slope(g: Graph, f: Value) -> Value:
 
 
 def unfold(g: Graph, s: Value) -> Value:
-    """Curves on the nodes (c, 69), straight between them, on the grid (c, 681)."""
+    """Interpolate curves linearly from the nodes (c, 69) to the grid (c, 681)."""
     share = np.arange(10) / 10.0
     v = NODES.size
     between = s.slice(0, v - 1, 1).unsqueeze(2) * (1.0 - share) + s.slice(1, v, 1).unsqueeze(2) * share
@@ -124,10 +125,10 @@ def same(g: Graph, labels: Value) -> Value:
 
 
 def outer(factors: Value) -> Value:
-    """Factors (c, N, p) → factors times their transpose, (c, N, N)."""
+    """Factors (c, N, p) times their transpose, (c, N, N)."""
     return factors @ factors.transpose(0, 2, 1)
 
 
 def size_of(g: Graph, value: Value, axis: int) -> Value:
-    """A dimension, as a number."""
+    """The size of one dimension, a scalar."""
     return g.op("Shape", value).slice(axis, axis + 1, 0).squeeze(0)

@@ -1,4 +1,4 @@
-"""A few lines over onnx.helper, so that a graph reads like the algebra it holds."""
+"""A thin layer over onnx.helper, so that code that builds a graph reads like algebra."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Product = TypeVar("Product")
 
 
 class Graph:
-    """Nodes under construction. A body of a Loop is a Graph whose parent's values it may use."""
+    """A graph under construction. The body of a Loop is a Graph that may use its parent's values."""
 
     def __init__(self, name: str, parent: Graph | None = None) -> None:
         self.name = name
@@ -27,9 +27,9 @@ class Graph:
         self.counter: list[int] = [0] if parent is None else parent.counter
 
     def fresh(self) -> str:
-        """A name that no other value has, as short as can be: names would be a quarter of the file.
+        """A short name that no other value has: long names would take a quarter of the file.
 
-        A to Z, AA to ZZ, AAA ...: no input or output is written in capitals.
+        A to Z, AA to ZZ, AAA ...: no input or output has a name in capitals.
         """
         self.counter[0] += 1
         number, name = self.counter[0], ""
@@ -39,7 +39,7 @@ class Graph:
         return name
 
     def constant(self, value: ArrayLike, dtype: type = np.float64, name: str | None = None) -> Value:
-        """A constant; equal ones are stored once, and a large identity or a multiple of one is made in place."""
+        """A constant; equal ones are stored once, and a large multiple of the identity is computed in the graph."""
         array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype).reshape(np.shape(value))
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self.constants and array.ndim == 2 and len(array) > 8 and _scales_identity(array):
@@ -62,7 +62,7 @@ class Graph:
         return self.constant(np.array(values), np.int64)
 
     def op(self, kind: str, *inputs: Value | ArrayLike, outputs: int = 1, **attributes: object) -> Value:
-        """One node; numbers become float64 constants. The first output, `outputs` of them where more are asked."""
+        """Add one node and return its first output; numbers become float64 constants."""
         found = self.ops(kind, *inputs, outputs=outputs, **attributes)
         return found[0]
 
@@ -82,7 +82,7 @@ class Graph:
         *,
         begin: Value | None = None,
     ) -> list[Value]:
-        """A Loop: the state after it, then what its steps left behind, stacked.
+        """Add a Loop and return its final state, then the stacked values of its steps.
 
         `body(graph, step, state)` gives a Body: the next state, values to stack, and whether to go on (None: always).
         `begin`: whether to take a first step at all (None: yes).
@@ -117,11 +117,11 @@ class Graph:
         otherwise: Callable[[Graph], Sequence[Value]],
         word: str,
     ) -> list[Value]:
-        """An If: what one of the two branches gives, as many float64 values in either."""
+        """Add an If and return the values of its branches, float64 and as many in both."""
         branches = []
         for branch in (then, otherwise):
             inner = Graph(f"{word}_{self.fresh()}", self)
-            # A branch gives values of its own nodes only.
+            # The outputs of a branch must come from its own nodes.
             given = [inner.op("Identity", value) for value in branch(inner)]
             infos = [helper.make_tensor_value_info(value.name, TensorProto.DOUBLE, None) for value in given]
             branches.append((helper.make_graph(inner.nodes, inner.name, [], infos), len(given)))
@@ -140,7 +140,7 @@ def _scales_identity(array: NDArray[Any]) -> bool:
 
 @dataclass(frozen=True)
 class Body:
-    """One step of a Loop: its next state (made by nodes of its own), what it leaves behind, whether to go on."""
+    """One step of a Loop: its next state (made by nodes of its own), values to stack, whether to go on."""
 
     state: list[Value]
     left: list[Value] = field(default_factory=list)
@@ -150,7 +150,7 @@ class Body:
 class Value:
     """A tensor by name; arithmetic makes nodes in the graph that uses it."""
 
-    __array_ufunc__ = None  # an array on the left leaves the arithmetic to us
+    __array_ufunc__ = None  # so that NumPy leaves `array + value` to this class
 
     def __init__(self, graph: Graph, name: str) -> None:
         self.graph = graph
@@ -197,7 +197,7 @@ class Value:
         return self.graph
 
     def here(self, graph: Graph) -> Value:
-        """The same tensor, seen from a body."""
+        """The same tensor, for use in a body."""
         return Value(graph, self.name)
 
     def reshape(self, *shape: int) -> Value:
@@ -237,7 +237,7 @@ class Value:
 
 
 def within(product: Product, graph: Graph) -> Product:
-    """A dataclass of values, seen from a Loop's body; its field `graph`, if it has one, becomes that body."""
+    """A dataclass of values, for use in a Loop's body; its field `graph`, if it has one, becomes that body."""
     names = [each.name for each in fields(product)]  # type: ignore[arg-type]
     seen: dict[str, object] = {
         name: value.here(graph) for name in names if isinstance(value := getattr(product, name), Value)

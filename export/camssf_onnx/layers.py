@@ -1,4 +1,4 @@
-"""The unrolled layers as nodes: `camssf.curves.layers`."""
+"""The unrolled layers as nodes: `camssf.recovery.layers`."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.curves.layers import RELAXATION, settling
+from camssf.recovery.layers import RELAXATION, settling
 from camssf_onnx.algebra import BIG, D, stride_of
+from camssf_onnx.elastic_net import ElasticNet
 from camssf_onnx.graph import Body, Graph, Value
-from camssf_onnx.problem import Problem
 
 SQUARINGS = 12
-"""So many times is M multiplied by itself to find its norm."""
+"""Number of times that M is squared to find its norm."""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """v ← W₁ b + W₂ soft(v, θ) + W₃ v: W1b (p, r, 1), W2 and W3 (p, r, r), θ a number; `exact` as there."""
+    """v ← W₁ b + W₂ soft(v, θ) + W₃ v: W1b (p, r, 1), W2, W3 (p, r, r), θ a number; `exact` as in the reference."""
 
     W1b: Value
     W2: Value
@@ -27,13 +27,13 @@ class Layer:
     exact: Callable[[Value, Value], Value] | None = None
 
 
-def splitting_weight(problem: Problem) -> Value:
-    """ρ, of whose H + ρ I `splitting` takes the inverse."""
+def splitting_weight(problem: ElasticNet) -> Value:
+    """ρ of the inverse (H + ρ I)⁻¹ in `splitting`."""
     return problem.gamma + 2.0 * problem.l2
 
 
-def splitting(problem: Problem, W: Value) -> Layer:
-    """The product's layer; W = (H + ρ I)⁻¹."""
+def splitting(problem: ElasticNet, W: Value) -> Layer:
+    """The default layer; W = (H + ρ I)⁻¹."""
     rho = splitting_weight(problem)
     one = np.eye(problem.r)
     u = W @ problem.g
@@ -49,8 +49,8 @@ def splitting(problem: Problem, W: Value) -> Layer:
     return Layer(step * Wg, step * (2.0 * rho_W - one), one - RELAXATION * rho_W, theta, exact)
 
 
-def ista(problem: Problem) -> Layer:
-    """Iterative soft thresholding, the step 1 / ‖M‖, by Rayleigh's quotient of a high power of M."""
+def ista(problem: ElasticNet) -> Layer:
+    """Iterative soft thresholding with the step 1 / ‖M‖, the norm by power iteration and Rayleigh's quotient."""
     power = problem.M
     for _ in range(SQUARINGS):
         power = power / power.max(1, 2, keep=True)
@@ -61,8 +61,8 @@ def ista(problem: Problem) -> Layer:
     return Layer(problem.g / norm, np.eye(problem.r) - problem.M / norm, problem.M * 0.0, theta)
 
 
-def unroll(problem: Problem, layer: Layer, depth: int) -> Value:
-    """x (p, r) after so many layers, from v = 0: with soft(v) = v - clip(v), v ← W₁ b + (W₂ + W₃) v - W₂ clip(v)."""
+def unroll(problem: ElasticNet, layer: Layer, depth: int) -> Value:
+    """x (p, r) after `depth` layers, from v = 0: with soft(v) = v - clip(v), v ← W₁ b + (W₂ + W₃) v - W₂ clip(v)."""
     g, r = problem.graph, problem.r
     high = layer.theta
     low = g.op("Where", problem.positive, -BIG, -high)

@@ -1,14 +1,15 @@
-"""The whole algebra from Eq. (5) to the curves as one ONNX graph: float64, opset 18, standard operators only.
+"""Builds the whole algebra from Eq. (5) to the curves as one ONNX graph: float64, opset 18, standard operators.
 
-The same steps in the same order as the files of these names in `camssf.curves`, which are the specification.
-Differences of form, none of value:
+The steps and their order are those of the files of the same names in `camssf.recovery`, which are the specification.
+They differ in form, not in value:
 
-- What is known only on the 5-nm nodes stays there: integrals are folded onto them (`fold`), curves unfolded.
-- ONNX has no float64 Cholesky or inverse. `whiten` is one, a Loop over panels of pivots; inverses are L⁻ᵀ L⁻¹ of it.
-- Without lamp modes Σ is a block a patch and of low rank beyond: the blocks are whitened first, the rest by one
-  system of its own size (`Folded.sparse`). With modes it is taken whole (`Folded.dense`).
-- The problems are solved side by side; one that has arrived stands still.
-- No infinities: a bound that does not exist is ±1e300.
+- The algebra works on the 5-nm nodes: integrals are folded onto them (`fold`), curves interpolated (`unfold`).
+- ONNX has no float64 Cholesky or inverse. `whiten` replaces them by a Loop over panels of pivots; inverses are
+  L⁻ᵀ L⁻¹.
+- Without modes Σ is one block a patch plus a low-rank part: the blocks are whitened first, the rest by a system of
+  the size of that rank (`Folded.sparse`). With modes Σ is whitened whole (`Folded.dense`).
+- All problems are solved at once; one that has reached its optimum no longer changes.
+- There are no infinities: a missing bound is ±1e300.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ import onnx
 from onnx import helper
 
 from camssf import __version__
-from camssf.curves.basis import Basis
-from camssf.curves.finish import finish_steps
-from camssf.curves.layers import DEPTH, LAYERS
 from camssf.errors import InvalidArgument
+from camssf.recovery.basis import Basis
+from camssf.recovery.layers import DEPTH, LAYERS
+from camssf.recovery.pivoting import finish_steps
 from camssf_onnx.algebra import D, M, inverse
-from camssf_onnx.finish import finish as walk
+from camssf_onnx.duality_gap import duality_gap as gap_of
+from camssf_onnx.elastic_net import beside, pose
 from camssf_onnx.graph import Graph, Value
 from camssf_onnx.layers import ista, splitting, splitting_weight, unroll
-from camssf_onnx.problem import beside, pose
-from camssf_onnx.proof import gap as gap_of
-from camssf_onnx.sensing import Rows, learned_rows, paper_rows
+from camssf_onnx.linear_model import Rows, learned_rows, paper_rows
+from camssf_onnx.pivoting import pivot_to_optimum as walk
 
 __all__ = ["INPUTS", "IR", "OPSET", "build"]
 
@@ -52,7 +53,7 @@ INPUTS: dict[str, list[str | int]] = {
     "nonnegative": [],
     "prior_scale": [],
 }
-"""Shapes of the inputs, each of which a call must give: an input with a default cannot be set from Java."""
+"""Shapes of the inputs. All are required: an input with a default cannot be set from Java."""
 
 
 def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, finish: bool = True) -> onnx.ModelProto:
@@ -60,11 +61,11 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
 
     Args:
         basis: the basis.
-        iteration, depth: which layers, of `camssf.curves.layers.LAYERS`, and how many.
-        finish: False leaves the layers' answer as it is, proven or not.
+        iteration, depth: name of the layers in `camssf.recovery.layers.LAYERS`, and their number.
+        finish: whether a pivoting walk follows where the layers' gap is too large.
 
     Raises:
-        InvalidArgument: no such layers.
+        InvalidArgument: unknown `iteration`.
     """
     if iteration not in LAYERS:
         raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
@@ -79,7 +80,7 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
     )
     problem = pose((whitened.A, whitened.b), (given["l2"], given["gamma"]), given["nonnegative"], (p, R))
     one = g.constant(np.eye(R))
-    # The layers' weight and the code's posterior covariance in one go.
+    # One call inverts for the code's posterior covariance and for the layers' W.
     wanted = [problem.H + one] if basis.prior else []
     if iteration == "splitting":
         wanted.append(problem.H + splitting_weight(problem) * one)

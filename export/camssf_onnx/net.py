@@ -1,9 +1,9 @@
-"""The unrolled layers in torch, for those who want gradients through them: `camssf.curves.layers`, name by name.
+"""The unrolled layers in torch, differentiable: `camssf.recovery.layers` with the same names.
 
-`UnrolledNet` goes from whitened rows and penalties to x, with a batch of problems in front; each step is
-differentiable by A, b, λ₂ and γ. The shipped models do not come from here: torch's exporter (2.15) has no converter
-for a float64 inverse or an eigenvalue, and none for rows with k and n dynamic, so `model.py` writes the whole graph
-by hand. What it can export is `Layers`, the loop from given weights: a clean graph of a few nodes and a body.
+`UnrolledNet` computes x from whitened rows and penalties of a batch of problems; each step is differentiable by A, b,
+λ₂ and γ. The shipped models are not made here: torch's exporter (2.15) has no converter for a float64 inverse or an
+eigenvalue, and none for rows with k and n dynamic, so `model.py` writes the whole graph by hand. The exporter can
+write `Layers`, the loop from given weights.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import torch
 from torch import while_loop
 
-from camssf.curves.layers import DEPTH, RELAXATION
+from camssf.recovery.layers import DEPTH, RELAXATION
 
 
 class Weights(NamedTuple):
@@ -33,14 +33,14 @@ class Weights(NamedTuple):
 
 
 def splitting(A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor) -> Weights:
-    """The product's layer, from rows of unit covariance A (p, N, r), b (p, N), λ₂ () and γ () or (p,)."""
+    """The default layer, from rows of unit covariance A (p, N, r), b (p, N), λ₂ () and γ () or (p,)."""
     penalty = gamma.expand(len(A)).reshape(-1, 1, 1)  # (p, 1, 1)
     rho = penalty + 2.0 * l2
     eye = torch.eye(A.shape[2], dtype=A.dtype)
     W = torch.linalg.inv(A.mT @ A + rho * eye)
     target = b.unsqueeze(2)
     u = W @ (A.mT @ target)
-    # As in the reference: one step on the residual, since W keeps only the digits that its condition leaves.
+    # As in the reference: one refinement step with the residual, since W loses digits to its condition number.
     Wg = u + W @ (A.mT @ (target - A @ u) - rho * u)
     step = RELAXATION * rho / (rho + l2)
     return Weights(
@@ -63,11 +63,11 @@ def ista(A: torch.Tensor, b: torch.Tensor, l2: torch.Tensor, gamma: torch.Tensor
 
 Constructor = Callable[[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor], Weights]
 CONSTRUCTORS: dict[str, Constructor] = {"splitting": splitting, "ista": ista}
-"""By name, as `camssf.curves.layers.LAYERS`."""
+"""By name, as `camssf.recovery.layers.LAYERS`."""
 
 
 def soft(v: torch.Tensor, theta: torch.Tensor, nonnegative: bool) -> torch.Tensor:
-    """Soft thresholding, with x ≥ 0 where asked."""
+    """Soft thresholding, optionally with x ≥ 0."""
     shrunk = torch.relu(v - theta)
     return shrunk if nonnegative else shrunk - torch.relu(-v - theta)
 
@@ -79,7 +79,7 @@ def layer(weights: Weights, v: torch.Tensor, nonnegative: bool) -> torch.Tensor:
 
 
 class UnrolledNet(torch.nn.Module):
-    """Whitened rows → x after `depth` layers of one kind."""
+    """Computes x from whitened rows by `depth` layers of one kind."""
 
     def __init__(self, iteration: str = "splitting", depth: int = DEPTH, *, nonnegative: bool = False) -> None:
         super().__init__()
@@ -103,7 +103,7 @@ class UnrolledNet(torch.nn.Module):
 
 
 class Layers(torch.nn.Module):
-    """Weights → x, as a loop that torch's exporter writes as one."""
+    """Computes x from weights, in a loop that torch's exporter writes as an ONNX Loop."""
 
     def __init__(self, depth: int = DEPTH, *, nonnegative: bool = False) -> None:
         super().__init__()

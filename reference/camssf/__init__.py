@@ -1,6 +1,6 @@
 """Camera spectral sensitivities, with error bands, from RAW photos of a ColorChecker.
 
-Names load on first use, so that `import camssf` stays light.
+Each public name is imported on first use, so that `import camssf` stays fast.
 """
 
 from __future__ import annotations
@@ -8,41 +8,41 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from camssf.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from camssf.calibration import calibrate as calibrate
-    from camssf.curves.choice import recover as recover
-    from camssf.curves.evidence import Evidence as Evidence
-    from camssf.documents.result import Calibration as Calibration
-    from camssf.documents.shown import Result as Result
     from camssf.errors import CalibrationError as CalibrationError
-    from camssf.evidence.scores import validate as validate
+    from camssf.fit.scores import validate as validate
     from camssf.options import Options as Options
-    from camssf.photo.mosaic import read_dng as read_dng
+    from camssf.photo.find.pose import find_chart as find_chart
     from camssf.photo.patches import measure_patches as measure_patches
-    from camssf.photo.pose import find_chart as find_chart
+    from camssf.photo.read.dng import read_dng as read_dng
     from camssf.photo.signals import normalise as normalise
-
-__version__ = "0.1.0"
+    from camssf.recovery.hypotheses import recover as recover
+    from camssf.recovery.observation import Observation as Observation
+    from camssf.result import Calibration as Calibration
+    from camssf.result import Result as Result
 
 _HOME = {
     "calibrate": "camssf.calibration",
-    "read_dng": "camssf.photo.mosaic",
-    "find_chart": "camssf.photo.pose",
+    "read_dng": "camssf.photo.read.dng",
+    "find_chart": "camssf.photo.find.pose",
     "measure_patches": "camssf.photo.patches",
     "normalise": "camssf.photo.signals",
-    "recover": "camssf.curves.choice",
-    "validate": "camssf.evidence.scores",
-    "Calibration": "camssf.documents.result",
+    "recover": "camssf.recovery.hypotheses",
+    "validate": "camssf.fit.scores",
+    "Calibration": "camssf.result",
     "CalibrationError": "camssf.errors",
-    "Evidence": "camssf.curves.evidence",
+    "Observation": "camssf.recovery.observation",
     "Options": "camssf.options",
-    "Result": "camssf.documents.shown",
+    "Result": "camssf.result",
 }
 
 __all__ = [
     "Calibration",
     "CalibrationError",
-    "Evidence",
+    "Observation",
     "Options",
     "Result",
     "calibrate",

@@ -6,7 +6,7 @@ import sys
 def main() -> int:
     """Run the command line and return its exit status."""
     try:
-        from camssf.cli import main as command_line  # here, since Ctrl-C may come while it loads
+        from camssf.cli import main as command_line  # inside the try: Ctrl-C may come during the import
 
         return command_line()
     except KeyboardInterrupt:

@@ -1,21 +1,21 @@
-"""The only place where the stages meet: photos and lamps in, calibration or refusal out."""
+"""Runs all stages in order, from photos and lamps to a calibration or a refusal."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from camssf.documents.result import Calibration, Refusal
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.evidence.assumptions import assume
-from camssf.evidence.budget import budget
-from camssf.evidence.problem import pose_problem
-from camssf.evidence.reasons import refusal
-from camssf.evidence.rivals import weigh
-from camssf.evidence.unseen import foretell, score
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.cross_validation import cross_validate, score
+from camssf.fit.uncertainty import uncertainty_budget
 from camssf.options import DEFAULTS, Options
 from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
+from camssf.result import Calibration, Refusal
 from camssf.spectra import CameraLike, ChartLike, LightLike, read_camera
+from camssf.verdict.assumptions import assume
+from camssf.verdict.reasons import refusal
+from camssf.verdict.rival_lamps import weigh
 
 Product = TypeVar("Product")
 
@@ -31,21 +31,21 @@ def calibrate(
     truth: CameraLike | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """From RAW photos to the camera's spectral sensitivity: `attempt`, with a refusal raised.
+    """Recover a camera's spectral sensitivities from RAW photos; like `attempt`, but a refusal is raised.
 
     Args:
-        photos: RAW file of each shot (`camssf.photo.raw.read_raw`).
-        lamps: the light of each shot, as `read_lamp` takes it: a name, a file, a SpectralDistribution, a pair of
-            arrays, a Lamp; "auto", or None for all shots, where nobody knows it: the signals then tell its kind, on
-            phones.
-        white, dark: RAW file of each shot's white and dark frame; None where there is none.
-        chart: as `read_chart` takes it: a name, a file, spectra as objects or arrays, a ChartTable.
-        options: all else that can be said.
-        truth: measured curves of this camera, as `read_camera` takes them, to compare with.
-        progress: called with a stage in words and the part done, 0 to 1.
+        photos: RAW file of each shot (`camssf.photo.read.raw.read_raw`).
+        lamps: the light of each shot, as for `read_lamp`: a name, a file, a SpectralDistribution, a pair of arrays, a
+            Lamp; "auto" (or None for all shots) if it is unknown: its kind is then estimated from the signals, for
+            phones only.
+        white, dark: RAW file of each shot's white and dark frame; None if there is none.
+        chart: as for `read_chart`: a name, a file, spectra as objects or arrays, a ChartTable.
+        options: all other settings.
+        truth: measured curves of this camera, as for `read_camera`, to compare with.
+        progress: called with the stage's name and the part done, 0 to 1.
 
     Raises:
-        CalibrationError: refused; `attempt` gives the refusal with its document instead.
+        CalibrationError: refused; `attempt` returns the refusal with its document instead.
     """
     found = attempt(
         photos, lamps, white=white, dark=dark, chart=chart, options=options, truth=truth, progress=progress
@@ -66,7 +66,7 @@ def attempt(
     truth: CameraLike | None = None,
     progress: Progress | None = None,
 ) -> Calibration | Refusal:
-    """`solve(measure(...))`, or what is known where one of them refuses; arguments as in `calibrate`.
+    """Run `solve(measure(...))` and return a Refusal if one of them refuses; arguments as in `calibrate`.
 
     Raises:
         InvalidArgument: the call itself is wrong.
@@ -82,7 +82,7 @@ def attempt(
 
 
 def recorded(stages: Callable[[Record], Product]) -> Product | Refusal:
-    """What the stages give, or, where one of them refuses, why and what they wrote into the record until then.
+    """Run the stages; if one of them refuses, return a Refusal with the error and the record so far.
 
     Raises:
         InvalidArgument: the call itself is wrong.
@@ -104,13 +104,13 @@ def solve(
     progress: Progress | None = None,
     record: Record | None = None,
 ) -> Calibration:
-    """From measured patches to curves, scores and verdict.
+    """Compute curves, scores and verdict from measured patches.
 
     Args:
-        capture: of `measure` or of a patches document.
+        capture: from `measure` or a patches document.
         options: those of solving.
         truth, progress: as in `calibrate`.
-        record: told of the capture; stays behind when this raises.
+        record: receives the capture, so that the caller still has it if this raises.
 
     Raises:
         CalibrationError: a stage or the verdict refuses.
@@ -120,20 +120,20 @@ def solve(
         record.note(capture)
     known = None if truth is None else read_camera(truth)
     tell("solving", 0.9)
-    problem = pose_problem(capture, options)
-    signals = problem.signals
-    ssf = problem.solve(signals.used, options.gamma)
-    asked, problem = problem, problem.settled(ssf)
+    fit = prepare_fit(capture, options)
+    signals = fit.signals
+    ssf = fit.solve(signals.used, options.gamma)
+    free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
-    predicted_std = problem.bands(signals.used, ssf)
-    unseen = foretell(problem, ssf, predicted_std)
-    scores = score(problem, ssf, unseen, known)
-    alone = problem.solve_alone()
-    uncertainty = budget(problem, ssf, alone)
-    verdict = weigh(asked, ssf, alone)
+    predicted_std = fit.bands(signals.used, ssf)
+    unseen = cross_validate(fit, ssf, predicted_std)
+    scores = score(fit, ssf, unseen, known)
+    alone = fit.solve_alone()
+    uncertainty = uncertainty_budget(fit, ssf, alone)
+    verdict = weigh(free_fit, ssf, alone)
     if verdict.status == "refused":
         raise refusal(verdict)
-    level = problem.level(ssf)
+    level = fit.level(ssf)
     return Calibration(
         capture, signals, ssf, level, predicted_std, unseen.values, unseen.std, scores, verdict, known,
         signals.assumptions + assume(capture, ssf, level), uncertainty,

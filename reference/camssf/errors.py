@@ -1,7 +1,7 @@
-"""Every way camssf says no: one tree, one code a leaf, one exit status a family.
+"""All errors of camssf: a tree of classes with one code for each leaf and one exit status for each family.
 
 CalibrationError
-├── InvalidArgument        invalid_argument    2   the call itself is wrong
+├── InvalidArgument        invalid_argument    2   the call itself
 ├── RawError                                   3   the file
 │   ├── UnreadableRaw      unreadable_raw
 │   ├── UnsupportedRaw     unsupported_raw
@@ -18,13 +18,13 @@ CalibrationError
 │   ├── Blurred            blurred
 │   └── Glare              glare
 ├── LampUnfit              lamp_unfit          6   the light
-├── NotConverged           not_converged       7   the solver's own proof failed
-├── CameraUnusual          camera_unusual      8   no basis knows such a camera
-├── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface has
-├── PassportInvalid        passport_invalid   10   a signed document that is not to be trusted
-└── OutOfMemory            out_of_memory      11   the photo is too large for the memory that is left
+├── NotConverged           not_converged       7   the solver's duality gap
+├── CameraUnusual          camera_unusual      8   the camera, unlike those of every basis
+├── ColourOutOfReach       colour_out_of_reach 9   a colour that no surface can have
+├── PassportInvalid        passport_invalid   10   a signed document
+└── OutOfMemory            out_of_memory      11   the photo, too large for the free memory
 
-The codes are the same in Python, Kotlin and JSON. Every error carries an advice: what to do next.
+The codes are the same in Python, Kotlin and JSON. Every error has an advice: what to do next.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class CalibrationError(Exception):
     """A refusal with its reason.
 
     Attributes:
-        code: the word of the vocabulary, the same in every language.
-        exit_status: of the command line, one a family.
-        message: what is wrong, with the file or patch it is about.
+        code: the error code, the same in every language.
+        exit_status: of the command line, one for each family.
+        message: what is wrong, with the file or patch concerned.
         advice: what to do next.
-        value, threshold: the number that decided and the bound it broke, where there is one.
-        reasons, checks: of a verdict that refused; empty where a stage did.
+        value, threshold: the number that decided and the bound that it broke; None if there is none.
+        reasons, checks: those of the verdict if the verdict refused, else empty.
     """
 
     code: ClassVar[str] = "calibration_error"
@@ -73,13 +73,13 @@ class RawError(CalibrationError):
 
 
 class UnreadableRaw(RawError):
-    """Missing, truncated, damaged, or not an image file."""
+    """The file is missing, truncated, damaged, or not an image."""
 
     code = "unreadable_raw"
 
 
 class UnsupportedRaw(RawError):
-    """A sound file in a form that camssf does not read."""
+    """The file is valid, but camssf does not support its format."""
 
     code = "unsupported_raw"
 
@@ -91,13 +91,13 @@ class NotSensorRaw(RawError):
 
 
 class ChartError(CalibrationError):
-    """The chart in the photo, or its table, does not serve."""
+    """The chart in the photo, or its table, cannot be used."""
 
     exit_status = 4
 
 
 class ChartNotFound(ChartError):
-    """No chart of the asked kind lies in the photo, or it is mirrored."""
+    """The photo shows no chart of the requested kind, or shows it mirrored."""
 
     code = "chart_not_found"
 
@@ -109,49 +109,49 @@ class ChartUnfit(ChartError):
 
 
 class CaptureError(CalibrationError):
-    """The photo was taken in a way that carries no answer."""
+    """The photo was taken in a way from which no curves can be recovered."""
 
     exit_status = 5
 
 
 class Overexposed(CaptureError):
-    """Too many samples at the sensor's ceiling."""
+    """Too many samples are clipped."""
 
     code = "overexposed"
 
 
 class Underexposed(CaptureError):
-    """Signals too close to the black level."""
+    """The signals are too close to the black level."""
 
     code = "underexposed"
 
 
 class UnevenLight(CaptureError):
-    """The light falls off across the chart and no white frame corrects it."""
+    """The light varies across the chart and no white frame corrects it."""
 
     code = "uneven_light"
 
 
 class FramesDiffer(CaptureError):
-    """Chart, white and dark frame were not taken alike."""
+    """Chart, white and dark frame were taken with different settings."""
 
     code = "frames_differ"
 
 
 class UnitDiffers(CaptureError):
-    """Photos of different physical cameras or lenses."""
+    """The photos are from different physical cameras or lenses."""
 
     code = "unit_differs"
 
 
 class Blurred(CaptureError):
-    """Neighbouring patches run into each other."""
+    """Neighbouring patches are blurred into each other."""
 
     code = "blurred"
 
 
 class Glare(CaptureError):
-    """Light that no patch reflects lies over the chart."""
+    """Stray light lies over the chart."""
 
     code = "glare"
 
@@ -164,35 +164,35 @@ class LampUnfit(CalibrationError):
 
 
 class NotConverged(CalibrationError):
-    """The duality gap of the answer is not small: there is no curve to trust."""
+    """The duality gap of the answer is too large: the curves cannot be trusted."""
 
     code = "not_converged"
     exit_status = 7
 
 
 class CameraUnusual(CalibrationError):
-    """A camera unlike all that the bases were learned from."""
+    """The camera is unlike all cameras that the bases were learned from."""
 
     code = "camera_unusual"
     exit_status = 8
 
 
 class ColourOutOfReach(CalibrationError):
-    """A colour that no surface has under this lamp, so that the curves cannot carry it."""
+    """No surface can have this colour under this lamp."""
 
     code = "colour_out_of_reach"
     exit_status = 9
 
 
 class PassportInvalid(CalibrationError):
-    """A passport, or a list of what was called back, that is changed, has ended, or is signed by nobody trusted."""
+    """A passport, or a list of revoked ones, was changed, has expired, or is not signed by a trusted key."""
 
     code = "passport_invalid"
     exit_status = 10
 
 
 class OutOfMemory(CalibrationError):
-    """The photo does not fit into the memory that the program may use."""
+    """The photo does not fit into the memory available to the program."""
 
     code = "out_of_memory"
     exit_status = 11

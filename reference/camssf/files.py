@@ -1,4 +1,4 @@
-"""Local paths, and files whole or not at all: written beside their places, then put there."""
+"""Checks that paths are local, and writes files atomically: first to a temporary file, then moved into place."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ KINDS = dict.fromkeys(PHOTO, "a photo (DNG or TIFF)") | {
     b"\x89PNG": "a picture (PNG)", b"\xff\xd8\xff": "a picture (JPEG)", b"PK\x03\x04": "an archive (.npz or .zip)",
     b"PAR1": "Parquet", b"%PDF": "a PDF", b"-----BEGIN": "a key (PEM)", b"<": "a page",
 }  # fmt: skip
-"""Of a file, by its begin."""
+"""Kinds of file by their first bytes."""
 
 
 def kind_of(data: bytes) -> str | None:
-    """What a file is, in words, where it was given in another's place; None where its begin says nothing."""
+    """The kind of a file in words, for error messages; None if its first bytes are not known."""
     return next((words for begin, words in KINDS.items() if data.startswith(begin)), None)
 
 
 def readable(text: str) -> str:
-    """The text as UTF-8 can hold it: U+FFFD for a byte of a file's name that is no UTF-8, and for half a character.
+    """The text with U+FFFD for each lone surrogate, so that it can be encoded as UTF-8.
 
-    Python keeps such bytes as lone surrogates, which no encoding takes.
+    Python represents bytes of a file name that are not UTF-8 as lone surrogates.
     """
     return re.sub("[\ud800-\udfff]", "\ufffd", text)
 
 
 _URL = re.compile(r"\s*([A-Za-z][A-Za-z0-9+.-]+):(//|[/\\])")
-"""The scheme of a URL: two letters or more, so that no drive of Windows is one. A Path holds one / of its two."""
+"""The scheme of a URL: two letters or more, to exclude drives of Windows. A Path reduces the two slashes to one."""
 
 
 def local(path: str | os.PathLike[str]) -> Path:
-    """The path, which is that of a local file or folder. Every function that takes a path calls it.
+    """The path of a local file or folder. Every function with a path argument calls this.
 
     Raises:
         InvalidArgument: it is a URL.
@@ -49,10 +49,10 @@ def local(path: str | os.PathLike[str]) -> Path:
 
 
 def check_local(words: str | os.PathLike[str]) -> None:
-    """The same for words that need be no path: a lamp's name, or `nano24:mine.csv`.
+    """Check that a text is not a URL; it need not be a path: a lamp's name, or `nano24:mine.csv`.
 
     Raises:
-        InvalidArgument: they are a URL.
+        InvalidArgument: it is a URL.
     """
     text = str(words)
     found = _URL.match(text)
@@ -66,10 +66,10 @@ def check_local(words: str | os.PathLike[str]) -> None:
 
 
 def local_folder(path: str | os.PathLike[str]) -> Path:
-    """The path of a folder to write into, which need not be there yet.
+    """The path of a folder to write into; it need not exist yet.
 
     Raises:
-        InvalidArgument: it is a URL, or a file stands in its place or in that of a folder above it.
+        InvalidArgument: it is a URL, or it or one of its parents is a file.
     """
     folder = local(path)
     for each in (folder, *folder.parents):
@@ -84,7 +84,7 @@ def _in_words(error: OSError | ValueError) -> str:
 
 
 def _advice(error: OSError | ValueError) -> str:
-    """What helps against a failure to write."""
+    """Advice for a failure to write."""
     if isinstance(error, IsADirectoryError):
         return "Name a file"
     if isinstance(error, FileNotFoundError):
@@ -95,7 +95,7 @@ def _advice(error: OSError | ValueError) -> str:
 
 
 def write_file(path: Path | str, content: bytes | str) -> None:
-    """Write one file; text as UTF-8. On any failure, Ctrl-C included, what stood there stays.
+    """Write one file; text as UTF-8. On any failure, Ctrl-C included, an existing file stays unchanged.
 
     Raises:
         InvalidArgument: it cannot be written there.
@@ -109,7 +109,7 @@ def write_file(path: Path | str, content: bytes | str) -> None:
         try:
             with os.fdopen(handle, "wb") as stream:
                 _fill(stream.fileno(), content)
-            os.chmod(aside, 0o644)  # mkstemp's 0600 would shut other users out of an installation
+            os.chmod(aside, 0o644)  # with mkstemp's 0600, other users could not read the file
             os.replace(aside, path)
         except BaseException:
             Path(aside).unlink(missing_ok=True)
@@ -121,11 +121,11 @@ def write_file(path: Path | str, content: bytes | str) -> None:
 
 
 def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) -> list[Path]:
-    """Write the files of a folder, all or none; None removes one. On any failure the folder is as it was before.
+    """Write the files of a folder, all or none. On any failure the folder is as it was before.
 
     Args:
-        folder: made where it does not exist.
-        contents: by name; text as UTF-8.
+        folder: created if it does not exist.
+        contents: by name; text as UTF-8; None removes the file.
 
     Returns:
         The files that were written.
@@ -152,7 +152,7 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
 
 
 def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
-    """Write beside, then replace; on failure put the old files back."""
+    """Write to a temporary folder, then move the files into place; on failure restore the old ones."""
     beside = Path(tempfile.mkdtemp(prefix=".camssf-", dir=folder))
     committing = False
     try:
@@ -182,7 +182,7 @@ def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
 
 
 def _fill(handle: int, content: bytes | str) -> None:
-    """All of it, on the disk before anything is replaced by it."""
+    """Write the whole content and flush it to the disk, before it replaces another file."""
     rest = memoryview(readable(content).encode() if isinstance(content, str) else content)
     while rest:
         rest = rest[os.write(handle, rest) :]

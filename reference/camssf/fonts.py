@@ -1,4 +1,4 @@
-"""matplotlib is loaded so that it leaves nothing in the home of someone who does not use it."""
+"""Loads matplotlib without creating its folders in the user's home directory."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _LOADING = Lock()
 
 
 def prepare_matplotlib() -> None:
-    """Before the first import of matplotlib: keep it from leaving folders and a list of fonts with who has none.
+    """Keep matplotlib from creating folders and a font list in the home directory; call before its first import.
 
-    The list is needed while the module loads and never again, so it goes into a folder that is gone at once. Where
-    matplotlib's folders are already there, or MPLCONFIGDIR names one, it keeps its list there as ever.
+    The font list is only needed during the import, so it goes into a temporary folder. If matplotlib's folders
+    already exist, or MPLCONFIGDIR is set, matplotlib uses these as usual.
     """
     with _LOADING:
         if "matplotlib.font_manager" in sys.modules or os.environ.get("MPLCONFIGDIR") or _at_home():
@@ -29,10 +29,10 @@ def prepare_matplotlib() -> None:
 
 
 def _at_home() -> bool:
-    """Whether matplotlib already has its folders, for settings and for caches, where it looks for them."""
+    """Whether matplotlib's folders for settings and for caches already exist."""
     try:
         home = Path.home()
-    except RuntimeError:  # no home, nothing to leave there
+    except RuntimeError:  # there is no home directory
         return False
     if sys.platform.startswith(("linux", "freebsd")):
         settings, caches = (os.environ.get(f"XDG_{name}_HOME") for name in ("CONFIG", "CACHE"))

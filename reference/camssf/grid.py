@@ -1,4 +1,4 @@
-"""The wavelength grid that every spectrum lives on: 380 to 720 nm every 0.5 nm (the paper's)."""
+"""The wavelength grid of every spectrum: 380 to 720 nm every 0.5 nm, as in the paper."""
 
 from __future__ import annotations
 

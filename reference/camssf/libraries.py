@@ -1,4 +1,4 @@
-"""Libraries that not everybody needs: asked for where they are used, and named where they are missing."""
+"""Imports optional libraries when they are used, with advice if one is missing."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from camssf.errors import InvalidArgument
 
 
 def library(name: str, who: str, extra: str) -> Any:
-    """The module of that name.
+    """Import a module of an optional library.
 
     Args:
-        name: of the module; the library's is what stands before its first dot.
-        who: needs it, as a sentence begins.
-        extra: of camssf, which installs it.
+        name: of the module; the part before the first dot is the library's name.
+        who: start of the error message: what needs the library, with its verb.
+        extra: the extra of camssf that installs it.
 
     Raises:
-        InvalidArgument: it is not there.
+        InvalidArgument: it is not installed.
     """
     try:
         return import_module(name)

@@ -1,7 +1,7 @@
-"""data/rules.json: every threshold of the product, the rival lamps, and the words of the verdict.
+"""Reads data/rules.json: all thresholds, the rival lamps, makers' names, and the texts of the verdict.
 
-Python and Kotlin read the one file, so that no number and no sentence stands in two places. docs/verdict.md shows its
-thresholds as a table and describes its form.
+Python and Kotlin read the same file, so that no number and no text is duplicated. docs/verdict.md lists the
+thresholds as a table and describes the file's format.
 """
 
 from __future__ import annotations
@@ -30,13 +30,12 @@ class Number:
     """One number of the rules.
 
     Attributes:
-        name: group and word, "verdict.surprise".
-        value, unit: as it is compared. Whole numbers are int.
-        what, why: what it measures, and why it stands where it stands.
+        name: group and word, for example "verdict.surprise".
+        value, unit: the number and its unit. Whole numbers are int.
+        what, why: what it measures, and why it has this value.
         makes: "doubtful" or "refused" for a bound of the verdict, else None.
-        beyond: "above" or "below", the side on which it does so, else None.
-        refuses: of one that makes doubtful, the name of the bound on the same quantity that refuses; None where there
-            is none.
+        beyond: "above" or "below", the side on which the bound is broken, else None.
+        refuses: for a doubtful bound, the name of the bound on the same quantity that refuses; None if there is none.
     """
 
     name: str
@@ -51,12 +50,12 @@ class Number:
 
 @dataclass(frozen=True)
 class Wording:
-    """What a reason of the verdict says.
+    """The texts of a reason of the verdict.
 
     Attributes:
-        name: of the reason, "veil".
-        code: its word in the vocabulary of `camssf.errors`.
-        limits: the numbers of the group "verdict" that decide: doubtful, and after it refused where there is one.
+        name: of the reason, for example "veil".
+        code: its error code (`camssf.errors`).
+        limits: the numbers of the group "verdict" that decide: the doubtful one, then the refusing one if it exists.
         message, advice: with placeholders.
     """
 
@@ -67,7 +66,7 @@ class Wording:
     advice: str
 
     def say(self, values: Mapping[str, str | float]) -> tuple[str, str]:
-        """Message and advice, the placeholders filled in."""
+        """Message and advice with the placeholders filled in."""
         return fill(self.message, values), fill(self.advice, values)
 
 
@@ -76,9 +75,9 @@ class Rules:
     """The whole file.
 
     Attributes:
-        numbers: by group and word, "signals.clipped".
-        rivals: lamps tried in the place of the named one.
-        makers: beginnings of makers' names, in small letters, that speak for a basis.
+        numbers: by group and word, for example "signals.clipped".
+        rivals: lamps tried in place of the named one.
+        makers: for each basis, beginnings of makers' names that make it more probable, in lower case.
         reasons: by name.
     """
 
@@ -91,15 +90,15 @@ class Rules:
         """A number by group and word.
 
         Raises:
-            InvalidArgument: the file lacks it.
+            InvalidArgument: the file does not contain it.
         """
         return float(self._found(name).value)
 
     def whole(self, name: str) -> int:
-        """A number that counts.
+        """A whole number by group and word.
 
         Raises:
-            InvalidArgument: it is no whole number.
+            InvalidArgument: the file does not contain it, or it is not a whole number.
         """
         value = self._found(name).value
         _need(isinstance(value, int), f"{name} is {value}, which is no whole number")
@@ -112,7 +111,7 @@ class Rules:
 
 @cache
 def rules() -> Rules:
-    """The rules that this installation carries.
+    """The rules of this installation.
 
     Raises:
         InvalidArgument: the file is missing or damaged.
@@ -125,10 +124,10 @@ def rules() -> Rules:
 
 
 def parse(text: str) -> Rules:
-    """Rules from the file's text; unknown and missing keys are errors.
+    """Parse the file's text; unknown and missing keys are errors.
 
     Raises:
-        InvalidArgument: the text is no such file.
+        InvalidArgument: the text is not valid.
     """
     try:
         document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
@@ -154,7 +153,7 @@ def parse(text: str) -> Rules:
 
 
 def fill(template: str, values: Mapping[str, str | float]) -> str:
-    """A template with its placeholders filled in.
+    """Fill in the placeholders of a template.
 
     Raises:
         KeyError: a placeholder has no value.
@@ -183,7 +182,7 @@ def _number(name: str, entry: Any) -> Number:
 
 
 def _check_graver(number: Number, numbers: Mapping[str, Number]) -> None:
-    """What a doubtful bound names as the one that refuses must be a bound in the same unit, on the same side."""
+    """Check that the refusing bound named by a doubtful bound has the same unit and side."""
     if number.refuses is None:
         return
     graver = numbers.get(f"{number.name.partition('.')[0]}.{number.refuses}")

@@ -1,4 +1,4 @@
-"""Commands from photos: calibrate, batch, and the simulated ones, demo and simulate."""
+"""Commands that start from photos: calibrate and batch; and with simulated photos: demo and simulate."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ FAULTS = (
     "faded, glare, hot-pixels, mirrored, motion, printed, shading, shadow, specular, swapped, tone-mapped, "
     "two-lamps, underexposed, upside-down, vignetting, vintage, wall, white-lamp, white-level, wrong-lamp, wrong-type"
 )
-"""Those of `camssf.simulation.faults`, which is not loaded to print the help."""
+"""Names in `camssf.simulation.faults`, repeated here so that the help does not load it."""
 AGAIN = "Once the causes are mended, run the same command again: what is done is not done again."
 STOPPED = "Run the same command again to resume: what is done is not done again."
 MOST_MODELS = 20
-"""Of a batch's summary on the terminal; the JSON has all."""
+"""Largest number of models in a batch's summary on the terminal; the JSON has all."""
 DEMO_SIZE = (1800, 1350)
 DEMO_CAMERA = "Nikon 5100 (NPL)"
 
@@ -66,9 +66,9 @@ def demo(
 ) -> None:
     """Simulate, calibrate, compare with truth."""
     from camssf.calibration import attempt
-    from camssf.documents.beside import taken
-    from camssf.documents.report import report
     from camssf.options import Options
+    from camssf.report.build import report
+    from camssf.report.provenance import read_provenance
     from camssf.simulation.frames import simulate as photograph
     from camssf.simulation.scene import Scene
 
@@ -92,14 +92,15 @@ def demo(
         )
         document = result.document()
         progress("writing the report", 0.95)
-        report(document, result.previews, beside=taken([shot.chart])).save(out)
+        report(document, result.previews, provenance=read_provenance([shot.chart])).save(out)
     summarise(document, out / "report.html")
     finish(document)
 
 
 def _check_demo(out: Path) -> None:
-    """Raise where a demo would replace the result of a real capture."""
-    from camssf.documents.report import holds_result, read_document
+    """Raise InvalidArgument if a demo would replace the result of a real capture."""
+    from camssf.documents.result_json import read_document
+    from camssf.report.build import holds_result
     from camssf.simulation.dng import MAKE
 
     if not holds_result(local_folder(out)):
@@ -134,9 +135,9 @@ def calibrate(
 ) -> None:
     """RAW photos of a chart to the camera's curves."""
     from camssf.calibration import attempt
-    from camssf.documents.beside import taken
-    from camssf.documents.report import report, verdict_in
     from camssf.options import Options
+    from camssf.report.build import report, verdict_in
+    from camssf.report.provenance import read_provenance
 
     if out is not None:
         local_folder(out)
@@ -172,7 +173,7 @@ def calibrate(
             emit(document)
         else:
             progress("writing the report", 0.95)
-            page = report(document, result.previews, beside=taken(photos))
+            page = report(document, result.previews, provenance=read_provenance(photos))
             if document["verdict"]["status"] == "doubtful" and verdict_in(out) == "accepted":
                 say("", f"{out} held an accepted result; this doubtful one takes its place")
             page.save(out)
@@ -253,7 +254,7 @@ def batch(
 
 @contextmanager
 def _resumable() -> Iterator[None]:
-    """Say after Ctrl-C that a batch resumes."""
+    """On Ctrl-C print how to resume the batch."""
     try:
         yield
     except KeyboardInterrupt:
@@ -261,8 +262,8 @@ def _resumable() -> Iterator[None]:
         raise
 
 
-def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], **how: Any) -> None:
-    """Into a registry; its summary as JSON on stdout."""
+def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], **settings: Any) -> None:
+    """Run a batch into a registry; print its summary as JSON on stdout."""
     from camssf.fleet.manifest import Manifest
     from camssf.fleet.registry import Registry
     from camssf.fleet.stream import run_stream, summary_json
@@ -273,7 +274,7 @@ def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], 
             out,
             Registry(registry, new=True),
             progress=progress,
-            **how,
+            **settings,
         )
     emit(summary_json(found))
     models = sorted(found.by_model.items(), key=lambda each: (-each[1].total(), each[0]))
@@ -328,7 +329,7 @@ def simulate(
     For each lamp a chart, a white and a dark frame; and truth.csv and corners.json.
     """
     from camssf.simulation.camera import Sensor
-    from camssf.simulation.faults import strike
+    from camssf.simulation.faults import apply_fault
     from camssf.simulation.frames import simulate as photograph
     from camssf.simulation.scene import Scene
 
@@ -352,7 +353,7 @@ def simulate(
             ),
             sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
             seed=seed,
-            change=None if fault is None else strike(fault, 2 if severity is None else severity),
+            change=None if fault is None else apply_fault(fault, 2 if severity is None else severity),
         )
     shots = [
         {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}

@@ -1,4 +1,4 @@
-"""The command that sees colour through a result, and converts between two cameras."""
+"""The command that computes standard colour with a result, and converts signals between two cameras."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Of a photo: regions to measure, and how."""
+class _ColourRequest:
+    """The regions of a photo to measure, and how."""
 
     photo: str
     regions: Sequence[str]
@@ -34,7 +34,7 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Measured:
-    """What regions of a photo gave."""
+    """Measured regions of a photo: their signals and standard errors, and the white reference."""
 
     signals: Floats
     errors: Floats
@@ -105,7 +105,7 @@ def colour(
                 "A colour is that of a photo's region through a result.",
                 "Name the result and the photo; or --from and --to to convert between two cameras.",
             )
-        asked = _Asked(photo, region or (), white_region, white_reflectance, dark, lens_shading)
+        asked = _ColourRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
         _standard(document, asked, lamp, observer, adapt)
         return
     if source is None or to is None:
@@ -120,22 +120,22 @@ def colour(
             "Signals to convert come either from a photo or from --signal.",
             "Give a photo with --region and --white-region, or --signal r,g,b, or neither.",
         )
-    asked = _Asked(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
+    asked = _ColourRequest(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
     _between(source, to, asked, signal or [], lamp)
 
 
-def _standard(document: str, asked: _Asked, lamp: str | None, observer: str, adapt: str) -> None:
+def _standard(document: str, request: _ColourRequest, lamp: str | None, observer: str, adapt: str) -> None:
     from camssf.colour.camera import camera_of_result
     from camssf.colour.document import colour_document
     from camssf.colour.reach import REACH, check_reach
     from camssf.colour.standard import View, standard_colour
     from camssf.exports import read_result as read_curves
 
-    if not asked.regions or asked.white_region is None:
+    if not request.regions or request.white_region is None:
         raise _no_region()
     view, result = View(observer, adapt), _read(document)
     camera, curves = camera_of_result(result), read_curves(result)
-    found = _measured(asked, result["camera"], curves.camera)
+    found = _measured(request, result["camera"], curves.camera)
     told = curves.lamps[0] if lamp is None else lamp
     colours = standard_colour(camera, told, found.signals, found.errors, reference=found.reference, view=view)
     about = {
@@ -146,7 +146,7 @@ def _standard(document: str, asked: _Asked, lamp: str | None, observer: str, ada
     }
     emit(colour_document(colours, found.signals, found.errors, found.regions, found.white, about))
     for number, (lab, spread) in enumerate(zip(colours.lab, colours.lab_covariance, strict=True), 1):
-        if not colours.reach[number - 1] > REACH:  # NaN: so many that nobody asked
+        if not colours.reach[number - 1] > REACH:  # NaN: reach is not computed for many regions
             words = " ".join(
                 f"{name} {value:.1f} ± {1.96 * size:.1f}"
                 for name, value, size in zip(("L*", "a*", "b*"), lab, spread.diagonal() ** 0.5, strict=True)
@@ -155,7 +155,7 @@ def _standard(document: str, asked: _Asked, lamp: str | None, observer: str, ada
     check_reach(colours.reach)
 
 
-def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str | None) -> None:
+def _between(source: str, to: str, request: _ColourRequest, signal: list[str], lamp: str | None) -> None:
     import numpy as np
 
     from camssf.colour.between import convert
@@ -170,7 +170,7 @@ def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str |
     results = [_read(each) for each in (source, to)]
     ours, theirs = (camera_of_result(result) for result in results)
     one, other = (read_curves(result) for result in results)
-    found = _measured(asked, results[0]["camera"], one.camera) if asked.photo else None
+    found = _measured(request, results[0]["camera"], one.camera) if request.photo else None
     y = np.array(given, dtype=np.float64).reshape(-1, 3) if found is None else found.signals
     error = np.zeros(y.shape) if found is None else found.errors
     told = one.lamps[0] if lamp is None else lamp
@@ -200,7 +200,7 @@ def _between(source: str, to: str, asked: _Asked, signal: list[str], lamp: str |
 
 
 def _read(source: str) -> dict[str, Any]:
-    """A result, or the excerpt that a passport holds, whose errors are known less well."""
+    """A result, or the excerpt in a passport, which has no covariance; prints a warning for the latter."""
     result = read_result(source, excerpt=True)
     if "excerpt" in result:
         say(
@@ -219,39 +219,39 @@ def _no_region() -> InvalidArgument:
     )
 
 
-def _measured(asked: _Asked, camera: dict[str, str], name: str) -> _Measured:
-    """Signals of the photo's regions in units of a perfect diffuser.
+def _measured(request: _ColourRequest, camera: dict[str, str], name: str) -> _Measured:
+    """Signals of the photo's regions, relative to a perfect diffuser.
 
     Args:
-        asked: what was asked of it.
-        camera: make and model of the result.
-        name: of that camera.
+        request: the regions and how to measure them.
+        camera: make and model in the result.
+        name: the camera's name for messages.
     """
     from camssf.colour.regions import against, measure_regions
     from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
     from camssf.errors import FramesDiffer
-    from camssf.photo.raw import read_raw
+    from camssf.photo.read.raw import read_raw
 
-    if asked.white_region is None:
+    if request.white_region is None:
         raise _no_region()
     rectangles = [
-        parse_rectangle("--white-region", asked.white_region),
-        *(parse_rectangle("--region", each) for each in asked.regions),
+        parse_rectangle("--white-region", request.white_region),
+        *(parse_rectangle("--region", each) for each in request.regions),
     ]
-    mosaic = read_raw(asked.photo)
+    mosaic = read_raw(request.photo)
     if any(
         ours and theirs and ours != theirs
         for ours, theirs in ((camera["make"], mosaic.make), (camera["model"], mosaic.model))
     ):
         raise FramesDiffer(
-            f"{asked.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
+            f"{request.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
             "Calibrate that camera; each has its own curves.",
         )
-    dark = None if asked.dark is None else read_raw(asked.dark)
-    white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=asked.lens_shading)
-    share = parse_share(asked.white_reflectance)
+    dark = None if request.dark is None else read_raw(request.dark)
+    white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=request.lens_shading)
+    share = parse_share(request.white_reflectance)
     reflectance = 1.0 if share is None else share
     y, error = against(found, white, reflectance)
     reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
-    about = {"name": Path(asked.photo).name, "sha256": mosaic.sha256}
+    about = {"name": Path(request.photo).name, "sha256": mosaic.sha256}
     return _Measured(y, error, found, white, reference, reflectance, about)

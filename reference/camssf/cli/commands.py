@@ -1,4 +1,4 @@
-"""The command line: its commands in the order of its help, and one exit status for each error family."""
+"""The command line: lists the commands in the order of the help, and maps errors to exit statuses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from camssf import __version__
 from camssf.cli.captures import batch, calibrate, demo, simulate
 from camssf.cli.colour import colour
 from camssf.cli.exports import export
@@ -20,6 +19,7 @@ from camssf.cli.registry import registry
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.version import __version__
 
 COMMANDS = (
     (demo, "camssf demo -o out/"),
@@ -42,7 +42,7 @@ COMMANDS = (
     (charts, "camssf charts"),
     (cameras, "camssf cameras"),
 )
-"""Each with an example for its help."""
+"""Each command with an example for its help."""
 
 app = typer.Typer(
     name="camssf",
@@ -56,7 +56,7 @@ app = typer.Typer(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status; no exception leaves it."""
+    """Run the command line and return its exit status; catches all exceptions."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
     try:
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.exit_status
     except Exception as error:
         trace(debug)
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # where click writes, as --help
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # from click's own printing, as --help
             discard_stdout()
             say(f"[bold red]{InvalidArgument.code}[/]: ", f"{os.strerror(errno.ENOSPC)}.")
             say("", "  Free some space, or write elsewhere.")
@@ -86,8 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(wanted: bool) -> None:
+    if wanted:
         put(f"camssf {__version__}")
         raise typer.Exit
 
@@ -99,7 +99,7 @@ def _camssf(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
 ) -> None:
-    # `main` takes --debug out of the arguments, wherever it stands; it is declared here for --help.
+    # `main` removes --debug from the arguments; it is declared here for --help only.
     del version, debug
 
 

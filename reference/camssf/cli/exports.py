@@ -12,7 +12,7 @@ from camssf.cli.reading import read_result, spare
 from camssf.cli.terminal import say
 
 FORMATS = "rawtoaces, dcamprof, spectacle, csv, dcp, icc, clf, colour"
-"""Those of `camssf.exports.formats`, which is not loaded to print the help."""
+"""Names in `camssf.exports.formats`, repeated here so that the help does not load it."""
 
 
 def export(

@@ -1,4 +1,4 @@
-"""Commands beside the calibration: direct, parity, and the lists of names."""
+"""Further commands: direct, parity, explain, and the lists of lamps, charts and cameras."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def direct(
         names = " ".join(line.name for line in dispersion.lines)
         say("", f"{role}: {len(dispersion.lines)} lines ({names}), residual {dispersion.residual:.2f} nm")
     if known is not None:
-        from camssf.evidence.scores import rmse
+        from camssf.fit.scores import rmse
 
         errors = " ".join(f"{value:.4f}" for value in rmse(found.values, known.values))
         say("", f"RMSE against the truth, red green blue: {errors}")
@@ -102,9 +102,9 @@ def parity(
 
     Says which stage differs first; exits with 1 where one does.
     """
+    from camssf.compare.parity import cause, first
+    from camssf.compare.parity import parity as compare
     from camssf.options import Options
-    from camssf.parity import cause, first
-    from camssf.parity import parity as compare
 
     with progress_bar() as progress:
         findings = compare(
@@ -149,7 +149,7 @@ def explain(
     ] = None,
 ) -> None:
     """Say what an error code means and what to do."""
-    from camssf.evidence.codes import as_text, codes, explain_code
+    from camssf.error_codes import as_text, codes, explain_code
 
     put(as_text(explain_code(code)) if code is not None else "\n".join(codes()))
 
@@ -188,8 +188,8 @@ def cameras(
         lines = [(name, name.split()[0], read_camera(name).source.rpartition(" (")[2]) for name in camera_names()]
         put("\n".join("\t".join((*words, source.removesuffix(")"))) for *words, source in lines))
         return
-    from camssf.documents.nearest import nearest, nearest_document
     from camssf.exports import read_result as read_curves
+    from camssf.report.nearest import nearest, nearest_document
 
     document = read_result(result, excerpt=True)
     found, curves = nearest(document)[:count], read_curves(document)

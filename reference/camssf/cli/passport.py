@@ -1,4 +1,4 @@
-"""Signed results: camssf passport key, sign, verify, show, revoke."""
+"""Commands for signed results: camssf passport key, sign, verify, show, revoke."""
 
 from __future__ import annotations
 
@@ -87,15 +87,15 @@ def sign(
     whoever needs all of it; its SHA-256 is signed.
     """
     from camssf.documents.keys import read_private
-    from camssf.documents.passport import Said, draw_up
+    from camssf.documents.passport import PassportRequest, create_passport
     from camssf.documents.passport import sign as signed
-    from camssf.documents.report import LARGEST_DOCUMENT
+    from camssf.documents.result_json import LARGEST_DOCUMENT
     from camssf.files import write_file
-    from camssf.photo.unit import Unit
+    from camssf.photo.read.unit import Unit
 
     check_captured(captured)
     data = read_bytes(result, LARGEST_DOCUMENT)
-    said = Said(
+    said = PassportRequest(
         unit=Unit(serial=serial, camera_id=camera_id, lens=lens),
         captured=captured,
         chart_serial=chart_serial,
@@ -103,7 +103,7 @@ def sign(
         days=days,
         begins=parse_time(begins),
     )
-    found = draw_up(data, said, photos=given_paths("--photo", photo or []))
+    found = create_passport(data, said, photos=given_paths("--photo", photo or []))
     signature = signed(found, read_private(key, _passphrase(passphrase)))
     write_file(spare(out, result, key, *(photo or ())), signature)
     _tell(found)
@@ -134,7 +134,7 @@ def verify(
     from camssf.documents.keys import read_public
     from camssf.documents.passport import as_document
     from camssf.documents.passport import verify as verified
-    from camssf.documents.report import LARGEST_DOCUMENT
+    from camssf.documents.result_json import LARGEST_DOCUMENT
 
     data, trusted, now = read_received(received), read_public(key), parse_time(at)
     found = verified(
@@ -223,7 +223,7 @@ def _passphrase(path: Path | None) -> bytes | None:
 
 
 def _tell(found: Passport) -> None:
-    """Who and when, in words."""
+    """Print the unit, the status and the time of validity."""
     unit = found.unit
     words = [unit.make, unit.model, unit.camera_id, unit.lens, unit.serial and f"serial {unit.serial}"]
     verdict = found.result.get("verdict")

@@ -1,4 +1,4 @@
-"""What was given on the command line, on standard input and in files, read and checked."""
+"""Reads and checks arguments of the command line, standard input and files."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
 from camssf.files import check_local, local
 
 if TYPE_CHECKING:
-    from camssf.documents.beside import Signature
+    from camssf.report.provenance import Signature
 
 PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
-"""The formats of the documents that travel down a pipe."""
+"""Formats of the documents that commands pass through pipes."""
 
 CORNERS = "camssf-corners/1"
 LARGEST_CORNERS = 1 << 20
-"""Bytes: four points each of thousands of photos."""
+"""Bytes; enough for four points in each of thousands of photos."""
 
 
 def given_paths(word: str, paths: list[str]) -> list[str]:
-    """Paths, none of them empty; `word` is what the command line calls them."""
-    if not all(path.strip() for path in paths):  # "" would mean this folder: often a shell variable that is not set
+    """The paths, checked not to be empty or URLs; `word` is their name on the command line."""
+    if not all(path.strip() for path in paths):  # "" would mean this folder; often it is an unset shell variable
         raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
     for path in paths:
         check_local(path)
@@ -34,19 +34,19 @@ def given_paths(word: str, paths: list[str]) -> list[str]:
 
 
 def spare(out: Path, *sources: str | Path) -> Path:
-    """The file to write, which is none of those that are read, and belongs to no result in its folder.
+    """The file to write, checked not to overwrite an input or a file of a result in its folder.
 
     Raises:
-        InvalidArgument: it is one of them, or does.
+        InvalidArgument: it would overwrite one.
     """
-    from camssf.documents.report import NAMES
+    from camssf.report.build import NAMES
 
     if out.name in NAMES and (out.parent / NAMES[0]).is_file():
         raise InvalidArgument(f"{out} belongs to the result in {out.parent}.", "Give -o another name.")
     for source in sources:
         try:
             same = str(source) != "-" and out.samefile(source)
-        except OSError:  # one of the two is not there
+        except OSError:  # one of the two does not exist
             same = False
         if same:
             raise InvalidArgument(f"{out} is read here, and would be lost.", "Give -o another name.")
@@ -54,17 +54,17 @@ def spare(out: Path, *sources: str | Path) -> Path:
 
 
 def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
-    """Paths, None for the word `none`."""
+    """The paths, with None for the word `none`."""
     return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
 
 
 def parse_corners(texts: list[str] | None, photos: list[str]) -> list[Any] | None:
-    """For each photo (4, 2) corners, None for the word `none`. A file corners.json alone serves all photos."""
+    """(4, 2) corners for each photo, None for the word `none`; a single .json file applies to all photos."""
     if texts is None:
         return None
     if len(texts) == 1 and _names_a_file(texts[0]):
         texts = texts * len(photos)
-    named = [*photos, *[""] * len(texts)]  # too many are counted elsewhere
+    named = [*photos, *[""] * len(texts)]  # too many corners are reported elsewhere
     return [_corners(text, photo) for text, photo in zip(texts, named, strict=False)]
 
 
@@ -79,7 +79,7 @@ def _corners(text: str, photo: str) -> Any:
 
 
 def _stored(path: str, photo: str) -> list[list[float]]:
-    """The corners of a photo in a file that `simulate` wrote, or an app in its form."""
+    """The corners of a photo from a file in the format CORNERS, as `simulate` writes it."""
     try:
         with open(local(path), "rb") as stream:
             content = stream.read(LARGEST_CORNERS + 1)
@@ -126,7 +126,7 @@ def _four(text: str) -> list[list[float]]:
 
 
 def parse_patches(text: str | None) -> tuple[int, ...] | None:
-    """`7-18` or `1,4,7-18` → patch numbers from 1."""
+    """Patch numbers (from 1) from `7-18` or `1,4,7-18`."""
     if text is None:
         return None
     numbers: dict[int, None] = {}
@@ -141,7 +141,7 @@ def parse_patches(text: str | None) -> tuple[int, ...] | None:
 
 
 def parse_share(text: str | None) -> float | None:
-    """A reflectance; whether it can be one is for the stage to say."""
+    """A reflectance as a number; its range is checked later."""
     if text is None:
         return None
     try:
@@ -154,7 +154,7 @@ def parse_share(text: str | None) -> float | None:
 
 
 def parse_percent(option: str, text: str | None) -> float | None:
-    """`8%`, or 0.08; whether it can be is for the stage to say."""
+    """0.08 from `8%` or `0.08`; the range is checked later."""
     if text is None:
         return None
     try:
@@ -164,7 +164,7 @@ def parse_percent(option: str, text: str | None) -> float | None:
 
 
 def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]:
-    """`x,y,w,h` in pixels."""
+    """A rectangle from `x,y,w,h`, px."""
     try:
         x, y, w, h = (float(number) for number in text.split(","))
     except ValueError:
@@ -175,7 +175,7 @@ def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]
 
 
 def parse_signal(text: str) -> tuple[float, float, float]:
-    """`r,g,b`, raw over that of white."""
+    """Signals from `r,g,b`: raw above black, divided by that of white."""
     try:
         r, g, b = (float(number) for number in text.split(","))
     except ValueError:
@@ -186,7 +186,7 @@ def parse_signal(text: str) -> tuple[float, float, float]:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """`4000x3000` → width and height, px."""
+    """Width and height, px, from `4000x3000`."""
     found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())
     if not found:
         raise InvalidArgument(f"--size {text!r} is not a size.", "Write width x height, for example 4000x3000.")
@@ -194,7 +194,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidArgument) -> bytes:
-    """What lies in a file or comes on stdin; `fault` is raised where it is nothing, or more than so many bytes."""
+    """The bytes of a file or of stdin; raises `fault` if they are empty or more than `most`."""
     name = name_of(source)
     try:
         if source == "-":
@@ -218,14 +218,14 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
 
 
 def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
-    """The JSON document in a file or on stdin, of the wanted format; or, if that may be, a refused result."""
-    from camssf.documents.report import LARGEST_DOCUMENT
+    """The JSON document of format `wanted` in a file or on stdin; with `refusal` a refused result too."""
+    from camssf.documents.result_json import LARGEST_DOCUMENT
 
     return _document(read_bytes(source, LARGEST_DOCUMENT), name_of(source), wanted, refusal=refusal)
 
 
 def _document(data: bytes, name: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
-    from camssf.documents.report import parse_json
+    from camssf.documents.result_json import parse_json
 
     document = parse_json(data, name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
@@ -243,25 +243,25 @@ def _refused(document: dict[str, Any]) -> bool:
 
 
 def read_result(source: str, *, excerpt: bool = False) -> dict[str, Any]:
-    """A result document, checked against its form; if that will do, the excerpt that a passport holds."""
+    """A result document, checked against its schema; with `excerpt` the excerpt in a passport too."""
     return read_result_bytes(source, excerpt=excerpt)[0]
 
 
 def read_result_bytes(source: str, *, excerpt: bool = False) -> tuple[dict[str, Any], bytes]:
-    """A result document, checked against its form, and the very bytes that hold it."""
-    from camssf.documents.report import LARGEST_DOCUMENT, check_document
+    """A result document, checked against its schema, and its bytes."""
+    from camssf.documents.result_json import LARGEST_DOCUMENT, check_document
 
     data, name = read_bytes(source, LARGEST_DOCUMENT), name_of(source)
     return check_document(_document(data, name, RESULT), name, excerpt=excerpt), data
 
 
 def name_of(source: str) -> str:
-    """What messages call a file, or standard input."""
+    """The name of a file, or of standard input, for messages."""
     return "standard input" if source == "-" else source
 
 
 def parse_time(text: str | None) -> datetime | None:
-    """ISO 8601; without an offset the time of this computer's clock."""
+    """A time from ISO 8601; without an offset it is local time."""
     if text is None:
         return None
     try:
@@ -271,10 +271,10 @@ def parse_time(text: str | None) -> datetime | None:
 
 
 def check_captured(text: str) -> None:
-    """Raise unless this is a time that has passed, a day for time zones and clocks aside; "" is none.
+    """Check that a time is not in the future, with a tolerance of one day for time zones and clocks; "" passes.
 
     Raises:
-        InvalidArgument: it is not.
+        InvalidArgument: the text is not a time, or it is in the future.
     """
     time = parse_time(text or None)
     if time is not None and time > datetime.now().astimezone() + timedelta(days=1):
@@ -282,9 +282,9 @@ def check_captured(text: str) -> None:
 
 
 def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
-    """Pictures of the shots, each from the very file that the result was made from."""
-    from camssf.documents.previews import photo_preview
-    from camssf.photo.raw import read_raw
+    """Previews of the shots from the photos; each must be the file that the result was made from."""
+    from camssf.photo.read.raw import read_raw
+    from camssf.report.previews import photo_preview
 
     shots, previews = result["shots"], []
     if len(photos) > len(shots):
@@ -303,10 +303,10 @@ def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | Non
 
 
 def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Path | None) -> Signature:
-    """The passport of that result: verified by the keys, or, where there are none, only read."""
-    from camssf.documents.beside import Signature
+    """The passport of the result: verified with the keys, or only read if there are none."""
     from camssf.documents.keys import read_public
     from camssf.documents.passport import check_belongs, read, verify
+    from camssf.report.provenance import Signature
 
     data = read_received(source)
     passport, key = read(data)
@@ -323,14 +323,14 @@ def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Pa
 
 
 def read_received(source: str) -> bytes:
-    """A passport, or what was printed of one; what cannot be one is `passport_invalid`."""
+    """The bytes of a passport, or of a document that contains one; raises PassportInvalid if too large or empty."""
     from camssf.documents.passport import LARGEST_PRINTED
 
     return read_bytes(source, LARGEST_PRINTED, PassportInvalid)
 
 
 def read_list(source: Path | None, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
-    """What a signed list calls back; nothing without a list."""
+    """The names that a signed list revokes; empty without a list."""
     from camssf.documents.revocations import LARGEST_LIST, read_revoked
 
     if source is None:

@@ -1,4 +1,4 @@
-"""Many results: camssf registry add, list, compare, learn, export."""
+"""Commands for many results: camssf registry add, list, compare, learn, export."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from camssf import __version__
 from camssf.cli.options import CameraId, Captured, Lens
 from camssf.cli.reading import check_captured, given_paths, name_of, read_bytes, read_list, read_result
 from camssf.cli.terminal import PARTED, UNDECIDED, emit, progress_bar, put, say
 from camssf.errors import InvalidArgument
+from camssf.version import __version__
 
 if TYPE_CHECKING:
     from camssf.fleet.drift import UnitDrift
     from camssf.fleet.learn import Judgement
 
 STATUSES = ("accepted", "doubtful", "refused")
-"""Of results; what failed has none."""
+"""Statuses of results; a failed job has no result."""
 
 registry = typer.Typer(
     name="registry",
@@ -62,11 +62,11 @@ def add(
     ] = None,
 ) -> None:
     """Add results; a registry that is missing is made."""
-    from camssf.documents.report import LARGEST_DOCUMENT, check_document, parse_json
+    from camssf.documents.result_json import LARGEST_DOCUMENT, check_document, parse_json
     from camssf.fleet.compare import many
     from camssf.fleet.registry import MANY_FILES, Registry
     from camssf.fleet.rows import Origin, row
-    from camssf.photo.unit import Unit
+    from camssf.photo.read.unit import Unit
 
     check_captured(captured)
     found, rows, read, passports = Registry(folder, new=True), [], [], []
@@ -94,7 +94,7 @@ def add(
         added = _from_passport(data, folder, path, (key or [], revoked), whole)
         signed[added.key] = added
     for path, data, document in read:
-        if hashlib.sha256(data).hexdigest() not in signed:  # else its passport says the same, and more
+        if hashlib.sha256(data).hexdigest() not in signed:  # else the row of its passport replaces it
             unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
             rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
     rows += signed.values()
@@ -105,7 +105,7 @@ def add(
 
 
 def _kind_of(data: bytes) -> str:
-    """A file that was given in a result's place, in words."""
+    """The kind of a file that is no result, in words."""
     from camssf.files import kind_of
 
     return kind_of(data) or ("text" if data.isascii() and b"\0" not in data else "a binary file")
@@ -118,7 +118,7 @@ def _from_passport(
     trust: tuple[list[Path], Path | None],
     whole: dict[str, tuple[bytes, dict[str, Any]]],
 ) -> Any:
-    """The row of a passport: of the whole result, if that is given too, else of the excerpt in it."""
+    """The row of a passport, from the whole result if that is given too, else from the excerpt."""
     from camssf.documents.keys import read_public
     from camssf.documents.passport import check_belongs, verify
     from camssf.fleet.rows import Origin, row
@@ -241,7 +241,7 @@ def compare(
             _document("spread")
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}
         )
-        size = spread.seen if spread.between is None else spread.between
+        size = spread.observed if spread.between is None else spread.between
         what = "units and calibrations together" if spread.between is None else "unit to unit"
         say("", f"standard deviation from {what}, parts of the peak (95 % interval)")
         for colour, s, low, high in zip(("red", "green", "blue"), size, spread.low, spread.high, strict=True):
@@ -253,7 +253,7 @@ def compare(
 
 
 def _say_left_out(left_out: dict[str, int]) -> None:
-    """Results whose status does not count."""
+    """Print the numbers of results left out because of their status."""
     from camssf.fleet.compare import counts_in_words
 
     if left_out:
@@ -278,7 +278,7 @@ def _drift_document(serial: str, drift: UnitDrift) -> dict[str, Any]:
 
 
 def _say_drift(drift: UnitDrift) -> None:
-    """The outcome, the features that drift, and each result that was left out."""
+    """Print the outcome, the features that drift, and each result that was left out."""
     from camssf.fleet.drift import ADVICE, FEATURES, NO_UNIT
 
     first = drift.features[0]
@@ -345,15 +345,15 @@ def learn(
     seen. JSON on stdout; `camssf calibrate --basis FILE` takes the file.
     """
     from camssf.fleet.compare import ACCEPTED
-    from camssf.fleet.learn import Asked, learn_basis
+    from camssf.fleet.learn import LearnRequest, learn_basis
     from camssf.fleet.registry import Registry
 
     if out.suffix != ".npz":
         raise InvalidArgument(f"The basis file {out} does not end in .npz.", "Give it this ending.")
     statuses = ("accepted", "doubtful") if doubtful else ACCEPTED
-    asked = Asked(basis, make, model, camera_id, statuses, table, licence, leave)
+    request = LearnRequest(basis, make, model, camera_id, statuses, table, licence, leave)
     with progress_bar() as progress:
-        lesson = learn_basis(Registry(folder), asked, progress=progress)
+        lesson = learn_basis(Registry(folder), request, progress=progress)
     lesson.save(out)
     emit(lesson.document())
     for reason, count in lesson.left_aside.items():
@@ -364,7 +364,7 @@ def learn(
 
 
 def _say_judgement(found: Judgement) -> None:
-    """Whether the basis would have helped, with its interval and what that rests on."""
+    """Print whether the basis helps, with the interval and the number of groups."""
     if found.nats is None:
         say("whether it helps is unknown: ", f"it needs results of at least 2 {found.left_out}s, and there is 1")
         return

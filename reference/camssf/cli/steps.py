@@ -1,4 +1,4 @@
-"""Commands of single steps, joined by pipes: patches, solve, validate, report."""
+"""Commands for single steps, to be joined by pipes: patches, solve, validate, report."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def patches(
 ) -> None:
     """Measure the patches: JSON for `solve`."""
     from camssf.calibration import recorded
-    from camssf.documents.patches import patches_document
+    from camssf.documents.patches_json import patches_document
     from camssf.options import Options
     from camssf.photo.capture import Capture, Record, measure
 
@@ -106,12 +106,12 @@ def solve(
     """
     from camssf.calibration import recorded
     from camssf.calibration import solve as run
-    from camssf.documents.patches import read_patches
+    from camssf.documents.patches_json import read_patches
     from camssf.options import Options
 
     given = read_json(document, PATCHES, refusal=True)
     if given["format"] == RESULT:
-        from camssf.documents.report import check_document
+        from camssf.documents.result_json import check_document
 
         pass_on(check_document(given, name_of(document)))
         return
@@ -143,7 +143,7 @@ def validate(
     """
     result = read_result(document)
     if "ssf" in result and truth is not None:
-        from camssf.documents.result import compare
+        from camssf.documents.result_json import compare
         from camssf.spectra import read_camera
 
         compare(result, read_camera(truth))
@@ -187,8 +187,8 @@ def report(
     ] = None,
 ) -> None:
     """Write result.json, ssf.csv, ssf.png and report.html."""
-    from camssf.documents.beside import taken
-    from camssf.documents.report import report as render
+    from camssf.report.build import report as render
+    from camssf.report.provenance import read_provenance
 
     local_folder(out)
     if passport is None and (key or revoked):
@@ -196,16 +196,16 @@ def report(
     with progress_bar() as progress:
         result, data = read_result_bytes(document)
         previews = read_previews(result, photo or [])
-        beside = replace(
-            taken(photo or []),
+        provenance = replace(
+            read_provenance(photo or []),
             signature=None if passport is None else read_signature(passport, data, key or [], revoked),
             other=None if compare is None else read_result(compare),
             other_name="" if compare is None else name_of(compare),
         )
-        if beside.other is not None and "ssf" not in beside.other:
+        if provenance.other is not None and "ssf" not in provenance.other:
             raise InvalidArgument(f"{compare} was refused: it has no curves.", "Compare with a result that has some.")
         progress("writing the report", 0.5)
-        written = render(result, previews, beside=beside).save(out)
+        written = render(result, previews, provenance=provenance).save(out)
     summarise(result, written[-1])
     if kept := kept_in(out, written):
         say("", kept.rstrip())

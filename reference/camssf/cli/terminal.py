@@ -1,4 +1,4 @@
-"""What the user sees: data on stdout, words and progress on stderr, exit statuses."""
+"""Terminal output: data on stdout, messages and progress on stderr, exit statuses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from camssf.errors import CalibrationError, InvalidArgument, RawError
 from camssf.files import readable
 
 if TYPE_CHECKING:
-    from camssf.documents.result import Refusal
+    from camssf.result import Refusal
 
 Product = TypeVar("Product")
 
@@ -28,25 +28,25 @@ BATCH_FAILED = PARTED = 1
 UNDECIDED = 12
 INTERRUPTED = 130
 BUG = 70
-"""Exit statuses beside those of `camssf.errors`: a batch with failures or two results that differ, a drift that
-nobody can tell because the newest result was left out, Ctrl-C, and sysexits' EX_SOFTWARE."""
+"""Exit statuses in addition to those of `camssf.errors`: a batch with failures, or two results that differ; an
+undecided drift because the newest result was left out; Ctrl-C; and sysexits' EX_SOFTWARE."""
 
 PROGRESS_AFTER = 2.0
-"""Seconds of silence before a progress bar appears."""
+"""Seconds before a progress bar appears."""
 
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-"""What a terminal obeys instead of showing it; names of files may hold it."""
+"""Control characters, which file names may contain and a terminal would obey."""
 
 
 def emit(document: dict[str, Any]) -> None:
-    """A document on stdout, as one line of JSON."""
+    """Write a document to stdout as one line of JSON."""
     text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
-    # JSON is UTF-8, whatever the terminal's coding
+    # If stdout is not UTF-8, use ASCII with escapes, which is valid JSON in any encoding.
     put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
 
 
 def put(text: str) -> None:
-    """Lines on stdout, now: a full disk must not pass unseen. A pipe that closed is the command line's to answer."""
+    """Write text to stdout and flush it, so that a full disk raises here; click handles a closed pipe."""
     if sys.stdout is None:
         raise InvalidArgument("Standard output is closed.", "Leave it open, or name a folder by -o.")
     try:
@@ -67,7 +67,7 @@ def _coding() -> str:
 
 
 def discard_stdout() -> None:
-    """What is left in the buffer goes nowhere, or Python tries once more at its end and complains."""
+    """Redirect stdout to the null device; otherwise Python would try to flush its buffer again at exit."""
     with suppress(OSError, ValueError, AttributeError):
         stdout = sys.stdout.fileno()
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -76,20 +76,20 @@ def discard_stdout() -> None:
 
 
 def pass_on(document: dict[str, Any]) -> None:
-    """A result for the next command, its summary for the reader, and a refusal's exit status."""
+    """Write a result to stdout and its summary to stderr; exit with the status of a refusal."""
     emit(document)
     summarise(document, None)
     finish(document)
 
 
 def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str] = ()) -> Product:
-    """The product; a refusal leaves what it knows, as files or on stdout, and is raised.
+    """Return the product; for a refusal write what is known, to files or stdout, and raise its error.
 
-    Where a file is missing or is no RAW nothing is known, and no file is written.
+    No file is written if an input is missing or not RAW, because then nothing is known.
     """
-    from camssf.documents.beside import taken
-    from camssf.documents.report import report
-    from camssf.documents.result import Refusal
+    from camssf.report.build import report
+    from camssf.report.provenance import read_provenance
+    from camssf.result import Refusal
 
     if not isinstance(found, Refusal):
         return found
@@ -99,24 +99,24 @@ def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str]
         elif isinstance(found.error, RawError):
             say("", f"Nothing was written to {out}.")
         else:
-            written = report(found.document(), found.previews, beside=taken(photos)).save(out)
+            written = report(found.document(), found.previews, provenance=read_provenance(photos)).save(out)
             say("", f"{kept_in(out, written)}What is known of this capture lies in {written[-1]}")
-    except InvalidArgument as lost:  # the refusal itself matters more
+    except InvalidArgument as lost:  # report it, but raise the refusal
         say("", f"{lost.message} {lost.advice}")
     raise found.error
 
 
 def kept_in(out: Path, written: Sequence[Path]) -> str:
-    """That an earlier result was kept, where a refused one was written below it; else nothing."""
+    """A sentence that an earlier result was kept, if a refused one was written below it; else ""."""
     return "" if written[0].parent == out else f"The result in {out} was kept as it is. "
 
 
 def summarise(document: dict[str, Any], page: Path | None) -> None:
-    """A table of the result on stderr; `page` is the report that was written."""
+    """Print a summary of the result on stderr; `page` is the path of its report."""
     from rich.table import Table
 
-    from camssf.documents.choice import choice_of
-    from camssf.documents.light import light_in_words, lights_of
+    from camssf.documents.basis_choice import choice_of
+    from camssf.documents.unnamed_light import light_in_words, lights_of
 
     scores, verdict = document.get("scores") or {}, document["verdict"]
     table = Table("", "red", "green", "blue", title=literal(_title(document)), title_justify="left")
@@ -155,7 +155,7 @@ def _title(document: dict[str, Any]) -> str:
 
 
 def finish(document: dict[str, Any]) -> None:
-    """A refused document ends in its family's exit status."""
+    """Exit with the error's status if the document is a refusal."""
     verdict = document["verdict"]
     if verdict["status"] == "refused":
         codes = [reason["code"] for reason in verdict["reasons"]]
@@ -170,32 +170,32 @@ def _exit_status(code: str) -> int:
 
 
 def stderr() -> Any:
-    """The console for words."""
+    """The console on stderr."""
     from rich.console import Console
 
     return Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def literal(text: str) -> str:
-    """Text whose brackets are no markup."""
+    """The text with markup escaped and control characters replaced."""
     from rich.markup import escape
 
     return escape(_STEERING.sub("\ufffd", readable(text)))
 
 
 def say(markup: str, text: str) -> None:
-    """Words on stderr; `text` is taken literally."""
+    """Print on stderr; `text` is taken literally."""
     stderr().print(f"{markup}{literal(text)}")
 
 
 def trace(debug: bool) -> None:
-    """The traceback, for those who asked for it."""
+    """Print the traceback if `debug`."""
     if debug:
         traceback.print_exc()
 
 
 class _Bar:
-    """A progress bar that shows itself only on a terminal and on work longer than PROGRESS_AFTER."""
+    """A progress bar, shown only on a terminal and after PROGRESS_AFTER seconds."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -237,7 +237,7 @@ class _Bar:
 
 @contextmanager
 def progress_bar() -> Iterator[_Bar]:
-    """Something to call with a stage in words and the part done."""
+    """A progress bar, to be called with the name of a stage and the fraction done."""
     bar = _Bar()
     try:
         yield bar

@@ -1,4 +1,4 @@
-"""Curves + lamp → colour: raw signals to CIE XYZ and Lab, with what is not known of them."""
+"""Converts raw signals to CIE XYZ and Lab with their covariance, from a camera's curves and a lamp."""
 
 from __future__ import annotations
 

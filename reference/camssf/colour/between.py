@@ -1,7 +1,7 @@
-"""Two cameras and a lamp → what one would have seen of what the other saw, with what is not known of it.
+"""Converts one camera's signals to another camera's under a lamp, with their covariance.
 
-As for standard colour the lamp and both cameras' curves give the signals of 190 real surfaces; between the two sets
-stands a matrix or a root-polynomial that keeps white, whichever misses less on surfaces left out.
+As for standard colour, the lamp and both cameras' curves give the signals of 190 real surfaces. A matrix or a
+root-polynomial that keeps white is fitted between the two sets; cross-validation chooses which.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from camssf.spectra.surfaces import surfaces
 WHITE: Floats = np.ones(3)
 WHITE.setflags(write=False)
 DIGITS = 9
-"""Kinds that miss equally to so many decimals are equal: the one with fewer terms is taken."""
+"""Two kinds whose errors agree to this many decimals count as equal; the one with fewer terms is used."""
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """White-balanced signals of one camera to another's, under a lamp.
+    """A transform of one camera's white-balanced signals to another's, under a lamp.
 
     Attributes:
         lamp: its name.
-        kind: of `camssf.colour.KINDS`.
-        coefficients: (p, 3) of the other's red, green, blue; each column sums to 1, so white stays white.
-        matrix: (3, 3) the same of kind "matrix", for formats that hold no more.
-        rms: root mean square of what each kind misses on surfaces that the fit had not seen; white is 1.
+        kind: one of `camssf.colour.KINDS`.
+        coefficients: (p, 3) for the target's red, green, blue; each column sums to 1, so white stays white.
+        matrix: (3, 3) coefficients of kind "matrix", for formats that hold only a matrix.
+        rms: root mean square error of each kind in cross-validation; white is 1.
         signals: (n, 3) of the surfaces.
-        residual: (n, 3) what the chosen kind misses on each, over `level`.
-        whites: (2, 3) raw signals of white under the lamp relative to green, of the one and of the other camera; NaN
-            where nothing ties a camera's channels together.
+        residual: (n, 3) error of the chosen kind in cross-validation, divided by `level`.
+        whites: (2, 3) raw signals of white under the lamp relative to green, of the source and of the target camera;
+            NaN where a camera's own white is not known.
     """
 
     lamp: str
@@ -55,22 +55,23 @@ class Conversion:
     whites: Floats
 
     def apply(self, signals: Floats) -> Floats:
-        """Signals (..., 3) of the other camera; white is 1, 1, 1 in both."""
+        """Signals (..., 3) of the target camera; white is 1, 1, 1 in both."""
         return terms(signals, self.kind) @ self.coefficients
 
 
 @dataclass(frozen=True)
 class Converted:
-    """m signals as the other camera would have given them.
+    """m signals of one camera, converted to another's.
 
     Attributes:
         signals: (m, 3), white-balanced.
         covariance: (m, 3, 3).
-        parts: what it is the sum of, of `camssf.colour.PARTS`, (m, 3, 3) each; "curves" are both cameras'.
-        lamps: names of the lamps that were weighed, and their weights.
-        conversions: of each lamp, in that order.
-        reach: (m,) how far the signals lie from those that any surface gives the one camera, in standard deviations.
-        surprise: χ² of the reference's ratios under the likeliest lamp; None where they were not asked.
+        parts: the terms of the covariance by name (`camssf.colour.PARTS`), (m, 3, 3) each; "curves" is for both
+            cameras.
+        lamps: names of the lamps that were compared, and their weights.
+        conversions: for each lamp, in that order.
+        reach: (m,) distance of the source's signals from those that any surface can give, in standard deviations.
+        surprise: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
     """
 
     signals: Floats
@@ -92,22 +93,22 @@ def convert(
     reference: Reference | None = None,
     kind: str | None = None,
 ) -> Converted:
-    """Signals of one camera as another would have given them in the same light.
+    """Convert one camera's signals to those of another camera in the same light.
 
-    The two cameras' errors are taken to be independent, unless both are the same result: then they are the same
-    errors, and the conversion is the identity without any.
+    The errors of the two cameras' curves are assumed independent. If both are the same result, the errors are the
+    same and cancel: the conversion is then the identity.
 
     Args:
-        source: that the signals are of: a result, its document, or a Camera.
-        target: that they are wanted of.
+        source: the camera that measured the signals: a result, its document, or a Camera.
+        target: the camera to convert to.
         lamp: as in `standard_colour`.
-        signals, standard_error: as in `standard_colour`; (0, 3) where the conversion alone is wanted.
-        reference: what was divided by.
+        signals, standard_error: as in `standard_colour`; (0, 3) if only the conversion is needed.
+        reference: the white or grey surface that the raw signals were divided by.
         kind: of transform; chosen by cross-validation unless given.
 
     Raises:
-        InvalidArgument: values that do not fit; "auto" without a reference, or a camera without its own white; curves
-            that carry no colour.
+        InvalidArgument: invalid values; "auto" without a reference, or a camera without its own white; curves from
+            which no conversion can be computed.
         LampUnfit: the reference's raw ratios contradict the lamp.
     """
     if kind is not None and kind not in KINDS:
@@ -116,7 +117,7 @@ def convert(
     source, target = as_camera(source), as_camera(target)
     y, error = checked_signals(signals, standard_error)
     try:
-        with np.errstate(all="ignore"):  # what came out is checked
+        with np.errstate(all="ignore"):  # the results are checked below
             seen = lights(source, lamp, given)
             answers = [_converted(light, source, target, y, error, given, kind) for light in seen]
             evidence = np.array([light.log_evidence for light in seen])
@@ -141,7 +142,7 @@ def _nothing() -> InvalidArgument:
 def _converted(
     light: Light, source: Camera, target: Camera, y: Floats, error: Floats, given: Reference, kind: str | None
 ) -> Converted:
-    """Under one lamp."""
+    """The signals converted under one lamp."""
     shared = np.array_equal(source.values, target.values) and np.array_equal(source.modes, target.modes)
     other = light.curves if shared else target.values
     conversion = _conversion(light, source, target, other, kind)
@@ -166,7 +167,7 @@ def _converted(
 
 
 def _conversion(light: Light, source: Camera, target: Camera, other: Floats, kind: str | None) -> Conversion:
-    """Fitted to the surfaces; the kind by what it misses on those left out."""
+    """Fit the conversion to the surfaces; cross-validation chooses the kind."""
     for curves in (light.curves, other):
         seen = light.power @ curves
         if not (np.isfinite(seen).all() and (seen > 0).all()):
@@ -191,9 +192,9 @@ def _white(camera: Camera, power: Floats) -> Floats:
 
 
 def _steps(light: Light, other: Floats, modes: Floats | None, y: Floats, kind: str) -> Floats:
-    """How the answer (K, m, 3) moves by one standard deviation of each error: lamp, source's curves, target's.
+    """Change of the result (K, m, 3) by one standard deviation of each error: lamp, source curves, target curves.
 
-    `modes` (q, 681, 3) are the target's own; None where its curves are the source's, errors and all.
+    `modes` (q, 681, 3) are those of the target's curves; None if source and target are the same.
     """
     power, curves = light.power_modes, light.curve_modes
     if modes is None:
@@ -217,7 +218,7 @@ def _steps(light: Light, other: Floats, modes: Floats | None, y: Floats, kind: s
 
 
 def _mixed(answers: Sequence[Converted], weights: Floats) -> Converted:
-    """One answer of several, by the law of total variance; what they differ by belongs to the lamp."""
+    """Mix the answers by the law of total variance; their differences count as lamp error."""
     if len(answers) == 1:
         return answers[0]
 

@@ -1,4 +1,4 @@
-"""Result or ssf → camera: curves, and the directions in which they may be off."""
+"""Cameras for colour computations: curves and the modes of their errors, from a result or an Ssf."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from camssf.curves.basis import Basis, read_basis, widened
-from camssf.curves.covariance import smooth_errors
-from camssf.curves.sensing import anchor
-from camssf.curves.ssf import Ssf, moves_of_peak_one
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.covariance import smooth_errors
+from camssf.recovery.linear_model import anchor
+from camssf.recovery.sensitivity import Ssf, moves_of_peak_one
 from camssf.spectra import Lamp, read_lamp
 
 BAND_CORRELATION = 10.0
-"""Length over which errors of a curve are taken to be alike where only its band is known, nm. What the photos fix of
-the curves are integrals, so true errors change sign; longer lengths overrate colour's uncertainty even more."""
+"""Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
+true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
 SAME_BAND = 0.02
-"""Largest difference between a document's bands and those that its covariance gives, in parts of the largest."""
+"""Largest difference between a document's bands and those that its covariance gives, relative to the largest band."""
 LEAST = 1e-6
-"""Directions that hold less than this share of the largest one's variance are left out."""
+"""Modes with less than this share of the largest mode's variance are left out."""
 
 
 @dataclass(frozen=True)
 class OwnWhite:
-    """What the calibration saw of white: it ties the three channels' scales together.
+    """The calibration's raw white, which fixes the relative scale of the three channels.
 
     Attributes:
         raw: (3,) white signal of each channel relative to green.
@@ -41,15 +41,15 @@ class OwnWhite:
 
 @dataclass(frozen=True)
 class Camera:
-    """Curves for colour.
+    """A camera's curves and the modes of their errors.
 
     Attributes:
         name: of the camera or of the result.
         values: (681, 3), each channel's peak = 1.
-        modes: (q, 681, 3) directions in which they may be off, each one standard deviation long and independent of
-            the others; (0, 681, 3) for curves that are taken to be exact.
-        own: the calibration's white; None where it is not known.
-        whole: the modes give the whole covariance, and not the bands alone.
+        modes: (q, 681, 3) independent error modes, each one standard deviation long; (0, 681, 3) for curves that are
+            assumed exact.
+        own: the calibration's white; None if it is not known.
+        whole: True if the modes come from the whole covariance, False if only from the bands.
     """
 
     name: str
@@ -77,14 +77,14 @@ class HasDocument(Protocol):
 
 
 ColourCamera: TypeAlias = Camera | HasDocument | Mapping[str, Any]
-"""What colour is asked of: a Camera, a result, or a result's document."""
+"""What the colour functions accept as a camera: a Camera, a result, or a result's document."""
 
 
 def as_camera(given: ColourCamera) -> Camera:
-    """The camera of whatever holds one.
+    """The camera of a Camera, a result or a result's document.
 
     Raises:
-        InvalidArgument: it holds none, or the result was refused.
+        InvalidArgument: it is none of these, or the result was refused.
     """
     if isinstance(given, Camera):
         return given
@@ -99,13 +99,13 @@ def as_camera(given: ColourCamera) -> Camera:
 
 
 def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = None) -> Camera:
-    """The answer of `recover` with its whole covariance.
+    """The camera of an answer of `recover`, with its whole covariance.
 
     Args:
         ssf: on a basis with a prior.
         basis: that basis.
-        white: (681,) ρ_w L of the first shot, as in the evidence: what the basis was anchored to.
-        own: the calibration's white, where raw frames are known.
+        white: (681,) ρ_w L of the first shot, as in the observation: the basis was anchored to it.
+        own: the calibration's white, if raw frames are known.
 
     Raises:
         InvalidArgument: an answer without a covariance.
@@ -117,11 +117,11 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
 
 
 def camera_of_result(document: dict[str, Any]) -> Camera:
-    """The curves of a result document.
+    """The camera of a result document.
 
-    Their modes come from the document's covariance where its basis and the lamp of its first shot are at hand, else
-    from its bands: errors are then taken to be smooth over BAND_CORRELATION and independent between the channels,
-    which makes colours look about twice as uncertain as they are. `own` needs that lamp, too.
+    The modes come from the document's covariance if its basis and the lamp of its first shot are available. Else they
+    come from its bands: errors are then assumed smooth over BAND_CORRELATION and independent between the channels,
+    which about doubles the stated uncertainty of colours. `own` also needs that lamp.
 
     Raises:
         InvalidArgument: a refused result.
@@ -136,7 +136,7 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
         lamp = read_lamp(document["shots"][0]["lamp"]["name"])
         raw = np.array(document["channel_gain"], dtype=np.float64)
         own = OwnWhite(raw, lamp) if ((raw > 0) & (lamp.values @ values > 0)).all() else None
-    except CalibrationError:  # a lamp that was measured into a file: what ties the channels is not known
+    except CalibrationError:  # a lamp from a file that is not available: the channels' relative scale is unknown
         own = None
     if std is None:
         return Camera(name, values, np.zeros((0, *values.shape)), own)
@@ -148,7 +148,7 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
 
 
 def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, white: Floats) -> Floats | None:
-    """Modes from the document's covariance; None where it has none, or its basis is not the one at hand."""
+    """Modes from the document's covariance; None if it has none, or if its basis differs from the installed one."""
     triangle = document.get("code_covariance")
     try:
         basis = widened(read_basis(document["basis"]), document.get("prior_scale", 1.0))
@@ -160,9 +160,9 @@ def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, w
     covariance = np.zeros((size, size))
     covariance[np.tril_indices(size)] = triangle
     covariance = covariance + np.tril(covariance, -1).T
-    with np.errstate(all="ignore"):  # of a covariance that belongs to other curves: it is compared, not believed
+    with np.errstate(all="ignore"):  # the covariance may belong to another basis; this is checked below
         modes = modes_of_code(values, covariance, basis, white)
-        # The document's own bands say whether basis and covariance belong together.
+        # The document's own bands show whether basis and covariance belong together.
         found = np.sqrt(np.sum(modes**2, axis=0))
     return modes if np.abs(found - band).max() < SAME_BAND * band.max() else None
 
@@ -170,7 +170,7 @@ def _modes_of_document(document: dict[str, Any], values: Floats, band: Floats, w
 def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:
     """(q, 681, 3) modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
 
-    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ: that gives the curves' scale.
+    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ; this gives the curves' scale.
     """
     anchored = anchor(basis, white)
     curves = values.T * ((anchored.mean @ white) / (values.T @ white))[:, None]
@@ -201,7 +201,7 @@ def _stack(curves: dict[str, Any]) -> Floats:
 
 
 def _largest(modes: Floats) -> Floats:
-    """The same covariance by as few directions as matter, the largest first."""
+    """The modes reduced to principal ones, the largest first; those below LEAST are left out."""
     shape = modes.shape
     _, size, axes = np.linalg.svd(modes.reshape(len(modes), -1), full_matrices=False)
     kept = size**2 > LEAST * size[0] ** 2 if size[0] > 0 else np.zeros(size.shape, dtype=bool)

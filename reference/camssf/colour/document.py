@@ -1,6 +1,6 @@
-"""Colours → "camssf-colour/1", conversions → "camssf-between/1": plain data.
+"""Writes colours as "camssf-colour/1" and conversions as "camssf-between/1".
 
-Their forms are data/colour.schema.json and data/between.schema.json.
+Their schemas are data/colour.schema.json and data/between.schema.json.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from camssf import __version__
 from camssf.colour.between import Conversion, Converted
 from camssf.colour.indices import Quality
 from camssf.colour.reach import REACH
 from camssf.colour.regions import Region
 from camssf.colour.standard import Colours
 from camssf.grid import Floats
+from camssf.version import __version__
 
 FORMAT = "camssf-colour/1"
 BETWEEN = "camssf-between/1"
@@ -29,11 +29,11 @@ def colour_document(
     """The document of colours measured in a photo.
 
     Args:
-        colours: m of them.
-        signals, errors: (m, 3) that they were made from.
+        colours: m colours.
+        signals, errors: (m, 3) signals and standard errors that the colours were computed from.
         regions: where these were measured.
         white: the reference.
-        about: `result`, `photo` and `reference` as the schema has them, `lamp` as it was asked for.
+        about: `result`, `photo` and `reference` as in the schema, `lamp` as the user gave it.
     """
     return {
         "format": FORMAT,
@@ -82,12 +82,13 @@ def _region(colours: Colours, signals: Floats, errors: Floats, region: Region, i
 
 
 def between_document(found: Converted, signals: Floats, errors: Floats, about: dict[str, Any]) -> dict[str, Any]:
-    """The document of signals of one camera as another's.
+    """The document of signals converted from one camera to another.
 
     Args:
-        found: m of them.
-        signals, errors: (m, 3) that they were made from.
-        about: `from`, `to` and `photo` as the schema has them, `lamp` as it was asked for, `regions` (m) or None.
+        found: m converted signals.
+        signals, errors: (m, 3) signals and standard errors that were converted.
+        about: `from`, `to` and `photo` as in the schema, `lamp` as the user gave it, `regions`: m entries, each a
+            rectangle or None.
     """
     return {
         "format": BETWEEN,

@@ -1,4 +1,4 @@
-"""Curves → how well they suit colour at all: the Luther condition and the sensitivity metamerism index."""
+"""Colorimetric quality of a camera's curves: the Luther condition and the sensitivity metamerism index."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from camssf.spectra.surfaces import observer
 
 SMI_LAMP = "D55"
 SMI_PATCHES = 18
-"""The chart's colours; its six greys are left out."""
+"""The chart's chromatic patches; its six greys are left out."""
 SMI_SLOPE = 5.5
 
 
@@ -24,11 +24,11 @@ class Quality:
     """How close a camera is to an observer.
 
     Attributes:
-        luther: share of the observer's power, 0 to 1, that no matrix of the three curves gives; 0 where the Luther
-            condition holds.
-        vora: Vora and Trussell's value of the set of curves, 0 to 1; 1 where the Luther condition holds.
-        smi: sensitivity metamerism index, 100 less 5.5 times the mean ΔE*ab of the ColorChecker's 18 colours under
-            D55 through the best matrix; 100 is an observer, negative values exist.
+        luther: share of the squared norm of the observer's functions, 0 to 1, outside the span of the three curves;
+            0 if the Luther condition holds.
+        vora: Vora and Trussell's value of the set of curves, 0 to 1; 1 if the Luther condition holds.
+        smi: sensitivity metamerism index: 100 minus 5.5 times the mean ΔE*ab of the ColorChecker's 18 colours under
+            D55 through the best matrix; 100 is an ideal observer, negative values are possible.
         matrix, polynomial: the two transforms under `lamp`.
         lamp: its name.
     """
@@ -62,7 +62,7 @@ def quality_of(curves: Floats, lamp: str = "D65", name: str = "1931") -> Quality
 
 
 def _metamerism(curves: Floats, functions: Floats) -> float:
-    """ISO 17321-1's index. The matrix is fitted by least squares in XYZ, white kept."""
+    """The index of ISO 17321-1. The matrix is fitted by least squares in XYZ and keeps white."""
     power = read_lamp(SMI_LAMP).values
     patches = read_chart("classic24").values[:SMI_PATCHES]
     y, target = signals_of(patches, power, curves), xyz_of(patches, power, functions)

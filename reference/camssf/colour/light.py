@@ -1,8 +1,8 @@
-"""Camera, lamp and a raw white → what is known of both together.
+"""Joint posterior of the lamp and the curves, given the raw signals of a white or grey reference.
 
-A camera whose own white is known sees in the raw ratios of a white or grey reference what light fell on it: two
-numbers. They are evidence of the lamp's modes, of its smooth error, and of the curves; all are conditioned on them
-at once, by Gauss-Newton steps, since ln of a sum is not quite linear.
+If the camera's own white is known, the two raw ratios of the reference depend on the light. The lamp's modes, its
+smooth error and the curves' modes are conditioned on them jointly, by Gauss-Newton steps, because the logarithm of a
+sum is not linear.
 """
 
 from __future__ import annotations
@@ -12,29 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.colour.camera import Camera
-from camssf.curves.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.curves.sensing import DARKEST
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.recovery.linear_model import DARKEST
 from camssf.spectra import Lamp
 
 STEPS = 4
 OWN_WHITE = 0.01
-"""Relative error of the calibration's own white ratios, beside its lamp's: its target, drift, noise."""
+"""Relative error of the calibration's own white ratios by target, drift and noise; its lamp's error is added."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """Lamp and curves as far as they are known, and the directions in which both may be off.
+    """Posterior mean of a lamp and a camera's curves, with their joint error modes.
 
     Attributes:
         name: of the lamp.
-        power: (681,) expected.
-        curves: (681, 3) expected.
+        power: (681,) posterior mean.
+        curves: (681, 3) posterior mean.
         power_modes: (K, 681) absolute.
-        curve_modes: (K, 681, 3) absolute; the same K errors.
-        of_lamp: how many of the K, the first ones, vanish where the lamp is known.
-        log_evidence: ln of the density of the reference's ratios; 0 where there are none.
-        surprise: χ² of these ratios, two degrees of freedom; None where there are none.
+        curve_modes: (K, 681, 3) absolute, of the same K errors.
+        of_lamp: how many of the K errors come from the lamp; they are the first ones.
+        log_evidence: ln of the density of the reference's ratios; 0 without them.
+        surprise: χ² of these ratios, two degrees of freedom; None without them.
     """
 
     name: str
@@ -48,13 +48,13 @@ class Light:
 
 
 def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float = 0.0) -> Light:
-    """What is known of the light.
+    """Condition lamp and curves on the reference's raw ratios.
 
     Args:
         camera: with its modes.
-        lamp: as it was told, with its tolerance and modes.
-        ratios: (2,) ln of the reference's raw red and blue over its green; None where there is no reference, or
-            nothing to compare it with.
+        lamp: as named, with its tolerance and modes.
+        ratios: (2,) ln of the reference's raw red and blue over its green; None without a usable reference. They are
+            ignored if the camera's own white is not known.
         error: one standard deviation of them.
     """
     modes = lamp_modes(lamp)
@@ -72,7 +72,7 @@ def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float =
         covariance = np.eye(p + q) - gain @ slope
         surprise = float(off @ np.linalg.solve(spread, off))
         log_evidence = -0.5 * (surprise + float(np.linalg.slogdet(2.0 * np.pi * spread)[1]))
-    root = np.linalg.cholesky(0.5 * (covariance + covariance.T))  # the lamp's first: later columns move no lamp
+    root = np.linalg.cholesky(0.5 * (covariance + covariance.T))  # lamp first: later columns do not change the lamp
     return Light(
         lamp.name, lamp.values * _bend(modes, mean[:p]), _curves(camera, mean[p:]),
         (modes.T @ root[:p]).T * lamp.values, np.einsum("qmc,qk->kmc", camera.modes, root[p:]),
@@ -81,13 +81,13 @@ def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float =
 
 
 def lamp_modes(lamp: Lamp) -> Floats:
-    """(p, 681) directions in which a lamp may be off, relative to it: its modes, and its smooth error."""
+    """(p, 681) error modes of a lamp, relative to its power: its own modes, and its smooth error."""
     smooth = lamp.tolerance * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
     return np.concatenate([lamp.modes, smooth]) if lamp.tolerance > 0 else lamp.modes
 
 
 def _ratios(camera: Camera, lamp: Lamp, modes: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
-    """Expected ln ratios (2,), their slopes (2, p + q) at a point, and the covariance of what is not in the modes."""
+    """Expected ln ratios (2,) at a point, their derivatives (2, p + q), and the covariance of the other errors."""
     assert camera.own is not None
     p = len(modes)
     curves, power = _curves(camera, at[p:]), lamp.values * _bend(modes, at[:p])

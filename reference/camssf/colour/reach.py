@@ -1,4 +1,4 @@
-"""Signals → how far they lie from what any surface could give under the lamp."""
+"""Distance of signals from those that any surface can give under the lamp."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from camssf.colour.light import Light
-from camssf.curves.basis import fold
 from camssf.errors import ColourOutOfReach
 from camssf.grid import Floats
+from camssf.recovery.basis import fold
 
 REACH = 4.0
-"""Standard deviations from the nearest reflectance between 0 and 1: by chance 1 in 1,000 of three numbers."""
+"""Limit of the distance, in standard deviations; chance exceeds it once in 1,000 for three numbers."""
 MOST = 64
-"""Colours that are asked one by one; of more than these the question is not asked."""
+"""Number of colours above which no distances are computed."""
 
 
 def distances(y: Floats, covariance: Floats, light: Light) -> Floats:
-    """(m,) standard deviations between signals (m, 3) and the nearest that a reflectance from 0 to 1 gives.
+    """(m,) distances, in standard deviations, of signals (m, 3) from the nearest ones of a reflectance from 0 to 1.
 
-    min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R straight between 5-nm nodes, A the light as the curves see it, white 1.
-    NaN where there are more colours than MOST: a live picture is not the place to ask.
+    min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R linear between 5-nm nodes, A lamp times curves, scaled so that white
+    gives 1. NaN if there are more than MOST colours, because this is too slow for a live picture.
     """
     if len(y) > MOST:
         return np.full(len(y), np.nan)
@@ -37,7 +37,7 @@ def distances(y: Floats, covariance: Floats, light: Light) -> Floats:
 
 
 def check_reach(reach: Floats) -> None:
-    """Refuse colours that no surface has.
+    """Refuse colours that no surface can have.
 
     Raises:
         ColourOutOfReach: a distance above REACH.

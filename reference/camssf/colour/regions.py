@@ -1,4 +1,4 @@
-"""Photo + rectangles → raw signals: measured as patches are (docs/patches.md), black or dark frame subtracted."""
+"""Measures raw signals of rectangles in a photo, as chart patches (docs/patches.md), minus black or dark frame."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from camssf.errors import ChartNotFound, InvalidArgument, Overexposed
 from camssf.grid import Floats
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FEWEST, SHRINK, measure_patches
-from camssf.photo.pose import Pose
+from camssf.photo.read.dng import Mosaic
 from camssf.photo.signals import CLIPPED
 
 Rectangle = tuple[float, float, float, float]
-"""x, y of the top left corner, width, height: pixels of the active area, as the sensor lies."""
+"""x, y of the top left corner, width, height: pixels of the active area, in the sensor's orientation."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Region:
     """A rectangle's raw signals.
 
     Attributes:
-        rectangle: where it lies.
+        rectangle: its position.
         raw: (3,) DN above black.
-        error: (3,) standard error of it, DN.
+        error: (3,) standard error of `raw`, DN.
     """
 
     rectangle: Rectangle
@@ -36,12 +36,12 @@ class Region:
 def measure_regions(
     photo: Mosaic, rectangles: Sequence[Rectangle], *, dark: Mosaic | None = None, lens_shading: str = "as-stored"
 ) -> list[Region]:
-    """Raw signals of rectangles of one photo. Dust and hot pixels are left out, as in patches.
+    """Measure rectangles of one photo. Dust and hot pixels are left out, as in patches.
 
     Raises:
-        InvalidArgument: a rectangle that leaves the photo or holds too few samples.
-        Overexposed: samples at the ceiling.
-        FramesDiffer: a dark frame of other settings.
+        InvalidArgument: a rectangle that extends beyond the photo or holds too few samples.
+        Overexposed: clipped samples.
+        FramesDiffer: a dark frame with other settings.
     """
     height, width = photo.samples.shape
     quads = []
@@ -53,7 +53,7 @@ def measure_regions(
                 f"Region {number} leaves the photo, which is {width} × {height}.",
                 "Pixels are counted in the sensor's own orientation, from its top left.",
             )
-        # the borders of pixels lie half a pixel outside their centres; `measure_patches` takes the inner part
+        # pixel borders lie half a pixel outside the centres; `measure_patches` uses only the inner part of a quad
         left, right, top, bottom = x, x + w - 1, y, y + h - 1
         quad = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], dtype=np.float64)
         centre = quad.mean(axis=0)
@@ -81,10 +81,10 @@ def measure_regions(
 
 
 def against(regions: Sequence[Region], white: Region, reflectance: float) -> tuple[Floats, Floats]:
-    """Signals and their standard errors (m, 3) in units of a perfect diffuser, from raw ones and a reference's.
+    """Signals and their standard errors (m, 3) in units of a perfect diffuser: regions divided by a reference.
 
     Raises:
-        InvalidArgument: a reference without light, or a reflectance that is none.
+        InvalidArgument: a reference that is too dark, or a reflectance outside 0.02 to 1.2.
     """
     if not 0.02 <= reflectance <= 1.2:
         raise InvalidArgument(f"A reference of reflectance {reflectance:g} is none.", "Write 18 % as 0.18.")

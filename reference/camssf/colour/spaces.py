@@ -13,7 +13,7 @@ CAT16: Floats = np.array(
 )
 """XYZ to the sharpened cone signals of CAT16 (Li et al., Color Res. Appl. 2017, 42, 703)."""
 BRADFORD: Floats = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-"""XYZ to the sharpened cone signals that ICC (ICC.1:2010, annex E) and DNG adapt in."""
+"""XYZ to the sharpened cone signals that ICC (ICC.1:2010, annex E) and DNG use for adaptation."""
 for _each in (CAT16, BRADFORD):
     _each.setflags(write=False)
 
@@ -41,14 +41,14 @@ def lab_slopes(xyz: Floats, white: Floats) -> Floats:
 
 
 def adaptation(source: Floats, target: Floats, cones: Floats = CAT16) -> Floats:
-    """(..., 3, 3) matrix that takes XYZ seen under a white (..., 3) to another, adapted wholly.
+    """(..., 3, 3) matrix that adapts XYZ from one white (..., 3) to another, with complete adaptation.
 
-    `cones`, (3, 3), takes XYZ to the cone signals that are scaled.
+    `cones`, (3, 3), converts XYZ to the cone signals that are scaled.
     """
     scale = (np.asarray(target) @ cones.T) / (np.asarray(source) @ cones.T)
     return np.asarray(np.linalg.inv(cones) @ (scale[..., :, None] * cones))
 
 
 def adapt(xyz: Floats, source: Floats, target: Floats) -> Floats:
-    """XYZ (..., 3) seen under one white (3,) as it looks the same under another (3,)."""
+    """XYZ (..., 3) adapted by CAT16 from one white (3,) to another (3,)."""
     return np.asarray(np.asarray(xyz) @ adaptation(source, target).T)

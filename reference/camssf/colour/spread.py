@@ -1,4 +1,4 @@
-"""How far signals of a surface may be off, and what a fit misses on surfaces that look like it."""
+"""Errors of a surface's signals, and of a transform on similar surfaces."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from numpy.typing import ArrayLike
 
 from camssf.colour.light import Light
 from camssf.colour.transforms import level, signals_of
-from camssf.curves.covariance import CHART_CORRELATION, DRIFT, smooth_errors
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.covariance import CHART_CORRELATION, DRIFT, smooth_errors
 from camssf.spectra.surfaces import surfaces
 
 REFERENCE_TOLERANCE = 0.01
-"""Relative error of a white or grey reference of which nothing else is said."""
+"""Default relative error of a white or grey reference."""
 NEARBY = 0.25
-"""Surfaces whose ln r/g and ln b/g differ by so much are alike: what their colours miss tells of this one."""
+"""Surfaces whose ln r/g and ln b/g differ by about this much count as similar: the width of the weights."""
 COMMON = 5.0
-"""Surfaces that stand for all others, where few are alike."""
+"""The mean over all surfaces counts as much as this number of similar ones."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Reference:
 
     Attributes:
         tolerance: relative error of its reflectance.
-        raw: (3,) its raw signals, black subtracted: what they say of the lamp. None to leave it unasked.
-        error: relative error of these.
+        raw: (3,) its raw signals, black subtracted, used to estimate the lamp; None if they shall not be used.
+        error: relative error of `raw`.
     """
 
     tolerance: float = REFERENCE_TOLERANCE
@@ -41,7 +41,7 @@ def checked_signals(signals: ArrayLike, standard_error: ArrayLike) -> tuple[Floa
     """Signals and their standard errors, (m, 3) each.
 
     Raises:
-        InvalidArgument: shapes or values that are none of signals.
+        InvalidArgument: invalid shapes or values.
     """
     y = np.atleast_2d(np.asarray(signals, dtype=np.float64))
     if y.ndim != 2 or y.shape[1] != 3 or not np.isfinite(y).all():
@@ -53,17 +53,17 @@ def checked_signals(signals: ArrayLike, standard_error: ArrayLike) -> tuple[Floa
 
 
 def of_reference(light: Light, given: Reference) -> Floats:
-    """Relative moves (K, 3) of the signals: the reference's smooth error, and light that differs between places."""
+    """Relative changes (K, 3) of the signals by the reference's smooth error and by light that varies with place."""
     seen = light.power[:, None] * light.curves
     smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS).T @ (seen / seen.sum(axis=0))
     return np.concatenate([given.tolerance * smooth, np.full((1, 3), DRIFT)])
 
 
 def signal_moves(y: Floats, error: Floats, light: Light, given: Reference) -> Floats:
-    """Moves (K, m, 3) of the signals by noise, by the reference, and by what lamp and curves leave open."""
+    """Changes (K, m, 3) of the signals by errors of lamp and curves, by noise, and by the reference."""
     seen = light.power[:, None] * light.curves
     moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
-    # of a surface like those of the set that look most like it: its signals answer to an error as theirs do
+    # the relative change by an error of lamp or curves is a weighted mean over similar surfaces of the set
     table = surfaces()
     sensed = signals_of(table, light.power, light.curves)
     nearest = likeness(sensed, y)
@@ -76,15 +76,15 @@ def signal_moves(y: Floats, error: Floats, light: Light, given: Reference) -> Fl
 
 
 def metamers(signals: Floats, residual: Floats, y: Floats) -> Floats:
-    """Covariance (m, 3, 3) of what a fit misses on surfaces that look alike to the camera.
+    """Covariance (m, 3, 3) of a transform's error on surfaces that look similar to the camera.
 
-    From surfaces that the fit had not seen: those near in ln r/g and ln b/g count most, and all of them as much as
-    COMMON near ones; the errors grow with the level of the signals.
+    It is a weighted mean over cross-validated surfaces: those near in ln r/g and ln b/g count most, and all together
+    count as much as COMMON near ones. Errors are proportional to the level of the signals.
 
     Args:
         signals: (n, 3) of these surfaces.
-        residual: (n, 3) what was missed on each, over `level`.
-        y: (m, 3) signals that are asked about.
+        residual: (n, 3) cross-validation error of each, divided by `level`.
+        y: (m, 3) signals to give the covariance for.
     """
     missed = residual[:, :, None] * residual[:, None]
     weights = likeness(signals, y)
@@ -93,9 +93,9 @@ def metamers(signals: Floats, residual: Floats, y: Floats) -> Floats:
     return np.asarray(near * level(y)[..., None] ** 2)
 
 
-def likeness(known: Floats, y: Floats) -> Floats:
-    """(m, n) weights, 1 for a surface of the very same ratios."""
-    apart = _ratios(y)[:, None] - _ratios(known)
+def likeness(references: Floats, y: Floats) -> Floats:
+    """(m, n) weights of similarity, 1 for a surface of the same ratios."""
+    apart = _ratios(y)[:, None] - _ratios(references)
     return np.asarray(np.exp(-0.5 * np.sum((apart / NEARBY) ** 2, axis=2)) + 1e-12)
 
 

@@ -1,4 +1,4 @@
-"""Signals → standard colour: XYZ and Lab under a stated observer and white, with a covariance and its parts."""
+"""Converts signals to XYZ and Lab under a stated observer and white, with a covariance and its parts."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from camssf.spectra.families import FAMILIES
 from camssf.spectra.surfaces import observer, surfaces
 
 PARTS = ("curves", "lamp", "noise", "reference", "metamers")
-"""Where the covariance of a colour comes from."""
+"""Sources of a colour's covariance."""
 AUTO = "auto"
 ADAPTED = ("lamp", "D50", "D65")
 CONTRADICTED = 18.4
-"""χ² of the reference's two ratios above which the lamp is not the one that was named: 1 in 10,000."""
+"""χ² of the reference's two ratios above which the named lamp is rejected; chance exceeds it once in 10,000."""
 
 
 @dataclass(frozen=True)
 class View:
-    """How colour is to be stated.
+    """How colours are stated.
 
     Attributes:
         observer: "1931" (2°) or "1964" (10°).
         white: "lamp", the light itself; or "D50", "D65", to which colours are adapted by CAT16.
-        kind: of transform, of `camssf.colour.KINDS`; chosen by cross-validation unless given.
+        kind: of transform, one of `camssf.colour.KINDS`; chosen by cross-validation unless given.
     """
 
     observer: str = "1931"
@@ -58,13 +58,13 @@ class Colours:
     Attributes:
         xyz, lab: (m, 3).
         xyz_covariance, lab_covariance: (m, 3, 3).
-        parts: what these are the sum of, of PARTS, (m, 3, 3) of XYZ and of Lab.
-        white: (3,) XYZ of the white that Lab is relative to, and that XYZ is adapted to where that was asked.
+        parts: the terms of these covariances by name (PARTS): (m, 3, 3) of XYZ and of Lab.
+        white: (3,) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it.
         view: how they are stated.
-        lamps: names of the lamps that were weighed, and their weights.
-        transforms: of each lamp, in that order.
-        reach: (m,) how far the signals lie from those of any surface, in standard deviations.
-        surprise: χ² of the reference's ratios under the likeliest lamp; None where they were not asked.
+        lamps: names of the lamps that were compared, and their weights.
+        transforms: for each lamp, in that order.
+        reach: (m,) distance of the signals from those that any surface can give, in standard deviations.
+        surprise: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
     """
 
     xyz: Floats
@@ -89,26 +89,26 @@ def standard_colour(
     reference: Reference | None = None,
     view: View | None = None,
 ) -> Colours:
-    """Colours of surfaces from their signals.
+    """Compute colours of surfaces from their signals.
 
     Args:
         camera: a result, its document, or a Camera.
-        lamp: as `read_lamp` takes it; "auto" weighs the four kinds by what the reference's raw ratios say.
+        lamp: as for `read_lamp`; "auto" mixes the four kinds by their likelihood given the reference's raw ratios.
         signals: (m, 3) or (3,), in units of a perfect white diffuser in the same place: raw signal of the surface
             over that of a white or grey reference, times the reference's reflectance.
         standard_error: of the signals.
-        reference: what was divided by.
+        reference: the white or grey surface that the raw signals were divided by.
         view: how to state the colours.
 
     Raises:
-        InvalidArgument: values that do not fit; "auto" without a reference, or a camera without its own white; curves
-            that carry no colour.
+        InvalidArgument: invalid values; "auto" without a reference, or a camera without its own white; curves from
+            which no colour can be computed.
         LampUnfit: the reference's raw ratios contradict the lamp.
     """
     given, view = reference or Reference(), view or View()
     y, error = checked_signals(signals, standard_error)
     try:
-        with np.errstate(all="ignore"):  # what came out is checked
+        with np.errstate(all="ignore"):  # the results are checked below
             found = _answer(lights(as_camera(camera), lamp, given), y, error, given, view)
     except np.linalg.LinAlgError as fault:
         raise _no_colour() from fault
@@ -125,14 +125,14 @@ def _no_colour() -> InvalidArgument:
 
 
 def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference, view: View) -> Colours:
-    """The answers under each light, mixed by their evidence."""
+    """The answers under each light, mixed by their marginal likelihood."""
     evidence = np.array([light.log_evidence for light in lights])
     weights = np.exp(evidence - evidence.max())
     return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
 
 
 def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
-    """The lamp, or the four kinds, conditioned on the reference's raw ratios where they can be used."""
+    """The lamp, or for "auto" the four kinds, conditioned on the reference's raw ratios if these are usable."""
     ratios = None
     if given.raw is not None and camera.own is not None:
         raw = np.asarray(given.raw, dtype=np.float64)
@@ -161,7 +161,7 @@ def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
 
 
 def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: View) -> Colours:
-    """Under one lamp."""
+    """The colours under one lamp."""
     transform = choose(light.curves, light.power, view.observer, view.kind)
     functions = observer(view.observer)
     aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
@@ -171,7 +171,7 @@ def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: Vie
     slopes = lab_slopes(xyz, white)
 
     def of_xyz(covariance: Floats) -> tuple[Floats, Floats]:
-        """A covariance of XYZ under the lamp, as stated, and of Lab."""
+        """Transform a covariance of XYZ under the lamp to the stated XYZ and to Lab."""
         stated = turn @ covariance @ turn.T
         return stated, slopes @ stated @ np.swapaxes(slopes, -1, -2)
 
@@ -193,7 +193,7 @@ def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: Vie
 
 
 def _steps(light: Light, y: Floats, kind: str, functions: Floats, aim: Floats | None) -> tuple[Floats, Floats]:
-    """How XYZ and Lab (K, m, 3) answer to one standard deviation of each joint error of lamp and curves."""
+    """Changes of XYZ and Lab (K, m, 3) by one standard deviation of each joint error of lamp and curves."""
     if not len(light.power_modes):
         return np.zeros((0, *y.shape)), np.zeros((0, *y.shape))
     sides = [_at(light, sign, y, kind, functions, aim) for sign in (1.0, -1.0)]
@@ -204,7 +204,7 @@ def _steps(light: Light, y: Floats, kind: str, functions: Floats, aim: Floats | 
 def _at(
     light: Light, sign: float, y: Floats, kind: str, functions: Floats, aim: Floats | None
 ) -> tuple[Floats, Floats]:
-    """XYZ and Lab with each of the K errors in turn, fitted anew: what the answer were, had it been so."""
+    """XYZ and Lab (K, m, 3) with each of the K errors in turn; the transform is fitted again for each."""
     table = surfaces()
     power = np.maximum(light.power + sign * light.power_modes, 0.0)  # (K, m)
     curves = light.curves + sign * light.curve_modes
@@ -222,12 +222,12 @@ def _at(
 
 
 def _by_signal(transform: Transform, y: Floats, moves: Floats) -> Floats:
-    """How XYZ (K, m, 3) answers to moves (K, m, 3) of the signals."""
+    """Changes of XYZ (K, m, 3) by changes (K, m, 3) of the signals."""
     return 0.5 * (transform.apply(y + moves) - transform.apply(y - moves))
 
 
 def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
-    """One answer of several, by the law of total variance; what they differ by belongs to the lamp."""
+    """Mix the answers by the law of total variance; their differences count as lamp error."""
     if len(answers) == 1:
         return answers[0]
 
@@ -256,7 +256,7 @@ def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
 
 
 def of_surfaces(reflectance: Floats, lamp: Floats, view: View) -> tuple[Floats, Floats]:
-    """True XYZ and Lab (m, 3) of known reflectances (m, 681) under a lamp (681,), stated as the view says."""
+    """True XYZ and Lab (m, 3) of known reflectances (m, 681) under a lamp (681,), as the view states them."""
     found, own = xyz_of(reflectance, lamp, observer(view.observer)), white_of(lamp, view.observer)
     if view.white == "lamp":
         return found, lab(found, own)

@@ -1,9 +1,9 @@
-"""Curves, a lamp and real surfaces → transform: white-balanced signals to XYZ under that lamp.
+"""Fits transforms of white-balanced signals to XYZ under a lamp, on the signals of real surfaces.
 
-A root-polynomial of degree 2 (Finlayson, Mackiewicz and Hurlbert, IEEE Trans. Image Process. 2015, 24, 1460) takes
-r, g, b, √(r g), √(g b), √(r b), so a brighter light scales XYZ and changes no hue; a matrix takes r, g, b alone. Both
-give white its exact colour: the coefficients of each of X, Y, Z sum to white's. They are fitted by least squares in
-XYZ, which on reflectances left out gave a smaller ΔE00 than least squares in Lab (.97 against 1.02 over five lamps).
+A root-polynomial of degree 2 (Finlayson, Mackiewicz and Hurlbert, IEEE Trans. Image Process. 2015, 24, 1460) uses
+r, g, b, √(r g), √(g b), √(r b), so a brighter light scales XYZ and changes no hue; a matrix uses r, g, b alone. Both
+map white exactly: the coefficients of each of X, Y, Z sum to white's. They are fitted by least squares in XYZ; in Lab
+the ΔE00 on surfaces left out was larger (1.02 instead of 0.97 over five lamps).
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from camssf.spectra.appearance import delta_e00, lab
 from camssf.spectra.surfaces import observer, surfaces
 
 KINDS = {"matrix": 3, "root-polynomial": 6}
-"""Coefficients a row."""
+"""Number of coefficients for each of X, Y, Z."""
 FOLDS = 5
 DEPENDENT = 1e-10
-"""Signals that have less than this share of their length for themselves depend on the others."""
+"""A term counts as linearly dependent if a smaller share of its norm is orthogonal to the terms before it."""
 
 
 @dataclass(frozen=True)
 class Transform:
-    """White-balanced signals to XYZ under a lamp.
+    """A transform of white-balanced signals to XYZ under a lamp.
 
     Attributes:
-        kind: of KINDS.
-        coefficients: (p, 3) of X, Y, Z; each column sums to white's.
+        kind: one of KINDS.
+        coefficients: (p, 3) for X, Y, Z; each column sums to white's.
         white: (3,) XYZ of a perfect white under the lamp.
-        delta_e00: mean over surfaces that the fit had not seen, of each kind.
-        residual: (n, 3) XYZ of each surface that the fit had not seen less its true one, over `level`.
+        delta_e00: mean in cross-validation, of each kind.
+        residual: (n, 3) XYZ of each surface in cross-validation minus the true one, divided by `level`.
         signals: (n, 3) of the surfaces.
     """
 
@@ -52,7 +52,7 @@ class Transform:
 
 
 def terms(signals: Floats, kind: str) -> Floats:
-    """What the coefficients multiply, (..., p). Below black is black."""
+    """The terms (..., p) that the coefficients multiply; negative signals count as 0."""
     y = np.maximum(signals, 0.0)
     if kind == "matrix":
         return np.asarray(y)
@@ -61,33 +61,33 @@ def terms(signals: Floats, kind: str) -> Floats:
 
 
 def level(signals: Floats) -> Floats:
-    """How bright signals (..., 3) are, (..., 1): errors of a surface grow with it."""
+    """Mean of signals (..., 3) over the channels, (..., 1); a surface's errors are proportional to it."""
     return np.asarray(np.maximum(np.mean(signals, axis=-1, keepdims=True), 1e-9))
 
 
 def signals_of(reflectance: Floats, lamp: Floats, curves: Floats) -> Floats:
-    """White-balanced signals (n, 3) that curves (681, 3) give of reflectances (n, 681)."""
+    """White-balanced signals (n, 3) of reflectances (n, 681) under a lamp (681,) through curves (681, 3)."""
     light = lamp[:, None] * curves
     return np.asarray(reflectance @ light / light.sum(axis=0))
 
 
 def fit(signals: Floats, xyz: Floats, white: Floats, kind: str) -> Floats:
-    """Coefficients (..., p, 3) by least squares, under Σ coefficients = white.
+    """Coefficients (..., p, 3) by least squares, subject to Σ coefficients = white.
 
     Args:
         signals: (..., n, 3), white-balanced.
         xyz: (..., n, 3) of the same surfaces.
         white: (..., 3).
-        kind: of KINDS.
+        kind: one of KINDS.
 
     Raises:
-        LinAlgError: signals that depend on each other.
+        LinAlgError: linearly dependent signals.
     """
     p = KINDS[kind]
     rows, free = terms(signals, kind), _free(p)
     start = np.broadcast_to(np.asarray(white)[..., None, :] / p, (*np.shape(white)[:-1], p, 3))
     reduced = rows @ free
-    # By QR, not by normal equations: covariances are differences of fits, and need the digits that squaring loses.
+    # QR, not normal equations: covariances are differences of fits and need the digits that squaring loses.
     q, r = np.linalg.qr(reduced)
     own = np.abs(np.diagonal(r, axis1=-2, axis2=-1))
     if not (own > DEPENDENT * np.linalg.norm(reduced, axis=-2)).all():
@@ -98,24 +98,24 @@ def fit(signals: Floats, xyz: Floats, white: Floats, kind: str) -> Floats:
 
 @cache
 def _free(p: int) -> Floats:
-    """(p, p - 1) directions in which coefficients may move while their sum stays."""
+    """(p, p - 1) orthonormal directions that do not change the sum of the coefficients."""
     return np.asarray(np.linalg.svd(np.ones((1, p)))[2][1:].T)
 
 
 def choose(
     curves: Floats, lamp: Floats, name: str = "1931", kind: str | None = None, among: Floats | None = None
 ) -> Transform:
-    """The transform that errs least on surfaces it has not seen.
+    """The transform with the smallest cross-validation error.
 
     Args:
-        curves: (681, 3), any scale a channel.
+        curves: (681, 3), each channel on any scale.
         lamp: (681,).
         name: of the observer.
-        kind: of KINDS; the better one by cross-validation unless given.
+        kind: one of KINDS; the better one by cross-validation unless given.
         among: (n, 681) reflectances; `surfaces()` unless given.
 
     Raises:
-        InvalidArgument: an unknown kind or observer, or curves that do not see the lamp.
+        InvalidArgument: an unknown kind or observer, or curves without a response to the lamp.
     """
     if kind is not None and kind not in KINDS:
         raise InvalidArgument(f"There is no transform {kind!r}.", f"Take one of {', '.join(KINDS)}.")
@@ -139,7 +139,7 @@ def choose(
 
 
 def unseen(y: Floats, target: Floats, white: Floats, kind: str) -> Floats:
-    """What the target (n, 3) is taken to be of every surface by a fit to the other folds, (n, 3)."""
+    """Cross-validated predictions (n, 3) of the target (n, 3): each fold by a fit to the other folds."""
     fold = np.arange(len(y)) % FOLDS
     found = np.empty_like(target)
     for each in range(FOLDS):

@@ -1,7 +1,7 @@
-"""Curves without a chart and without a prior: spectrograph frames and monochromator sweeps."""
+"""Measures curves without a chart and without a prior, from spectrograph frames or monochromator sweeps."""
 
 from camssf.direct.columns import PathLike
-from camssf.direct.extraction import Spectrum, extract
+from camssf.direct.extraction import FrameSpectrum, extract
 from camssf.direct.monochromator import LARGEST_STEP, sweep
 from camssf.direct.result import CHANNELS, FIRST, LAST, Direct, Json
 from camssf.direct.spectrograph import FAINTEST, Progress, divide
@@ -13,10 +13,10 @@ __all__ = [
     "LARGEST_STEP",
     "LAST",
     "Direct",
+    "FrameSpectrum",
     "Json",
     "PathLike",
     "Progress",
-    "Spectrum",
     "divide",
     "extract",
     "sweep",

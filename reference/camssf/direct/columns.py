@@ -1,4 +1,4 @@
-"""A CSV of numbers → its columns."""
+"""Reads the columns of a CSV of numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def read_columns(path: PathLike, names: tuple[str, ...]) -> tuple[Floats, ...]:
     """The named columns of a CSV, (w,) each; the first must increase.
 
     Raises:
-        InvalidArgument: unreadable, other columns, or values that are not finite.
+        InvalidArgument: unreadable, other columns, values that are not finite, or a first column that does not
+            increase.
     """
     wanted = ",".join(names)
     try:

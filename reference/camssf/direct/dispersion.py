@@ -1,8 +1,8 @@
-"""A spectrum of sunlight on a detector → which pixel sees which wavelength, from the Fraunhofer lines in it.
+"""Calibrates the wavelength of each pixel in a spectrum of sunlight from its Fraunhofer lines.
 
-Nothing need be known of the spectrograph. The spectrum's fine structure is first laid over a drawing of the sun's
-strong lines, for all spans of wavelength that the frame might hold, either way round and a little bent; the best of
-them says where each line must lie. There each dip's centre is fitted, and a parabola through the centres is the
+No data of the spectrograph are needed. First the spectrum's fine structure is matched to a template of the sun's
+strong lines, for all plausible wavelength ranges, both directions and a slight curvature; the best match predicts the
+position of each line. Then the centre of each line is fitted there, and a parabola through the centres is the
 dispersion: λ = c₀ + c₁ t + c₂ t², t the pixel in half-widths of the lit part.
 """
 
@@ -30,41 +30,41 @@ LINES = (
     ("C", 656.281, 0.10, 0.13),
     ("B", 687.45, 0.35, 0.22),
 )
-"""Name, wavelength in air (nm), how well a resolution of 1 to 3 nm shows it there (nm), and depth at 2 nm.
+"""Name, wavelength in air (nm), its standard error at a resolution of 1 to 3 nm (nm), and depth at 2 nm.
 
-Single lines have their tabulated wavelengths. Blends stand at their centres of gravity: b of b1, b2, b4 (518.362,
-517.270, 516.733), D of D2, D1 (588.995, 589.592), E of 526.954 and 527.036, G of CH's band at 430 to 431.5; and B,
-the air's oxygen, whose head is at 686.719, in the middle of the band."""
+Single lines have their tabulated wavelengths. Blends are at their centres of gravity: b of b1, b2, b4 (518.362,
+517.270, 516.733), D of D2, D1 (588.995, 589.592), E of 526.954 and 527.036, G of the CH band at 430 to 431.5. B, the
+oxygen band of the air with its head at 686.719, is at the middle of the band."""
 OTHERS = (
     (382.8, 0.25), (413.9, 0.02), (419.6, 0.04), (445.7, 0.05), (453.2, 0.03), (459.5, 0.03), (470.3, 0.05),
     (501.4, 0.05), (507.9, 0.02), (533.2, 0.04), (540.6, 0.07), (559.1, 0.04), (570.5, 0.03), (616.4, 0.03),
     (628.2, 0.05), (649.4, 0.04), (701.5, 0.04), (719.0, 0.22), (728.0, 0.08), (760.8, 0.90), (817.0, 0.20),
     (823.0, 0.20), (935.0, 0.60),
 )  # fmt: skip
-"""Fainter blends of the sun (iron, calcium, magnesium) and the air's oxygen and water: they help to lay the drawing
-but are no lines to measure by."""
+"""(wavelength in nm, depth) of fainter blends of the sun (iron, calcium, magnesium) and of oxygen and water in the
+air; only for the template, not for the fit."""
 FEWEST, SPAN = 5, 150.0
-"""A dispersion rests on so many lines, over so many nm."""
+"""Smallest number of lines for a dispersion, and the smallest range that they span, nm."""
 LARGEST_RESIDUAL, LARGEST_RMS = 1.0, 0.3
-"""A line further off than this, nm, is another dip; lines that agree no better, nm, RMS, are chance."""
+"""Largest residual of a line, and largest RMS residual of all lines, nm."""
 BENT, MOST_BENT = 0.004, 0.012
-"""By what share of its half-width a grating bends a spectrum: expected (one standard deviation), and at most. A lens
-of 100 mm on 150 lines/mm bends it by 0.001, one of 35 mm at 15 degrees by 0.008."""
+"""Curvature |c₂ / c₁| of the dispersion: one standard deviation, and the maximum. A lens of 100 mm on 150 lines/mm
+gives 0.001, one of 35 mm at 15 degrees 0.008."""
 FAINT = 0.05
-"""Dips where the signal is a smaller share of the largest belong to the camera's filters as likely as to the sun."""
+"""Dips below this fraction of the largest signal are ignored; they may be due to the camera's filters."""
 LEAST_LIKENESS = 0.52
-"""Correlation of the spectrum's fine structure with the drawing, below which this is no sunlight."""
+"""Smallest correlation of the fine structure with the template; below it the light is taken not to be sunlight."""
 _DARK = 0.02
 _WINDOW = 4.0
 
 
 _Dip: TypeAlias = tuple[str, float, float, float, float]
-"""Name, tabulated nm, t of its centre, its weight 1 / nm, depth."""
+"""Name, tabulated wavelength (nm), t of its centre, weight (1 / nm), depth."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A line in the frame: its table's wavelength, where it lies (px), and what the dispersion says there, nm."""
+class FoundLine:
+    """A line in the frame: tabulated wavelength (nm), position (px), and wavelength of the dispersion there (nm)."""
 
     name: str
     nm: float
@@ -74,35 +74,35 @@ class Found:
 
     @property
     def residual(self) -> float:
-        """Fitted less tabulated, nm."""
+        """Fitted minus tabulated wavelength, nm."""
         return self.fitted - self.nm
 
 
 @dataclass(frozen=True)
 class Dispersion:
-    """Wavelength of a pixel.
+    """Wavelength as a function of the pixel.
 
     Attributes:
         coefficients: (3,) of t⁰, t¹, t², nm.
         middle, half: t = (pixel - middle) / half.
-        lines: that were found and fitted.
-        likeness: correlation of the fine structure with the drawing of the sun's lines.
+        lines: the lines that were fitted.
+        likeness: correlation of the fine structure with the template.
     """
 
     coefficients: Floats
     middle: float
     half: float
-    lines: tuple[Found, ...]
+    lines: tuple[FoundLine, ...]
     likeness: float
 
     def wavelength(self, pixel: Floats) -> Floats:
-        """Nm of pixels."""
+        """Wavelengths of pixels, nm."""
         return np.asarray(
             np.polynomial.polynomial.polyval((pixel - self.middle) / self.half, self.coefficients), float
         )
 
     def slope(self, pixel: Floats) -> Floats:
-        """Nm a pixel, with its sign."""
+        """Signed dispersion at pixels, nm a pixel."""
         steps = np.polynomial.polynomial.polyder(self.coefficients)
         return np.asarray(
             np.polynomial.polynomial.polyval((pixel - self.middle) / self.half, steps) / self.half, float
@@ -119,11 +119,11 @@ def disperse(pixel: Floats, signal: Floats, name: str = "the frame") -> Dispersi
 
     Args:
         pixel: (w,) positions, increasing.
-        signal: (w, c) of sunlight in each channel, through any smooth response.
+        signal: (w, c) of sunlight in each channel, with any smooth response.
         name: of the frame, for messages.
 
     Raises:
-        LampUnfit: too few lines: no sunlight, out of focus, or too faint.
+        LampUnfit: too few lines; likely no sunlight, out of focus, or too faint.
     """
     total = signal.sum(axis=1)
     lit = np.flatnonzero(total > _DARK * total.max())
@@ -133,20 +133,20 @@ def disperse(pixel: Floats, signal: Floats, name: str = "the frame") -> Dispersi
     middle, half = float(x[0] + x[-1]) / 2, float(x[-1] - x[0]) / 2
     t = (x - middle) / half
     fine = fine_structure(y)
-    # Near the ends what is narrow is the end itself.
+    # Near its ends the fine structure is an artefact of the ends.
     sure = _soften(y.sum(axis=1), len(y) / 300.0) > FAINT * total.max()
     sure[: len(y) // 20] = sure[-(len(y) // 20) :] = False
     laid = _lay(t, fine)
     if laid[0][1] < LEAST_LIKENESS:
         raise _few(name, 0, f"its fine structure is not the sun's (correlation {laid[0][1]:.2f})")
-    # A wrong lay may be as like as the right one by chance, but then the dips do not lie where the lines are.
+    # A wrong match may correlate as well by chance, but then fewer dips are at the positions of lines.
     tried = [_measure(t, fine, sure, start, alike) for start, alike in laid]
     coefficients, found, likeness = max(tried, key=lambda each: len(each[1]) + each[2])
     reach = max((nm for _, nm, *_ in found), default=0.0) - min((nm for _, nm, *_ in found), default=0.0)
     if len(found) < FEWEST or reach < SPAN:
         raise _few(name, len(found), f"only {len(found)} lines over {reach:.0f} nm could be measured")
     lines = tuple(
-        Found(line, nm, middle + half * at, float(np.polynomial.polynomial.polyval(at, coefficients)), depth)
+        FoundLine(line, nm, middle + half * at, float(np.polynomial.polynomial.polyval(at, coefficients)), depth)
         for line, nm, at, _, depth in found
     )
     return Dispersion(coefficients, middle, half, lines, likeness)
@@ -155,7 +155,7 @@ def disperse(pixel: Floats, signal: Floats, name: str = "the frame") -> Dispersi
 def _measure(
     t: Floats, fine: Floats, sure: NDArray[np.bool_], start: Floats, likeness: float
 ) -> tuple[Floats, list[_Dip], float]:
-    """The parabola through the dips near where `start` expects lines, those dips, and the start's likeness."""
+    """Fit the dips near the lines predicted by `start`: coefficients (3,), the dips, and `likeness` unchanged."""
     coefficients, found = start, list[_Dip]()
     for _ in range(3):
         found = _dips(t, fine, sure, coefficients)
@@ -164,16 +164,16 @@ def _measure(
 
 
 def fine_structure(signal: Floats) -> Floats:
-    """What is narrow in a spectrum: ln of each channel less its smooth part, weighed by the channels' signals.
+    """The fine structure of a spectrum: ln of each channel minus its smooth part, averaged with signals as weights.
 
-    Smooth is what a quartic follows over a fourteenth of the spectrum (Savitzky and Golay 1964): lines stay, filter
-    curves go, channel by channel, since the sum bends where they cross.
+    The smooth part is a quartic filter over a fourteenth of the spectrum (Savitzky and Golay 1964); it removes the
+    filter curves and keeps lines. It is applied to each channel, because their sum bends where the channels cross.
 
     Args:
         signal: (w, c).
 
     Returns:
-        (w,), kept between -0.2 and 0.1.
+        (w,), clipped to -0.2 to 0.1.
     """
     from scipy.signal import savgol_filter
 
@@ -187,7 +187,7 @@ def fine_structure(signal: Floats) -> Floats:
 
 
 def _drawing(wavelengths: Floats, sigma: float) -> Floats:
-    """The sun's lines as Gaussians, what is narrow of them; `wavelengths` every 0.5 nm."""
+    """The template: the sun's lines as Gaussians, minus the smooth part; `wavelengths` every 0.5 nm."""
     from scipy.signal import savgol_filter
 
     drawn = np.zeros_like(wavelengths)
@@ -197,7 +197,7 @@ def _drawing(wavelengths: Floats, sigma: float) -> Floats:
 
 
 def _lay(t: Floats, fine: Floats) -> list[tuple[Floats, float]]:
-    """Parabolas (3,) that lay the fine structure over the drawing, with their correlation, the best first."""
+    """Match the fine structure to the template: (coefficients (3,), penalised correlation) pairs, best first."""
     from scipy.optimize import minimize
 
     coarse = np.linspace(-1.0, 1.0, 300)
@@ -251,7 +251,7 @@ def _soften(values: Floats, sigma: float) -> Floats:
 
 
 def _dips(t: Floats, fine: Floats, sure: NDArray[np.bool_], coefficients: Floats) -> list[_Dip]:
-    """A Gaussian on a parabola, fitted to the fine structure around each line that lies where it is `sure`."""
+    """Fit a Gaussian dip on a parabola to the fine structure around each line where `sure` is True."""
     from scipy.optimize import curve_fit
 
     nm = np.polynomial.polynomial.polyval(t, coefficients)
@@ -293,12 +293,12 @@ def _dip(off: Floats, c0: float, c1: float, c2: float, depth: float, centre: flo
 
 
 def _fit(found: list[_Dip], before: Floats) -> tuple[Floats, list[_Dip]]:
-    """The parabola through the lines, those of it that agree with each other; as before where they are too few."""
+    """Fit a parabola to the dips without outliers: coefficients and dips; `before` and none if too few agree."""
     while len(found) >= FEWEST:
         at = np.array([each[2] for each in found])
         nm = np.array([each[1] for each in found])
         weight = np.array([each[3] for each in found])
-        # One more row: the bend is 0, give or take BENT times the slope.
+        # The last row is a prior on the curvature: zero, with a standard deviation of BENT times the slope.
         rows = np.vstack([weight[:, None] * at[:, None] ** np.arange(3), [0.0, 0.0, 1.0 / (BENT * abs(before[1]))]])
         coefficients = np.linalg.lstsq(rows, np.append(weight * nm, 0.0), rcond=None)[0]
         off = np.abs(np.polynomial.polynomial.polyval(at, coefficients) - nm)

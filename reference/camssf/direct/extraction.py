@@ -1,4 +1,4 @@
-"""A frame of a spectrum → the spectrum along its rows, channel by channel."""
+"""Extracts the spectrum along the rows of a frame, channel by channel."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _LEAN = 0.15
 
 
 @dataclass(frozen=True)
-class Spectrum:
-    """What one camera recorded of the spectrum, channel by channel.
+class FrameSpectrum:
+    """The spectrum recorded by one camera, channel by channel.
 
     Attributes:
-        name: of the file.
+        name: name of the file.
         pixel: (c) positions along the spectrum, (w,) each, px.
         signal: (c) mean signals there, (w,) each, DN.
-        error: (c) their standard errors; None of a table.
-        tilt: of the spectral lines against the columns, degrees.
-        black: in words, what was taken for no light.
+        error: (c) their standard errors, (w,) each, DN; None for a table.
+        tilt: angle between the spectral lines and the columns, degrees.
+        black: source of the black level, in words.
     """
 
     name: str
@@ -37,15 +37,21 @@ class Spectrum:
     black: str
 
 
-def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Spectrum:
-    """The spectrum along the rows of a frame (h, w), black subtracted, whose 2 × 2 cell holds these channels.
+def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> FrameSpectrum:
+    """The spectrum along the rows of a frame.
 
-    The rows that the slit lights are found, then how far its lines lean, by where the fine structure of strips of
-    rows lies against their mean. Along the lean, samples of a channel are averaged over two columns (one, where there
-    is one channel), each row weighed by how brightly the slit lights it.
+    First the rows lit by the slit are found, then the tilt of the spectral lines, from the shift of the fine
+    structure between strips of rows. Samples of a channel are averaged along the tilted lines in bins of two columns
+    (one column for a single channel), each row weighted by its mean brightness.
+
+    Args:
+        light: (h, w) frame with black subtracted.
+        cell: (2, 2) channel of each sample of the repeating cell.
+        name: of the file, for messages.
+        black: source of the black level, in words.
 
     Raises:
-        Underexposed: no row stands out.
+        Underexposed: the frame is too small, or no row stands out of the noise.
     """
     height, width = (side // 2 * 2 for side in light.shape)
     if height < 8 or width < 200:
@@ -76,8 +82,8 @@ def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Sp
     for channel in range(int(cell.max()) + 1):
         mine = which == channel
         x, y, p = along[mine], block[mine], share[mine]
-        # A sample covers half a column to either side. Bins begin at such an edge, not at a sample's centre: there
-        # the last bit of the lean would choose the bin.
+        # A sample covers half a column to either side. Bins begin at this edge, not at a sample's centre, where
+        # rounding of the lean would decide the bin.
         index = np.floor((x + 0.5) / bin_width).astype(np.int64)
         index -= index.min()
         total = np.bincount(index, p)
@@ -89,11 +95,11 @@ def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Sp
         signals.append(mean[full])
         errors.append((np.sqrt(scatter) / np.maximum(total, 1e-12))[full])
     tilt = float(np.rad2deg(np.arctan(lean)))
-    return Spectrum(name, tuple(pixels), tuple(signals), tuple(errors), tilt, black)
+    return FrameSpectrum(name, tuple(pixels), tuple(signals), tuple(errors), tilt, black)
 
 
 def _lean(grey: Floats, middle: float) -> float:
-    """Columns a row by which the lines lean, from strips of a grey spectrum (h, w); at most 0.15."""
+    """Shift of the lines in columns a row, from strips of a grey spectrum (h, w)."""
     from scipy.ndimage import gaussian_filter1d
 
     count = int(np.clip(len(grey) // 6, 2, 12))
@@ -105,8 +111,8 @@ def _lean(grey: Floats, middle: float) -> float:
     def upright(lean: float) -> Floats:
         return np.stack([np.interp(columns + lean * y, columns, each) for y, each in zip(at, shown, strict=True)])
 
-    # Coarse: the lean that makes the strips' mean sharpest. Fine: Gauss-Newton steps on it, since sharpness itself is
-    # drawn to no lean at all, where interpolation has not smoothed the noise.
+    # Coarse: the lean that makes the strips' mean sharpest. Fine: Gauss-Newton steps, because sharpness alone is
+    # biased towards zero lean, where interpolation does not smooth the noise.
     trial = np.linspace(-_LEAN, _LEAN, 61)
     lean = float(trial[np.argmax([np.sum(upright(each).mean(axis=0) ** 2) for each in trial])])
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""A monochromator's sweep → curves: with lines of known power P, S(λ) = I(λ) / P(λ) and no more."""
+"""Computes curves from a monochromator sweep with lines of known power P: S(λ) = I(λ) / P(λ)."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from camssf.errors import InvalidArgument, Underexposed
 from camssf.grid import WAVELENGTHS
 
 LARGEST_STEP = 20.0
-"""Of a sweep, nm."""
+"""Largest wavelength step of a sweep, nm."""
 
 
 def sweep(path: PathLike) -> Direct:
-    """A monochromator's sweep: a CSV wavelength_nm,red,green,blue,power, a line of light a row, dark subtracted.
+    """The curves of a monochromator sweep, interpolated linearly between its wavelengths.
 
-    Between its wavelengths the curves run straight; it must cover 400 to 700 nm in steps of 20 nm at most.
+    Args:
+        path: CSV wavelength_nm,red,green,blue,power, one spectral line a row, dark subtracted; from 400 to 700 nm in
+            steps of 20 nm at most.
 
     Raises:
-        InvalidArgument: another file, wavelengths that do not increase or leave gaps.
-        Underexposed: a reference without power.
+        InvalidArgument: another file, wavelengths that do not increase, or gaps.
+        Underexposed: a row without reference power, or a channel without signal.
     """
     nm, *columns = read_columns(path, ("wavelength_nm", *CHANNELS, "power"))
     if nm[0] > FIRST or nm[-1] < LAST or np.diff(nm).max() > LARGEST_STEP:

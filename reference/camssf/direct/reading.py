@@ -1,4 +1,4 @@
-"""A file of a spectrum's frame (DNG, grey TIFF, CSV) and its dark frame → the spectrum."""
+"""Reads a spectrum from a frame (DNG, grey TIFF or CSV) and its dark frame."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.direct.columns import PathLike, read_columns
-from camssf.direct.extraction import Spectrum, extract
+from camssf.direct.extraction import FrameSpectrum, extract
 from camssf.direct.result import CHANNELS
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, UnreadableRaw
 from camssf.files import local
 from camssf.grid import Floats
-from camssf.photo.mosaic import Mosaic, read_dng
+from camssf.photo.read.dng import Mosaic, read_dng
 
 _CLIPPED = 0.002
 
 DENSEST = 2000
-"""Bytes that a byte of a TIFF may stand for; deflate reaches 1032, LZW 1365."""
+"""Largest compression ratio of a TIFF that is read; deflate reaches 1032, LZW 1365."""
 
 
-def read_spectrum(path: PathLike, dark: PathLike | None, channels: int) -> tuple[Spectrum, tuple[str, str]]:
-    """The spectrum in a file, and the camera's make and model where it says so."""
+def read_spectrum(path: PathLike, dark: PathLike | None, channels: int) -> tuple[FrameSpectrum, tuple[str, str]]:
+    """The spectrum in a file, and the camera's make and model ("" if unknown)."""
     name, kind = local(path).name, Path(path).suffix.casefold()
     if kind == ".csv":
         if dark is not None:
             raise InvalidArgument(f"{name} is a table; its dark frame has no use.", "Subtract it before extracting.")
         pixel, *columns = read_columns(path, ("pixel", *(CHANNELS if channels == 3 else ("signal",))))
         positions = (pixel,) * channels
-        return Spectrum(name, positions, tuple(columns), None, 0.0, "as in the table"), ("", "")
+        return FrameSpectrum(name, positions, tuple(columns), None, 0.0, "as in the table"), ("", "")
     mosaic: Mosaic | None = None
     if kind == ".dng":
         mosaic = read_dng(path)
@@ -56,7 +56,7 @@ def read_spectrum(path: PathLike, dark: PathLike | None, channels: int) -> tuple
 
 
 def _check_ceiling(samples: Floats, ceiling: float, name: str) -> None:
-    """Refuse a frame that reaches the file's ceiling, or piles up at a lower one: noise leaves no such heap."""
+    """Raise Overexposed if too many samples are at the ceiling: the file's, or a lower one where values pile up."""
     bright = samples[samples > 0.5 * samples.max()]
     levels, counts = np.unique(bright, return_counts=True)
     heap = len(counts) > 4 and counts[-1] > 3 * counts[-5:-1].mean()
@@ -71,7 +71,7 @@ def _check_ceiling(samples: Floats, ceiling: float, name: str) -> None:
 
 
 def _black(samples: Floats, mosaic: Mosaic | None, dark: PathLike | None, name: str) -> tuple[Floats | float, str]:
-    """What is subtracted, and in words."""
+    """The black level to subtract, and its source in words."""
     if dark is not None:
         closed = None if mosaic is None else read_dng(dark)
         other = (_read_tiff(dark) if closed is None else closed.samples).astype(np.float64)
@@ -104,7 +104,7 @@ def _black(samples: Floats, mosaic: Mosaic | None, dark: PathLike | None, name: 
 
 
 def _cell_means(dark: Floats) -> Floats:
-    """(h, w): the mean of the dark frame at each position of the 2 × 2 cell; its noise would only be added."""
+    """(h, w): the mean of the dark frame at each position of the 2 × 2 cell, without the dark frame's noise."""
     level = np.empty_like(dark)
     for row in (0, 1):
         for column in (0, 1):
@@ -113,7 +113,7 @@ def _cell_means(dark: Floats) -> Floats:
 
 
 def _read_tiff(path: PathLike) -> NDArray[Any]:
-    """(h, w) of a grey TIFF of whole numbers, as stored."""
+    """(h, w) samples of a grey TIFF of unsigned integers, as stored."""
     import tifffile
 
     try:

@@ -1,4 +1,4 @@
-"""The measured curves, what they rest on, and the document that says so."""
+"""The measured curves with their assumptions, and their document."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf import __version__
 from camssf.direct.columns import PathLike
 from camssf.direct.dispersion import Dispersion
 from camssf.errors import InvalidArgument, Underexposed
 from camssf.files import local, write_files
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
 
@@ -25,7 +25,7 @@ CHANNELS = ("red", "green", "blue")
 
 FIRST = 400.0
 LAST = 700.0
-"""Both frames, or a sweep, must cover these, nm."""
+"""Range that both frames, or a sweep, must cover, nm."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Direct:
     """The measured curves. Columns are R, G, B.
 
     Attributes:
-        values: (681, 3) response, relative, one scale for the three channels; 0 where nothing was measured.
-        std: (681, 3) its standard error from the scatter of the pixels; None of a sweep or a table.
-        covered: (first, last) wavelength that was measured, nm.
-        camera: (make, model), empty where the file is silent.
-        dispersions: by role, "rgb" and "mono"; empty of a sweep.
+        values: (681, 3) relative response, one scale for the three channels; 0 where nothing was measured.
+        std: (681, 3) its standard error from the scatter of the pixels; None for a sweep or a table.
+        covered: (first, last) measured wavelength, nm.
+        camera: (make, model), empty if unknown.
+        dispersions: by role, "rgb" and "mono"; empty for a sweep.
         tilts: of the lines, degrees, by role.
-        assumptions: (code, message) of all that was taken for granted.
+        assumptions: (code, message) of each assumption.
         files: name and SHA-256 of each, by role.
     """
 
@@ -53,7 +53,7 @@ class Direct:
     files: dict[str, tuple[str, str]]
 
     def document(self) -> Json:
-        """As plain data, "camssf-direct/1": `ssf` and `ssf_std` as in camssf-result/1, peak 1."""
+        """The document "camssf-direct/1" as plain data: `ssf` and `ssf_std` as in camssf-result/1, peak 1."""
         peak = self.values.max(axis=0)
         return {
             "format": "camssf-direct/1",
@@ -91,7 +91,7 @@ class Direct:
         }
 
     def save(self, folder: PathLike) -> list[Path]:
-        """Leave direct.json and ssf.csv (as `camssf calibrate` writes it) in `folder`, both or none.
+        """Write direct.json and ssf.csv (as `camssf calibrate` writes it) to `folder`, both or none.
 
         Raises:
             InvalidArgument: the folder cannot be written to, or holds the result of a calibration.
@@ -116,10 +116,10 @@ class Direct:
 
 
 def checked(direct: Direct) -> Direct:
-    """The same, with what was not measured among its assumptions.
+    """The same curves, with the assumption "covered" added if they do not cover the whole grid.
 
     Raises:
-        Underexposed: a channel holds no signal.
+        Underexposed: a channel has no signal.
     """
     if not np.isfinite(direct.values).all() or (direct.values.max(axis=0) <= 0).any():
         raise Underexposed("A channel holds no signal.", "Expose the colour camera's frame longer.")
@@ -131,7 +131,7 @@ def checked(direct: Direct) -> Direct:
 
 
 def identified(paths: Mapping[str, PathLike | None]) -> dict[str, tuple[str, str]]:
-    """Name and SHA-256 of the files that there are, by role."""
+    """Name and SHA-256 of each file that is not None, by role."""
     return {
         role: (Path(path).name, hashlib.sha256(Path(path).read_bytes()).hexdigest())
         for role, path in paths.items()

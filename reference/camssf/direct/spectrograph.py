@@ -1,12 +1,12 @@
-"""Frames of one spectrum by two cameras, of which one is known → curves (the paper's Sec. 4).
+"""Computes curves from frames of one spectrum by two cameras, of which one is known (the paper's Sec. 4).
 
-The colour camera and a mono camera of known response photograph the same spectrum of sunlight in turn. Each frame is
-calibrated in wavelength by the Fraunhofer lines in it (`camssf.direct.dispersion`); then the light, the grating and
-the lens cancel, Eq. (12):
+The colour camera and a mono camera of known response photograph the same spectrum of sunlight in turn. Each frame's
+wavelengths are calibrated by its Fraunhofer lines (`camssf.direct.dispersion`). Then light, grating and lens cancel,
+Eq. (12):
 
     S(λ) = S_mono(λ) · [I(λ) / |dλ/dx|] / [I_mono(λ) / |dλ/dx|_mono]
 
-The brackets turn signal a pixel into signal a nanometre: the two cameras need not have the same pixels.
+The brackets convert signal a pixel to signal a nanometre, so the two cameras may have different pixels.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from camssf.direct.columns import PathLike, read_columns
 from camssf.direct.dispersion import Dispersion, disperse
-from camssf.direct.extraction import Spectrum
+from camssf.direct.extraction import FrameSpectrum
 from camssf.direct.reading import read_spectrum
 from camssf.direct.result import FIRST, LAST, Direct, checked, identified
 from camssf.errors import FramesDiffer, InvalidArgument
@@ -28,7 +28,7 @@ from camssf.grid import WAVELENGTHS, Floats
 Progress: TypeAlias = Callable[[str, float], None]
 
 FAINTEST = 0.004
-"""Where the mono camera's signal a nm falls below this share of its largest, there is no light to divide by."""
+"""Wavelengths where the mono camera's signal a nm is below this fraction of its maximum are not used."""
 
 
 def divide(
@@ -40,25 +40,24 @@ def divide(
     response: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Direct:
-    """Eq. (12): the colour camera's frame of the spectrum by the mono camera's.
+    """Divide the colour camera's spectrum by the mono camera's, Eq. (12).
 
-    The spectrum lies along the rows, either way round; the slit's image may lean a few degrees.
+    The spectrum runs along the rows, in either direction; the slit's image may be tilted by a few degrees.
 
     Args:
-        rgb: DNG of the colour camera, or a CSV pixel,red,green,blue of a spectrum already extracted.
-        mono: of the mono camera: a grey TIFF (8 or 16 bits), a DNG whose samples are all alike, or a CSV
-            pixel,signal.
-        dark, mono_dark: frames without light, same exposure; without, the file's black level or the rows beside the
-            spectrum.
+        rgb: DNG of the colour camera, or a CSV pixel,red,green,blue of an extracted spectrum.
+        mono: frame of the mono camera: a grey TIFF (8 or 16 bits), a DNG of a single channel, or a CSV pixel,signal.
+        dark, mono_dark: frames without light, same exposure; if None, the file's black level or the darkest rows are
+            used.
         response: CSV wavelength_nm,response of the mono camera (with its lens and grating, if those differ between
-            the cameras), any scale; None takes it for flat.
-        progress: told (stage, share).
+            the cameras), any scale; None for a flat response.
+        progress: called with (stage, fraction).
 
     Raises:
-        LampUnfit: a frame with too few Fraunhofer lines.
-        Overexposed, Underexposed: a frame.
-        FramesDiffer: a dark frame of another size or brighter than its frame, or frames of different wavelengths.
-        UnreadableRaw, UnsupportedRaw, NotSensorRaw, InvalidArgument: a file.
+        LampUnfit: a frame has too few Fraunhofer lines.
+        Overexposed, Underexposed: a frame is.
+        FramesDiffer: a dark frame does not fit its frame, or the frames share too few wavelengths.
+        UnreadableRaw, UnsupportedRaw, NotSensorRaw, InvalidArgument: a file cannot be used.
     """
     tell = progress or (lambda stage, part: None)
     tell("reading the frames", 0.0)
@@ -121,17 +120,17 @@ def divide(
     return checked(Direct(ratio, std, (first, last), camera, found, tilts, assumptions, files))
 
 
-def _together(spectrum: Spectrum) -> tuple[Floats, Floats]:
-    """The channels on the positions of the widest one: (w,), (w, c)."""
+def _together(spectrum: FrameSpectrum) -> tuple[Floats, Floats]:
+    """Positions (w,) of the channel with most samples, and all channels interpolated there (w, c)."""
     pixel = max(spectrum.pixel, key=len)
     columns = [np.interp(pixel, x, y) for x, y in zip(spectrum.pixel, spectrum.signal, strict=True)]
     return pixel, np.stack(columns, axis=1)
 
 
 def _per_nanometre(
-    spectrum: Spectrum, channel: int, dispersion: Dispersion
+    spectrum: FrameSpectrum, channel: int, dispersion: Dispersion
 ) -> tuple[Floats, Floats, tuple[float, float]]:
-    """Signal a nm on the grid and its standard error, (681,), and the first and last wavelength in the frame."""
+    """Signal a nm on the grid and its standard error, (681,) each, and the frame's first and last wavelength."""
     from scipy.interpolate import CubicSpline
 
     x = spectrum.pixel[channel]

@@ -1,1 +1,1 @@
-"""Products as plain data and as pages: patches, result, report."""
+"""Products as JSON documents: patches, results, passports and revocation lists."""

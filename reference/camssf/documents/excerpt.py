@@ -1,7 +1,7 @@
-"""The part of a result that a passport holds: curves, bands, verdict, what it was made from; not the single patches.
+"""The part of a result that a passport holds: curves, bands, verdict and provenance, without the single patches.
 
-Whole, a result is too large for a token that other programs accept (128,000 bytes). The whole result.json stands
-outside of the passport and is tied to it by its SHA-256.
+A whole result is too large for a token that other programs accept (128,000 bytes). The whole result.json stays
+outside the passport, which holds its SHA-256.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from camssf.files import readable
 Json: TypeAlias = dict[str, Any]
 
 DECIMALS = 5
-"""Of the curves and their bands, whose peak is 1: a fiftieth of the narrowest band, or less."""
+"""Decimals of curves (peak 1) and bands: at most a fiftieth of the narrowest band."""
 _LEFT_OUT = ("code_covariance", "truth", "excerpt")
 _LEFT_OUT_OF_SHOTS = ("light",)
 
 
 def excerpt(document: Json) -> Json:
-    """What a passport holds of a result.
+    """The excerpt of a result for a passport.
 
-    Every member as it is, but: `code_covariance` and `truth` are left out, and of each shot the light's spectra, the
-    chart's pose and its patches; curves and bands have five decimals.
+    All members are kept except `code_covariance`, `truth`, and, in each shot, the light's spectra, the chart's pose
+    and its patches. Curves and bands are rounded to five decimals.
 
     Args:
-        document: a result with curves, checked against its form.
+        document: a result with curves, already checked.
     """
     kept = {name: value for name, value in document.items() if name not in _LEFT_OUT}
     for name in ("ssf", "ssf_std"):
@@ -36,7 +36,7 @@ def excerpt(document: Json) -> Json:
                 for key, values in kept[name].items()
             }
     kept["shots"] = [_shot(shot) for shot in document["shots"]]
-    return dict(json.loads(readable(json.dumps(kept, ensure_ascii=False))))  # half a character as it is written
+    return dict(json.loads(readable(json.dumps(kept, ensure_ascii=False))))  # replaces lone surrogates
 
 
 def _shot(shot: Json) -> Json:

@@ -1,8 +1,8 @@
-"""A compact JWS (RFC 7515) with ES256 (RFC 7518): `header.payload.signature`, nothing before or after it.
+"""Signs and verifies a compact JWS (RFC 7515) with ES256 (RFC 7518): `header.payload.signature` and nothing else.
 
-What was received is what is verified: nothing is decoded and written anew in between, so no form of JSON has to be
-agreed on. Header and payload have one spelling; of a signature (r, s) anybody can make the other one that fits,
-(r, n - s), so a signature's bytes identify nothing.
+The received bytes are verified without being decoded and written again, so no canonical form of JSON is needed.
+Header and payload have one spelling. From a signature (r, s) anybody can make a second valid one, (r, n - s), so a
+signature's bytes are not an identifier.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 from camssf.documents.keys import KEY_ID, key_name, need_cryptography, unpadded
-from camssf.documents.report import parse_json
+from camssf.documents.result_json import parse_json
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.files import readable
 
@@ -22,20 +22,20 @@ Json: TypeAlias = dict[str, Any]
 
 ALGORITHM = "ES256"
 ORDER = 0xFFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551
-"""n of P-256: how many points the curve's generator makes (FIPS 186-5)."""
+"""n of P-256, the order of the curve's generator (FIPS 186-5)."""
 
 _HEADER = 1024
-"""Characters that a header may have."""
+"""Largest length of an encoded header, in characters."""
 _ADVICE = "Ask the one who signed it for {what} as it was written; trust nothing in this one."
 
 
 def sign_jws(payload: Json, kind: str, key: Any) -> bytes:
-    """The signed payload.
+    """Sign a payload.
 
     Args:
         payload: plain data.
         kind: the header's `typ`.
-        key: of `keys.read_private`.
+        key: from `keys.read_private`.
     """
     need_cryptography()
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -49,16 +49,16 @@ def sign_jws(payload: Json, kind: str, key: Any) -> bytes:
 
 
 def verify_jws(data: bytes, kind: str, trusted: Mapping[str, Any], what: str) -> tuple[Json, str]:
-    """The payload, if one of the trusted keys signed it, and that key's name.
+    """Verify a signed document; return its payload and the name of the trusted key that signed it.
 
     Args:
         data: as received.
         kind: the header's `typ`.
-        trusted: of `keys.read_public`.
-        what: what messages call it, "the passport".
+        trusted: from `keys.read_public`.
+        what: its name in messages, for example "the passport".
 
     Raises:
-        PassportInvalid: it has not the form, or nobody trusted signed these bytes.
+        PassportInvalid: the form is wrong, or no trusted key signed these bytes.
     """
     need_cryptography()
     parts, kid = _parts(data, kind, what)
@@ -73,17 +73,17 @@ def verify_jws(data: bytes, kind: str, trusted: Mapping[str, Any], what: str) ->
 
 
 def read_jws(data: bytes, kind: str, what: str) -> tuple[Json, str]:
-    """The payload, and the name of the key that the header names. Nothing of it is verified.
+    """Read the payload and the key's name from the header, without verifying anything.
 
     Raises:
-        PassportInvalid: it has not the form.
+        PassportInvalid: the form is wrong.
     """
     parts, kid = _parts(data, kind, what)
     return _object(parts[1], "payload", what), kid
 
 
 def advice(what: str) -> str:
-    """What to do about a signed document that is not what its signer wrote."""
+    """The advice for a signed document that was changed or damaged."""
     return _ADVICE.format(what=what)
 
 
@@ -96,7 +96,7 @@ def _json(value: Json) -> bytes:
 
 
 def _parts(data: bytes, kind: str, what: str) -> tuple[list[bytes], str]:
-    """Header, payload and signature, decoded, and the key's name."""
+    """Return the decoded header, payload and signature, and the key's name."""
     texts = data.split(b".", 3)
     if len(texts) != 3 or len(texts[0]) > _HEADER:
         raise PassportInvalid(
@@ -108,7 +108,7 @@ def _parts(data: bytes, kind: str, what: str) -> tuple[list[bytes], str]:
     kid = header.get("kid")
     if not (isinstance(kid, str) and KEY_ID.fullmatch(kid)):
         raise PassportInvalid(f"{_begin(what)} names no key.", advice(what))
-    if header != {"alg": ALGORITHM, "kid": kid, "typ": kind}:  # `none`, HS256, crit, jwk, a foreign typ: all the same
+    if header != {"alg": ALGORITHM, "kid": kid, "typ": kind}:  # rejects `none`, HS256, crit, jwk and another typ
         raise PassportInvalid(
             f"{_begin(what)}'s header asks for something else than {ALGORITHM} and {kind}.", advice(what)
         )
@@ -118,7 +118,7 @@ def _parts(data: bytes, kind: str, what: str) -> tuple[list[bytes], str]:
 
 
 def _decode(text: bytes, what: str) -> bytes:
-    """Base64url in its one spelling; Python's decoder leaves out what it does not know, so the way back tells."""
+    """Decode strict base64url; the result is encoded again, because Python's decoder skips unknown characters."""
     try:
         part = base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
     except (ValueError, binascii.Error):

@@ -1,7 +1,7 @@
-"""Keys of passports, P-256, in PEM files.
+"""Makes and reads the keys of passports: P-256, in PEM files.
 
-A key's name is its thumbprint (RFC 7638, SHA-256), the same in every language. Private keys are read, used and
-forgotten: no message, no document and no log holds any of one.
+A key's name is its thumbprint (RFC 7638, SHA-256), the same in every language. No message, document or log holds
+any part of a private key.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ from camssf.libraries import library
 PRIVATE, PUBLIC = "passport-key.pem", "passport-key.pub.pem"
 LARGEST_KEY = 64 * 1024
 ROUNDS = 600_000
-"""Of PBKDF2 with HMAC-SHA-256, which makes a key of a passphrase (OWASP Password Storage Cheat Sheet, 2023)."""
+"""Rounds of PBKDF2 with HMAC-SHA-256 (OWASP Password Storage Cheat Sheet, 2023)."""
 KEY_ID = re.compile(r"[A-Za-z0-9_-]{43}")
 
 _MAKE = "`camssf passport key -o FOLDER` makes a pair."
 
 
 def need_cryptography() -> None:
-    """See that `cryptography` is there."""
+    """Raise unless the library `cryptography` is installed."""
     library("cryptography", "Passports need", "passport")
 
 
 def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
-    """A new pair in `folder`: PRIVATE, for its owner's eyes only, and PUBLIC, for everybody.
+    """Write a new key pair to `folder`: PRIVATE (readable by its owner only) and PUBLIC.
 
     Args:
-        folder: made where it is missing; a key that lies there is never replaced.
-        passphrase: that the private key is locked with; None for none.
+        folder: created if missing; an existing key is never replaced.
+        passphrase: encrypts the private key; None for an unencrypted key.
 
     Returns:
         The key's name.
 
     Raises:
-        InvalidArgument: it cannot be written, or there is one already.
+        InvalidArgument: the pair cannot be written, or the folder has one already.
     """
     need_cryptography()
     from cryptography.hazmat.primitives import serialization as form
@@ -78,9 +78,9 @@ def _open(key: Any, encoding: Any) -> bytes:
 
 
 def _locked(key: Any, passphrase: bytes) -> bytes:
-    """An EncryptedPrivateKeyInfo in PEM: PBES2 (RFC 8018, appendix A) of PBKDF2, HMAC-SHA-256 and AES-256-CBC.
+    """EncryptedPrivateKeyInfo in PEM: PBES2 (RFC 8018, appendix A) with PBKDF2, HMAC-SHA-256 and AES-256-CBC.
 
-    Written here because `cryptography` writes PKCS 8 with 20,000 rounds and lets nobody choose.
+    Written here because `cryptography` writes PKCS 8 with 20,000 rounds and has no option to change them.
     """
     from cryptography.hazmat.primitives.ciphers import Cipher, algorithms, modes
     from cryptography.hazmat.primitives.hashes import SHA256
@@ -122,10 +122,10 @@ def _create(path: Path, content: bytes, mode: int) -> None:
 
 
 def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
-    """The key that signs.
+    """Read a private key for signing.
 
     Raises:
-        InvalidArgument: it is none, others may read it, or it is locked and `passphrase` does not open it.
+        InvalidArgument: the file is not such a key, others may read it, or `passphrase` does not unlock it.
     """
     need_cryptography()
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -135,7 +135,7 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
     data = _bytes(path, LARGEST_KEY, private=True)
     try:
         key = load_pem_private_key(data, passphrase)
-    except (TypeError, ValueError, UnsupportedAlgorithm):  # without its words: they speak of what lies in the file
+    except (TypeError, ValueError, UnsupportedAlgorithm):  # its message may quote the key
         if b"ENCRYPTED" in data:
             raise InvalidArgument(f"{path} is locked.", "Give the file of its passphrase by --passphrase.") from None
         raise InvalidArgument(
@@ -147,10 +147,10 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
 
 
 def read_public(paths: Iterable[Path | str]) -> dict[str, Any]:
-    """The keys that are trusted, by their names.
+    """Read the trusted public keys, by their names.
 
     Raises:
-        InvalidArgument: a file is no public key on P-256.
+        InvalidArgument: a file is not a public key on P-256.
     """
     need_cryptography()
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -172,7 +172,7 @@ def read_public(paths: Iterable[Path | str]) -> dict[str, Any]:
 
 
 def key_name(public: Any) -> str:
-    """The thumbprint of a public key: RFC 7638, section 3.2."""
+    """Thumbprint of a public key (RFC 7638, section 3.2)."""
     numbers = public.public_numbers()
     x, y = (unpadded(value.to_bytes(32, "big")) for value in (numbers.x, numbers.y))
     form = json.dumps({"crv": "P-256", "kty": "EC", "x": x, "y": y}, separators=(",", ":"))
@@ -180,7 +180,7 @@ def key_name(public: Any) -> str:
 
 
 def unpadded(data: bytes) -> str:
-    """Base64url without padding: RFC 7515, section 2."""
+    """Base64url without padding (RFC 7515, section 2)."""
     return base64.urlsafe_b64encode(data).rstrip(b"=").decode()
 
 

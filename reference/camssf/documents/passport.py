@@ -1,7 +1,7 @@
-"""The part of a result that can be carried, signed: whose camera, when, until when, made from what, and by whom.
+"""Signs and verifies passports: a signed excerpt of a result with the camera unit, capture time and validity period.
 
 A passport is a compact JWS (`jws.py`). Its payload has the form data/passport.schema.json and holds an excerpt of the
-result (`excerpt.py`); the whole result.json stands outside, tied to it by its SHA-256.
+result (`excerpt.py`). The whole result.json stays outside; the passport holds its SHA-256.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from camssf import __version__
 from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import advice, read_jws, sign_jws, verify_jws
-from camssf.documents.report import check_document, parse_json
+from camssf.documents.result_json import check_document, parse_json
 from camssf.documents.schema import BrokenError, check, schema
 from camssf.errors import InvalidArgument, PassportInvalid
-from camssf.photo.unit import Unit, read_unit
+from camssf.photo.read.unit import Unit, read_unit
+from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
 
 FORMAT, TYPE = "camssf-passport/1", "camssf-passport+jwt"
 LARGEST_PASSPORT = 100_000
-"""In bytes. joserfc takes tokens of 129,536 bytes unless its limits are raised."""
+"""In bytes. joserfc accepts tokens of up to 129,536 bytes by default."""
 LARGEST_PRINTED = 4 * LARGEST_PASSPORT
-"""In bytes: an excerpt with the passport that it comes from, as `camssf passport verify` prints it."""
+"""In bytes: an excerpt with its passport, as `camssf passport verify` prints it."""
 LONGEST_DAYS = 36500
 WHAT = "the passport"
 
@@ -37,18 +37,18 @@ _ADVICE = advice(WHAT)
 
 @dataclass(frozen=True)
 class Passport:
-    """What is signed.
+    """The content of a passport.
 
     Attributes:
-        id: 32 hexadecimal digits, by chance.
-        issued, begins, ends: UTC, whole seconds; it is valid from `begins` on, and no more at `ends`.
-        unit: whose curves these are.
-        captured: when the photo was taken, ISO 8601; "" where nobody said.
-        chart_serial: of the chart; "" where nobody said.
-        lamp_serials: of each shot's lamp, likewise.
-        software: the version of camssf that wrote it.
-        result_sha256: of the whole result's file, byte for byte.
-        result: the excerpt of it: lamps, chart, curves, verdict, hashes of the inputs and of the model.
+        id: 32 random hexadecimal digits.
+        issued, begins, ends: UTC, whole seconds; valid from `begins` until just before `ends`.
+        unit: the camera unit that the curves belong to.
+        captured: when the photo was taken, ISO 8601; "" if unknown.
+        chart_serial: serial number of the chart; "" if unknown.
+        lamp_serials: serial number of each shot's lamp; "" if unknown.
+        software: version of camssf that wrote it.
+        result_sha256: SHA-256 of the whole result's file.
+        result: the excerpt: lamps, chart, curves, verdict, hashes of the inputs and of the model.
     """
 
     id: str
@@ -64,7 +64,7 @@ class Passport:
     result: Json
 
     def claims(self) -> Json:
-        """As plain data: the payload. `jti`, `iat`, `nbf` and `exp` as in RFC 7519, for any reader of JWT."""
+        """The payload as plain data; `jti`, `iat`, `nbf` and `exp` as in RFC 7519, for any reader of JWT."""
         return {
             "format": FORMAT,
             "jti": self.id,
@@ -81,14 +81,14 @@ class Passport:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What the one who signs says beside the result.
+class PassportRequest:
+    """What the signer states in addition to the result.
 
     Attributes:
-        unit: whose curves these are; make and model may be left to the result.
-        captured, chart_serial, lamp_serials: as in `Passport`; no serials at all, or one a shot.
-        days: how long it is valid.
-        begins: from when on; now unless given.
+        unit: the camera unit; empty make and model are taken from the result.
+        captured, chart_serial, lamp_serials: as in `Passport`; `lamp_serials` is empty or has one entry per shot.
+        days: validity period.
+        begins: start of validity; default: now.
     """
 
     unit: Unit = field(default_factory=Unit)
@@ -99,17 +99,19 @@ class Said:
     begins: datetime | None = None
 
 
-def draw_up(result: bytes, said: Said, *, photos: Sequence[Path | str] = (), now: datetime | None = None) -> Passport:
-    """A passport of a result, not yet signed.
+def create_passport(
+    result: bytes, request: PassportRequest, *, photos: Sequence[Path | str] = (), now: datetime | None = None
+) -> Passport:
+    """Create an unsigned passport of a result.
 
     Args:
         result: the bytes of result.json.
-        said: what the result does not hold.
-        photos: files that the result was made from, for what they say of the unit and of the time.
-        now: the time of issue; the clock's unless given.
+        request: what the signer states.
+        photos: files that the result was made from; their tags give the unit and the time.
+        now: time of issue; default: the system clock.
 
     Raises:
-        InvalidArgument: the result is none, was refused, or what is said cannot be.
+        InvalidArgument: the result is invalid or was refused, or a statement is impossible or contradicts the files.
         UnreadableRaw: a photo cannot be read.
     """
     document = check_document(
@@ -117,20 +119,20 @@ def draw_up(result: bytes, said: Said, *, photos: Sequence[Path | str] = (), now
     )
     if "ssf" not in document:
         raise InvalidArgument("The result was refused: it has no curves to sign.", "Calibrate again.")
-    said = _from_photos(said, photos, document)
+    request = _from_photos(request, photos, document)
     known = {each.name for each in fields(Unit)} & {name for name, value in document["camera"].items() if value}
-    unit = _agreed(said.unit, Unit(**{name: document["camera"][name] for name in known}), "the result")
-    lamps = said.lamp_serials or ("",) * len(document["shots"])
+    unit = _agreed(request.unit, Unit(**{name: document["camera"][name] for name in known}), "the result")
+    lamps = request.lamp_serials or ("",) * len(document["shots"])
     if len(lamps) != len(document["shots"]):
         raise InvalidArgument(
             f"{len(lamps)} serials of lamps for {len(document['shots'])} shots.", "Give one a shot, in their order."
         )
-    if not 0 < said.days <= LONGEST_DAYS:
-        raise InvalidArgument(f"Valid for {said.days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
+    if not 0 < request.days <= LONGEST_DAYS:
+        raise InvalidArgument(f"Valid for {request.days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
     issued = (now or datetime.now(UTC)).astimezone(UTC).replace(microsecond=0)
-    begins = (said.begins or issued).astimezone(UTC).replace(microsecond=0)
+    begins = (request.begins or issued).astimezone(UTC).replace(microsecond=0)
     try:
-        ends = begins + max(timedelta(seconds=1), timedelta(days=said.days))
+        ends = begins + max(timedelta(seconds=1), timedelta(days=request.days))
     except OverflowError:
         raise InvalidArgument("No calendar holds the day when it would end.", "Let it begin earlier.") from None
     return Passport(
@@ -139,8 +141,8 @@ def draw_up(result: bytes, said: Said, *, photos: Sequence[Path | str] = (), now
         begins=begins,
         ends=ends.replace(microsecond=0),
         unit=unit,
-        captured=_captured(said.captured),
-        chart_serial=said.chart_serial,
+        captured=_captured(request.captured),
+        chart_serial=request.chart_serial,
         lamp_serials=tuple(lamps),
         software=__version__,
         result_sha256=hashlib.sha256(result).hexdigest(),
@@ -148,15 +150,17 @@ def draw_up(result: bytes, said: Said, *, photos: Sequence[Path | str] = (), now
     )
 
 
-def _from_photos(said: Said, photos: Sequence[Path | str], document: Json) -> Said:
-    """What is said, and what the files say where nobody did; the two must agree."""
+def _from_photos(request: PassportRequest, photos: Sequence[Path | str], document: Json) -> PassportRequest:
+    """Fill empty fields of the request from the photos' tags; stated fields must agree with them."""
     shots = {shot["photo"]["sha256"] for shot in document["shots"]}
     for path in photos:
         taken = read_unit(path)
         if taken.sha256 not in shots:
             raise InvalidArgument(f"The result was not made from {path}.", "Give the very file, or leave it out.")
-        said = replace(said, unit=_agreed(said.unit, taken.unit, str(path)), captured=said.captured or taken.time)
-    return said
+        request = replace(
+            request, unit=_agreed(request.unit, taken.unit, str(path)), captured=request.captured or taken.time
+        )
+    return request
 
 
 def _agreed(unit: Unit, other: Unit, source: str) -> Unit:
@@ -180,19 +184,19 @@ def _captured(text: str) -> str:
 
 
 def sign(passport: Passport, key: Any) -> bytes:
-    """The signed passport.
+    """Sign a passport.
 
     Args:
-        passport: of `draw_up`.
-        key: of `keys.read_private`.
+        passport: from `create_passport`.
+        key: from `keys.read_private`.
 
     Raises:
-        InvalidArgument: it would be too large, or it breaks its form.
+        InvalidArgument: it would be too large, or it does not follow the schema.
     """
     claims = passport.claims()
     try:
         _passport(claims)
-    except PassportInvalid as error:  # what no verifier takes is not signed
+    except PassportInvalid as error:  # sign nothing that a verifier would reject
         raise InvalidArgument(error.message, error.advice) from error
     signed = sign_jws(claims, TYPE, key)
     if len(signed) > LARGEST_PASSPORT:
@@ -214,17 +218,17 @@ def verify(
     now: datetime | None = None,
     result: bytes | None = None,
 ) -> Passport:
-    """The passport, if it is one: whole, signed by a trusted key, in its form and time, not called back.
+    """Verify a passport: unchanged, signed by a trusted key, valid in form and time, not revoked.
 
     Args:
-        data: as received, or what `camssf passport verify` printed of it.
-        trusted: of `keys.read_public`.
-        revoked: of `revocations.read_revoked`.
-        now: at what time; the clock's unless given.
-        result: the bytes of the whole result.json, which it shall belong to.
+        data: as received, or as `camssf passport verify` printed it.
+        trusted: from `keys.read_public`.
+        revoked: from `revocations.read_revoked`.
+        now: time of the check; default: the system clock.
+        result: bytes of the whole result.json that the passport must belong to; None to skip this check.
 
     Raises:
-        PassportInvalid: anything of it is not as it must be.
+        PassportInvalid: one of these checks fails.
     """
     token, document = _token(data)
     claims, kid = verify_jws(token, TYPE, trusted, WHAT)
@@ -246,10 +250,10 @@ def verify(
 
 
 def read(data: bytes) -> tuple[Passport, str]:
-    """What a passport says, and the name of the key that it names. Nothing of it is verified.
+    """Read a passport and the name of its key, without verifying anything.
 
     Raises:
-        PassportInvalid: it has not the form of one.
+        PassportInvalid: the form is wrong.
     """
     token, document = _token(data)
     claims, kid = read_jws(token, TYPE, WHAT)
@@ -259,10 +263,10 @@ def read(data: bytes) -> tuple[Passport, str]:
 
 
 def check_belongs(passport: Passport, result: bytes) -> None:
-    """Raise unless the passport is of that result: its very bytes, and the excerpt is what they hold.
+    """Raise unless the passport belongs to that result: the SHA-256 of its bytes and the excerpt must match.
 
     Raises:
-        PassportInvalid: it is of another one, or its excerpt says something else.
+        PassportInvalid: the result is another one, or the excerpt differs.
     """
     if hashlib.sha256(result).hexdigest() != passport.result_sha256:
         raise PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
@@ -275,20 +279,20 @@ def check_belongs(passport: Passport, result: bytes) -> None:
 
 
 def as_document(token: bytes, passport: Passport) -> Json:
-    """A verified passport as a document: its excerpt as a result, and the passport itself, so that it verifies again.
+    """A verified passport as a document: its excerpt as a result, with the passport inside for later verification.
 
     Args:
-        token: the passport, or what was printed of it.
-        passport: what `verify` found in it.
+        token: the passport, or its printed document.
+        passport: what `verify` returned for it.
     """
     return _printed(_token(token)[0], passport)
 
 
 def check_printed(document: Json) -> None:
-    """Check that what was printed of a passport is what the passport holds; its signature is not looked at.
+    """Check that a printed document matches the passport that it holds; the signature is not verified.
 
     Raises:
-        PassportInvalid: it is not.
+        PassportInvalid: they differ, or the passport's form is wrong.
     """
     token = document["excerpt"]["passport"].encode("utf-8", "replace")
     _check_printed(document, token, read(token)[0])
@@ -304,7 +308,7 @@ def _check_printed(document: Json | None, token: bytes, passport: Passport) -> N
 
 
 def _token(data: bytes) -> tuple[bytes, Json | None]:
-    """The JWS; and the document that it stood in, if it was printed in one."""
+    """The JWS, and the printed document that contained it, if any."""
     document = None
     if data[:1] == b"{" and len(data) <= LARGEST_PRINTED:
         try:
@@ -320,7 +324,7 @@ def _token(data: bytes) -> tuple[bytes, Json | None]:
 
 
 def _passport(claims: Json) -> Passport:
-    """The payload, checked against data/passport.schema.json; claims that it does not name are left out."""
+    """The payload, checked against data/passport.schema.json; unknown claims are ignored."""
     for name in schema("passport")["required"]:
         _check_claim(claims, name)
     issued, begins, ends = (datetime.fromtimestamp(claims[name], UTC) for name in ("iat", "nbf", "exp"))
@@ -341,7 +345,7 @@ def _passport(claims: Json) -> Passport:
 
 
 def _known(result: Any) -> Any:
-    """Without the members that a later release may have added."""
+    """The result without members that a later release may have added."""
     names = schema("result")["properties"]
     return {name: value for name, value in result.items() if name in names} if isinstance(result, dict) else result
 
@@ -356,7 +360,7 @@ def _check_claim(claims: Json, name: str) -> None:
         if name not in claims:
             raise BrokenError("", "is missing")
         check(value, "passport", name)
-        if name in ("iat", "nbf", "exp") and not isinstance(value, int):  # 1.0 is a whole number to a schema
+        if name in ("iat", "nbf", "exp") and not isinstance(value, int):  # a JSON Schema accepts 1.0 as an integer
             raise BrokenError("", "must be written without a fraction")
         if name == "result":
             excerpt_of = {"result_sha256": claims["result_sha256"], "passport": ""}

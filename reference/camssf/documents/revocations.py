@@ -1,7 +1,7 @@
-"""The list of passports and keys that were called back: signed, dated, and good until a day that it names.
+"""Signs and reads the list of revoked passports and keys, which is dated and expires.
 
-A compact JWS (`jws.py`) by a key like those of passports. It is renewed by signing its names anew: an old one is
-refused, since it may lack what was called back since.
+The list is a compact JWS (`jws.py`), signed with a key like those of passports. It is renewed by signing its names
+again. An expired list is rejected, because later revocations may be missing.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ _WHAT = "the list of what was called back"
 
 
 def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, now: datetime | None = None) -> bytes:
-    """A signed list.
+    """Sign a list of revoked names.
 
     Args:
         names: ids of passports and names of keys.
-        key: of `keys.read_private`.
-        days: how long it is good.
-        now: the time of issue; the clock's unless given.
+        key: from `keys.read_private`.
+        days: validity period.
+        now: time of issue; default: the system clock.
 
     Raises:
-        InvalidArgument: a name is none, or no list is good that long.
+        InvalidArgument: a name is neither an id nor a key's name, or `days` or the list is too large.
     """
     for name in names:
         if not _is_name(name):
@@ -57,15 +57,15 @@ def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, no
 
 
 def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
-    """What a list calls back, if it is signed by a trusted key and not too old.
+    """Read the revoked names from a list that is signed by a trusted key and has not expired.
 
     Args:
         data: as received.
-        trusted: of `keys.read_public`.
-        now: at what time; the clock's unless given. A list that was issued after it is good: it knows more.
+        trusted: from `keys.read_public`.
+        now: time of the check; default: the system clock. A list issued later is accepted: it is more complete.
 
     Raises:
-        PassportInvalid: the list is not signed, by a stranger, changed, in no form, or has ended.
+        PassportInvalid: the list is unsigned, signed by an untrusted key, changed, malformed or expired.
     """
     names, ends = _read(data, trusted)
     if (now or datetime.now(UTC)).timestamp() >= ends:
@@ -78,10 +78,10 @@ def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None =
 
 
 def names_of(data: bytes, trusted: Mapping[str, Any]) -> frozenset[str]:
-    """What a list calls back, whether it has ended or not: for the signer, who renews it.
+    """Read the revoked names from a list, expired or not, so that its signer can renew it.
 
     Raises:
-        PassportInvalid: as `read_revoked`, but for the time.
+        PassportInvalid: as for `read_revoked`, except that the list may have expired.
     """
     return _read(data, trusted)[0]
 
@@ -103,7 +103,7 @@ def _read(data: bytes, trusted: Mapping[str, Any]) -> tuple[frozenset[str], int]
         and isinstance(names, list)
         and all(isinstance(name, str) and _is_name(name) for name in names)
     )
-    if not sound:  # a list that is half understood protects nobody
+    if not sound:  # reject the whole list: reading a part of it would miss revocations
         raise PassportInvalid(f"The list of what was called back is not in the form {FORMAT}.", advice(_WHAT))
     return frozenset(names), int(ends or 0)
 

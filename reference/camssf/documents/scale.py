@@ -1,4 +1,4 @@
-"""Result document → the channels' own scale, which curves of peak 1 do not have."""
+"""Computes the relative scale of the three channels, which curves normalised to peak 1 have lost."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _CHANNELS = ("red", "green", "blue")
 
 
 def channel_scale(document: dict[str, Any]) -> Floats | None:
-    """Factors (3,) that turn the document's curves of peak 1 into the camera's own, the largest 1.
+    """Factors (3,), the largest 1, that turn the document's curves of peak 1 into the camera's own curves.
 
     A raw white signal is g_c = k_c Σ ρ_w L s_c dλ with the curve s_c of peak 1, the first shot's lamp L and the
-    reflectance ρ_w of what was white there. `channel_gain` holds g_c / g_green, so k_c = g_c / Σ ρ_w L s_c dλ: the
-    curves k_c s_c give white its raw signals, and so the camera's white balance.
+    reflectance ρ_w of its white reference. `channel_gain` holds g_c / g_green, so k_c = g_c / Σ ρ_w L s_c dλ: the
+    curves k_c s_c reproduce the raw signals of white, and so the camera's white balance.
 
-    None where the lamp of the first shot is neither in the document nor here, or where a channel sees no white.
+    None if the first shot's lamp is neither in the document nor available here, or a channel has no white signal.
     """
     shot = document["shots"][0]
     white = _lamp(shot)
@@ -38,7 +38,7 @@ def channel_scale(document: dict[str, Any]) -> Floats | None:
 
 
 def no_scale(lamp: str) -> InvalidArgument:
-    """The error where `channel_scale` is None; `lamp` is the first shot's, as it was named."""
+    """The error to raise if `channel_scale` is None; `lamp` is the name of the first shot's lamp."""
     return InvalidArgument(
         f"Nothing ties the three channels of this result together: the lamp of its first shot, {lamp}, is not here, "
         "or a channel sees no white under it.",
@@ -47,19 +47,19 @@ def no_scale(lamp: str) -> InvalidArgument:
 
 
 def _lamp(shot: dict[str, Any]) -> Floats | None:
-    """Power (681,): of a light that nobody named as it was found, else as the document keeps it, or by name."""
+    """Power (681,): the estimate of an unnamed light, else the document's spectrum, else the lamp of that name."""
     found: dict[str, Any] | None
     for found in (shot.get("light"), shot["lamp"]):
         if found is not None and "power" in found:
             return np.array(found["power"], dtype=np.float64)
     try:
         return read_lamp(shot["lamp"]["name"]).values
-    except CalibrationError:  # a result of before it was kept, and its lamp was a file
+    except CalibrationError:  # an older result without spectrum, whose lamp was a file
         return None
 
 
 def _white_patch(chart: dict[str, Any]) -> Floats:
-    """Reflectance (681,) of the chart's white patch by its table's name; of a measured table, the printed chart's."""
+    """Reflectance (681,) of the white patch of the chart's table; for a measured table, of the printed chart."""
     for name in (chart["name"], chart["layout"]):
         if looks_like_file(name):
             continue

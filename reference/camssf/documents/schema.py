@@ -1,7 +1,7 @@
-"""A document against its JSON Schema: the first fault, named by its place, in words that say what would be right.
+"""Checks a document against its JSON Schema and reports the first fault: its place and what would be correct.
 
-The library jsonschema-rs finds the faults; here they get their words. It takes Python's values for JSON's, so what
-JSON has no word for (an infinite number, a NumPy one, a key that is no text) is looked for first.
+The library jsonschema-rs finds the faults; this module words them. The library accepts Python values that JSON does
+not have (infinite or NumPy numbers, keys that are not strings), so these are rejected first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Json: TypeAlias = dict[str, Any]
 
 
 class BrokenError(Exception):
-    """Where a document breaks its form, and how. Never leaves the documents."""
+    """Place and description of a fault. Used inside `documents` only."""
 
 
 @cache
@@ -29,14 +29,14 @@ def schema(name: str) -> Json:
 
 
 def check(document: Any, name: str, member: str | None = None) -> None:
-    """Raise BrokenError where a document, or one member of it alone, breaks the schema of that name."""
+    """Raise BrokenError if a document, or only one member of it, does not follow the schema of that name."""
     try:
         _check_values(document, "")
     except RecursionError:
         raise BrokenError("", "is nested too deep") from None
     try:
         faults = list(_validator(name, member).iter_errors(document))
-    except UnicodeEncodeError:  # half a character in a file's name, which is written as U+FFFD
+    except UnicodeEncodeError:  # a lone surrogate in a file's name, written as U+FFFD
         document = json.loads(readable(json.dumps(document, ensure_ascii=False)))
         faults = list(_validator(name, member).iter_errors(document))
     if faults:
@@ -47,26 +47,26 @@ def check(document: Any, name: str, member: str | None = None) -> None:
 def _validator(name: str, member: str | None) -> Any:
     import jsonschema_rs
 
-    forms = [schema(each) for each in dict.fromkeys((name, "result"))]  # others refer to the result's
+    forms = [schema(each) for each in dict.fromkeys((name, "result"))]  # other schemas refer to the result's
     own = forms[0]["$id"] if member is None else f"{forms[0]['$id']}#/properties/{member}"
     registry = jsonschema_rs.Registry([(form["$id"], form) for form in forms])
     return jsonschema_rs.Draft202012Validator({"$ref": own}, registry=registry)
 
 
 LARGEST_BITS = 1000
-"""Of a whole number: a float goes to 2^1024, and the library takes longer ones for anything."""
+"""Longest integer: a float ends at 2^1024, and the library does not check longer integers."""
 _PLAIN = (dict, list, str, bool, int, float, type(None))
 
 
 def _check_values(value: Any, where: str) -> None:
-    """Nothing but what JSON has."""
+    """Raise unless all values are of JSON's types."""
     if isinstance(value, dict):
         for key, entry in value.items():
             if not isinstance(key, str):
                 raise BrokenError(where, f"has a key that is no text, {short(key)}")
             _check_values(entry, f"{where}.{key}")
     elif isinstance(value, list):
-        if all(type(entry) is float and math.isfinite(entry) for entry in value):  # most of a document, and quickly
+        if all(type(entry) is float and math.isfinite(entry) for entry in value):  # fast path for most of a document
             return
         for i, entry in enumerate(value):
             _check_values(entry, f"{where}[{i}]")
@@ -80,14 +80,14 @@ def _check_values(value: Any, where: str) -> None:
 
 
 def _words(faults: Iterable[Any], document: Any) -> tuple[str, str]:
-    """Place and fault; of several the outermost, and all keys that are missing there."""
+    """Place and description of the outermost fault, with all keys that are missing there."""
 
     def before(fault: Any) -> tuple[int, bool]:
         return len(fault.instance_path), type(fault.kind).__name__ != "FalseSchema"
 
     first, *_ = ordered = sorted(faults, key=before)
     path, kind = first.instance_path, type(first.kind).__name__
-    if kind == "AnyOf":  # the schemas say `this, or null`: what is wrong with this
+    if kind == "AnyOf":  # the schemas use `this, or null`: report the faults of `this`
         inside = [fault for branch in first.kind.context for fault in branch]
         return _words([fault for fault in inside if fault.instance_path[: len(path)] == path], document)
     if kind == "Required":
@@ -129,7 +129,7 @@ def _value(document: Any, path: Iterable[str | int]) -> Any:
 
 
 def short(value: Any) -> str:
-    """A value in few words."""
+    """A value as short text."""
     if isinstance(value, int) and value.bit_length() > 200:
         return "a huge integer"
     text = repr(value) if isinstance(value, (str, int, float, type(None))) else type(value).__name__

@@ -1,19 +1,19 @@
-"""Curves + lamp → a Common LUT Format file, version 3 (Academy S-2014-006): camera RGB to ACES2065-1."""
+"""Writes a Common LUT Format file, version 3 (Academy S-2014-006): camera RGB under a lamp to ACES2065-1."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as Tree
 from uuid import NAMESPACE_URL, uuid5
 
-from camssf.exports.curves import Curves
+from camssf.exports.curves import ExportedCurves
 from camssf.exports.matrices import Matrices
 
 
-def clf(curves: Curves, found: Matrices) -> str:
+def clf(curves: ExportedCurves, found: Matrices) -> str:
     """The file's text: one matrix, every digit kept."""
     rows = "\n".join(" ".join(map(repr, row)) for row in found.to_aces.tolist())
     source = f"{curves.camera}, linear raw RGB under {found.lamp}, white 1 1 1"
-    # one result gives a file a lamp, and each has an id of its own
+    # one result gives one file per lamp, each with its own id
     uuid = uuid5(NAMESPACE_URL, f"urn:camssf:clf:{curves.sha256}:{found.lamp}:{rows}").urn
     root = Tree.Element("ProcessList", id=uuid, name=f"{curves.camera} to ACES2065-1", compCLFversion="3")
     for tag, text in (

@@ -1,4 +1,4 @@
-"""Result document → curves: what every export says, taken from the document alone."""
+"""Reads from a result document the curves and facts that every export needs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from camssf.documents.passport import check_printed
-from camssf.documents.report import check_document, document_bytes
+from camssf.documents.result_json import check_document, document_bytes
 from camssf.documents.scale import channel_scale, no_scale
 from camssf.errors import InvalidArgument
 from camssf.files import readable
@@ -20,21 +20,20 @@ _CHANNELS = ("red", "green", "blue")
 
 
 @dataclass(frozen=True)
-class Curves:
-    """The curves of a result that was not refused, and what must be said beside them.
+class ExportedCurves:
+    """The curves of a result that was not refused, with the facts that an export states.
 
     Attributes:
-        make, model: of the camera, one line each; empty where its files are silent.
-        unique_model: the camera as the DNG's UniqueCameraModel says it, by which raw converters know it; empty where
-            its files have none.
+        make, model: of the camera, one line each; empty if its files do not state them.
+        unique_model: UniqueCameraModel of the DNG, by which raw converters identify the camera; empty if absent.
         values: (681, 3) red, green, blue on the grid, each channel's peak = 1.
-        std: (681, 3) one standard deviation on the same scale; None where the result has none.
+        std: (681, 3) one standard deviation on the same scale; None if the result has none.
         scale: (3,) factors that turn `values` into the camera's own curves, the largest 1; None if unknown.
-        lamps: of the shots, as they were named.
-        basis: in which the curves were sought.
+        lamps: names of the shots' lamps, as given.
+        basis: basis of the solution.
         status: of the verdict, "accepted" or "doubtful".
         reasons: codes of a doubtful verdict.
-        generator: who made the result, "camssf 0.1.0".
+        generator: program that made the result, for example "camssf 0.1.0".
         sha256: of the document as result.json holds it.
     """
 
@@ -53,17 +52,17 @@ class Curves:
 
     @property
     def camera(self) -> str:
-        """Maker and model in one, the maker once."""
+        """Make and model; the make is not repeated."""
         if self.model.casefold().startswith(self.make.casefold()):
             return self.model or "unnamed camera"
         return f"{self.make} {self.model}".strip()
 
     @property
     def own_scale(self) -> Floats:
-        """`scale`, for formats that must say how sensitive the channels are against each other.
+        """`scale`, for formats that need the relative sensitivity of the channels.
 
         Raises:
-            InvalidArgument: it is not known.
+            InvalidArgument: the scale is not known.
         """
         if self.scale is None:
             raise no_scale(self.lamps[0])
@@ -71,7 +70,7 @@ class Curves:
 
     @property
     def own(self) -> Floats:
-        """(681, 3) the curves on the camera's own scale, the largest peak 1: they give its raw white balance.
+        """(681, 3) the curves on the camera's own scale, the largest peak 1; they reproduce its raw white balance.
 
         Raises:
             InvalidArgument: the scale is not known.
@@ -80,12 +79,12 @@ class Curves:
 
     @property
     def own_std(self) -> Floats | None:
-        """(681, 3) one standard deviation of `own` at a fixed scale; None where the result has none."""
+        """(681, 3) one standard deviation of `own` for a fixed scale; None if the result has none."""
         return None if self.std is None else self.std * self.own_scale
 
     @property
     def about(self) -> dict[str, Any]:
-        """What other documents say of the result that they were made from."""
+        """What derived documents state about their source result."""
         return {
             "camera": self.camera,
             "sha256": self.sha256,
@@ -101,19 +100,19 @@ class Curves:
 
     @property
     def description(self) -> str:
-        """What each format's description field says, one line."""
+        """Text of each format's description field, one line."""
         return (
             f"Spectral sensitivities of {self.camera}, recovered by {self.generator} from photos of a chart under "
             f"{', '.join(self.lamps)} (basis {self.basis}). {self.verdict} Result SHA-256 {self.sha256}."
         )
 
 
-def read_result(document: dict[str, Any]) -> Curves:
-    """The curves of a result document in the form "camssf-result/1", or of the excerpt that a passport holds.
+def read_result(document: dict[str, Any]) -> ExportedCurves:
+    """Read the curves of a "camssf-result/1" document or of a passport's excerpt.
 
     Raises:
-        InvalidArgument: the document breaks its form, or it was refused and has no curves.
-        PassportInvalid: an excerpt is not what its passport holds.
+        InvalidArgument: the form is wrong, or the result was refused and has no curves.
+        PassportInvalid: an excerpt differs from the one in its passport.
     """
     checked = check_document(document, "document", excerpt=True)
     if "excerpt" in checked:
@@ -126,7 +125,7 @@ def read_result(document: dict[str, Any]) -> Curves:
             verdict["reasons"][0]["advice"],
         )
     std = checked.get("ssf_std")
-    return Curves(
+    return ExportedCurves(
         make=one_line(checked["camera"]["make"]),
         model=one_line(checked["camera"]["model"]),
         unique_model=_printable(checked["camera"].get("unique_model") or ""),
@@ -145,7 +144,7 @@ def read_result(document: dict[str, Any]) -> Curves:
 
 
 def one_line(text: str) -> str:
-    """Text that cannot end a line of a comment or steer a terminal; blanks in a row are one."""
+    """The text on one line, without control characters and repeated blanks, safe in comments and terminals."""
     return " ".join(_printable(text).split())
 
 

@@ -1,16 +1,16 @@
-"""Curves → DCamProf's camera SSF file: JSON, the three curves on one scale, every 5 nm."""
+"""Writes DCamProf's camera SSF file: JSON, the three curves on one scale, every 5 nm."""
 
 from __future__ import annotations
 
 import json
 
-from camssf.exports.curves import Curves
+from camssf.exports.curves import ExportedCurves
 from camssf.grid import WAVELENGTHS
 
 _STEP = 5
 
 
-def dcamprof(curves: Curves) -> str:
+def dcamprof(curves: ExportedCurves) -> str:
     """The file's text. DCamProf does not read `description`."""
     red, green, blue = curves.own[:: 2 * _STEP].T.tolist()
     document = {

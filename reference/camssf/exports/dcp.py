@@ -1,7 +1,7 @@
-"""Curves → a DNG camera profile (.dcp; DNG 1.7, chapters 4 and 6): two illuminants, colour and forward matrices.
+"""Writes a DNG camera profile (.dcp; DNG 1.7, chapters 4 and 6): two illuminants, colour and forward matrices.
 
-A straight tone curve and no black rendering: without them Adobe's converters put a curve of their own over the
-colours, and darken the shadows.
+It states a linear tone curve and no black rendering; otherwise Adobe's converters apply their own curve and darken
+the shadows.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ import struct
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.exports.curves import Curves
+from camssf.exports.curves import ExportedCurves
 from camssf.exports.matrices import LARGEST, matrices, neutral
 from camssf.grid import Floats
 
 ILLUMINANTS = {"A": 17, "D65": 21}
-"""Lamps by Exif's LightSource, the warmer one first."""
+"""Lamps with their Exif LightSource codes, the warmer one first."""
 _PARTS = 10_000_000
 _ASCII, _SHORT, _LONG, _SRATIONAL, _FLOAT = 2, 3, 4, 10, 11
 _STRAIGHT = (0.0, 0.0, 1.0, 1.0)
 _NO_BLACK_RENDERING = 1
 
 
-def dcp(curves: Curves) -> bytes:
+def dcp(curves: ExportedCurves) -> bytes:
     """The profile.
 
-    A colour matrix takes XYZ to raw RGB in the camera's own scale, so the channels must be tied together; a forward
-    matrix takes white-balanced RGB to XYZ under D50.
+    A colour matrix converts XYZ to raw RGB on the camera's own scale, so the channels' relative scale must be known.
+    A forward matrix converts white-balanced RGB to XYZ under D50.
 
     Raises:
-        InvalidArgument: nothing ties the channels together, or the curves carry no colour.
+        InvalidArgument: the channels' relative scale is unknown, or the curves give no valid matrix.
     """
     tags: dict[int, tuple[int, bytes, int]] = {
         50708: _text(curves.unique_model or curves.camera),

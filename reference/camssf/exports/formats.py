@@ -1,4 +1,4 @@
-"""The formats by name, and the one way to all of them."""
+"""The export formats by name, and the function that writes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from camssf.colour.camera import HasDocument
 from camssf.errors import InvalidArgument
 from camssf.exports.clf import clf
-from camssf.exports.curves import Curves, one_line, read_result
+from camssf.exports.curves import ExportedCurves, one_line, read_result
 from camssf.exports.dcamprof import dcamprof
 from camssf.exports.dcp import dcp
 from camssf.exports.icc import icc
@@ -25,12 +25,12 @@ MATRIX_LAMP = "D65"
 
 @dataclass(frozen=True)
 class Order:
-    """What an export is asked for beside the result.
+    """Parameters of an export.
 
     Attributes:
-        created: time of the export, UTC, where a format asks for it.
-        licence: of the curves, where a format asks for it.
-        lamp: that a matrix is made for, where a format holds one.
+        created: time of the export, UTC, for formats that state it.
+        licence: licence of the curves, for formats that state it.
+        lamp: lamp of the matrix, for formats that hold one.
     """
 
     created: datetime
@@ -40,15 +40,15 @@ class Order:
 
 @dataclass(frozen=True)
 class Format:
-    """A format.
+    """An export format.
 
     Attributes:
-        what: it is, in words.
-        write: its content from curves and an order.
+        what: description.
+        write: makes the content from curves and an order.
     """
 
     what: str
-    write: Callable[[Curves, Order], str | bytes]
+    write: Callable[[ExportedCurves, Order], str | bytes]
 
 
 FORMATS = {
@@ -71,20 +71,20 @@ def export(
     licence: str = UNSTATED,
     lamp: str = MATRIX_LAMP,
 ) -> bytes:
-    """A result in another format.
+    """Write a result in another format.
 
     Args:
         result: a result, or its document, "camssf-result/1".
         to: one of FORMATS.
-        created: aware; now unless given. The environment's SOURCE_DATE_EPOCH comes first.
-        licence: that the owner of the curves gives them, for formats that ask for one.
-        lamp: that the matrix of `icc` and `clf` is made for.
+        created: time with time zone; default: now. The environment variable SOURCE_DATE_EPOCH has precedence.
+        licence: licence of the curves, for formats that state one.
+        lamp: lamp of the matrix in `icc` and `clf`.
 
     Returns:
         The file's content.
 
     Raises:
-        InvalidArgument: an unknown format, a document that breaks its form, or a refused one.
+        InvalidArgument: an unknown format, an invalid document, or a refused result.
     """
     if to not in FORMATS:
         raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")

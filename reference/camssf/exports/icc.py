@@ -1,4 +1,4 @@
-"""Curves + lamp → an ICC version 4.3 matrix profile (ICC.1:2010): linear, white-balanced camera RGB to D50 XYZ."""
+"""Writes an ICC version 4.3 matrix profile (ICC.1:2010): linear, white-balanced camera RGB to D50 XYZ."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from datetime import datetime
 
 import numpy as np
 
-from camssf.exports.curves import Curves
+from camssf.exports.curves import ExportedCurves
 from camssf.exports.matrices import D50, Matrices
 from camssf.grid import Floats
 
 _ID = slice(84, 100)
 
 
-def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
-    """The profile: class input, curves of one, colorants that sum to D50, and how they were adapted to it."""
+def icc(curves: ExportedCurves, found: Matrices, created: datetime) -> bytes:
+    """The profile: input class, linear curves, colorants that sum to D50, and the chromatic adaptation matrix."""
     colorants = _fixed(found.to_d50.T)
     colorants[1] = _fixed(D50) - colorants[0] - colorants[2]  # so that the sum is D50 to the last bit
     says = f"{curves.camera}, {found.lamp}: {curves.description}"
@@ -47,7 +47,7 @@ def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
         0, bytes(4), bytes(4), 0, 1, _fixed(D50).astype(">i4").tobytes(), bytes(4),
     ).ljust(128, b"\0")  # fmt: skip
     profile = bytearray(header + table + data)
-    # the identifier is taken with flags, intent and itself at zero
+    # the profile ID is the MD5 with flags, rendering intent and ID set to zero
     blank = bytearray(profile)
     blank[44:48], blank[64:68] = bytes(4), bytes(4)
     profile[_ID] = hashlib.md5(blank, usedforsecurity=False).digest()
@@ -55,7 +55,7 @@ def icc(curves: Curves, found: Matrices, created: datetime) -> bytes:
 
 
 def _fixed(values: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    """As s15Fixed16Number."""
+    """Convert to s15Fixed16Number."""
     return np.rint(np.asarray(values) * 65536.0).astype(np.int64)
 
 
@@ -64,6 +64,6 @@ def _xyz(fixed: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> bytes:
 
 
 def _text(words: str) -> bytes:
-    """multiLocalizedUnicodeType, one language."""
+    """Encode as multiLocalizedUnicodeType with one language."""
     coded = words.encode("utf-16-be")
     return b"mluc" + bytes(4) + struct.pack(">II2s2sII", 1, 12, b"en", b"US", len(coded), 28) + coded

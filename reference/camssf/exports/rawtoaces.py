@@ -1,7 +1,7 @@
-"""Curves → a camera file of rawtoaces: JSON in its schema 1.0.0.
+"""Writes a camera file of rawtoaces: JSON in its schema 1.0.0.
 
-rawtoaces asks for 81 samples, 380 to 780 nm every 5 nm. Nothing is known above 720 nm, where cameras have a filter
-against infrared: there stands 0, and the comments say so.
+rawtoaces needs 81 samples, 380 to 780 nm every 5 nm. Above 720 nm, where cameras have an infrared filter, the curves
+are unknown: 0 is written, and the file's comments state this.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ from __future__ import annotations
 import json
 from datetime import datetime
 
-from camssf.exports.curves import Curves
+from camssf.exports.curves import ExportedCurves
 from camssf.grid import WAVELENGTHS
 
 SCHEMA_VERSION = "1.0.0"
 _LAST = 780
 
 
-def rawtoaces(curves: Curves, created: datetime, licence: str) -> str:
+def rawtoaces(curves: ExportedCurves, created: datetime, licence: str) -> str:
     """The file's text.
 
     Args:
-        curves: to be written, every tenth sample of them.
-        created: in the header, UTC.
-        licence: that the owner of the curves gives them.
+        curves: every tenth sample is written.
+        created: time in the header, UTC.
+        licence: licence of the curves.
     """
     rows = {f"{nm:.0f}": row for nm, row in zip(WAVELENGTHS[::10], curves.own[::10].tolist(), strict=True)}
     rows |= {str(nm): [0.0, 0.0, 0.0] for nm in range(725, _LAST + 1, 5)}

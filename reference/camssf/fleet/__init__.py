@@ -1,1 +1,1 @@
-"""Many cameras: manifest in, one result each."""
+"""Batches of many cameras, and the registry of their results."""

@@ -1,6 +1,6 @@
-"""Results of many units beside each other: how units of a model differ, which model is near.
+"""Compares results in a registry: how the units of a model differ, and which models are nearest to given curves.
 
-Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 400 to 700 nm, where there is light.
+Curves are on the registry's grid: every 5 nm, each channel's peak = 1. They are compared from 400 to 700 nm.
 """
 
 from __future__ import annotations
@@ -22,24 +22,25 @@ ACCEPTED = ("accepted",)
 
 CONFIDENCE = 0.95
 LARGEST = 2.0
-"""Of a curve whose peak is 1, bands and noise allowed for: what is beyond was never a result's."""
+"""Largest possible absolute value of a curve whose peak is 1; a larger value means a damaged row."""
 UNIT = ("make", "model", "camera_id", "serial", "lens")
 CAMERA, SERIAL, LENS = (UNIT.index(name) for name in ("camera_id", "serial", "lens"))
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How the units of a model differ, in parts of the peak; each (3,) red, green, blue.
+    """How the units of a model differ, as fractions of the peak; each (3,) red, green, blue.
 
     Attributes:
-        model: whose.
-        units, results: how many; without_serial: results of which nobody knows the unit, left out: without a serial
-            number, or silent about camera or lens where their serial number goes with several.
-        left_out: results of the model whose status does not count: how many of each status.
-        seen: standard deviation from unit to unit, root mean square over 400 to 700 nm.
-        repeat: of one unit's results among themselves; None where no unit has two.
-        between: `seen` without what repeats explain; None likewise, for then nothing tells them apart.
-        low, high: CONFIDENCE interval of `between`, or of `seen` where that is None.
+        model: name of the model.
+        units, results: their numbers.
+        without_serial: number of results left out because their unit is unknown: no serial number, or no camera id
+            or lens while the serial number occurs with several.
+        left_out: number of the model's results left out because of their status, by status.
+        observed: standard deviation between the units' mean curves, root mean square over 400 to 700 nm.
+        repeat: standard deviation between results of one unit; None if no unit has two results.
+        between: `seen` without the contribution of `repeat`; None if `repeat` is None.
+        low, high: CONFIDENCE interval of `between`, or of `seen` if `between` is None.
     """
 
     model: str
@@ -47,7 +48,7 @@ class Spread:
     results: int
     without_serial: int
     left_out: dict[str, int]
-    seen: Floats
+    observed: Floats
     repeat: Floats | None
     between: Floats | None
     low: Floats
@@ -56,12 +57,12 @@ class Spread:
 
 @dataclass(frozen=True)
 class Near:
-    """A model, and how far its mean curves are from those asked about.
+    """A model, and how far its mean curves are from the given curves.
 
     Attributes:
-        make, model: whose.
-        results: of it.
-        distance: root mean square over the three channels, in parts of the peak.
+        make, model: names of the model.
+        results: number of its results.
+        distance: root mean square over the three channels, as a fraction of the peak.
     """
 
     make: str
@@ -74,10 +75,10 @@ class Near:
 
 
 def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
-    """The unit (UNIT) of each row, by make, model, camera_id, serial and lens.
+    """The unit of each row: its make, model, camera_id, serial and lens (UNIT).
 
-    A row that is silent about camera_id or lens is of the unit that the others of its serial number name. Where they
-    name several nobody knows of which it is: None, as for a row without a serial number.
+    An empty camera_id or lens is filled in from other rows with the same serial number. If these name several, the
+    unit is unknown: None, as for a row without a serial number.
     """
     found: list[list[str] | None] = [list(row) if row[SERIAL] else None for row in rows]
     for place, same in ((CAMERA, (0, 1, SERIAL)), (LENS, (0, 1, SERIAL, CAMERA))):
@@ -94,7 +95,7 @@ def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
 
 
 def by_unit(found: dict[str, Any], camera_id: str, lens: str) -> tuple[dict[tuple[str, ...], list[int]], int]:
-    """Places of each unit's rows, and how many are of none; of a unit of which no row says it, any word is right."""
+    """Row indices of each unit that matches, and the number of rows of unknown unit; an empty name matches any."""
     places: dict[tuple[str, ...], list[int]] = {}
     units = units_of(list(zip(*(found[name] for name in UNIT), strict=True)))
     for i, unit in enumerate(units):
@@ -119,13 +120,13 @@ def spread(
     """How units of a model differ.
 
     Args:
-        registry: where they are.
-        model: whose.
-        make, camera_id, lens: of these units alone; "" for all.
-        statuses: of the results that count.
+        registry: the results.
+        model: name of the model.
+        make, camera_id, lens: only units with these names; "" for all.
+        statuses: results with these statuses count.
 
     Raises:
-        InvalidArgument: fewer than two units of it are there.
+        InvalidArgument: the registry has fewer than two units of the model.
     """
     found = read_curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
     places, unnamed = by_unit(found, camera_id, lens)
@@ -147,12 +148,12 @@ def spread(
 def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Floats | None, Floats, Floats]:
     """`seen`, `repeat`, `between`, `low` and `high` of a Spread.
 
-    Variances at the wavelengths are averaged. Their sum has as many degrees of freedom as Satterthwaite counts from
-    the covariance of the units' means, (n - 1) tr(C)² / tr(C²), since neighbouring wavelengths go together; few units
-    show fewer, which makes the interval wider, not narrower.
+    The variance is averaged over the wavelengths. Neighbouring wavelengths are correlated, so its degrees of freedom
+    are Satterthwaite's, from the covariance C of the n units' means: (n - 1) tr(C)² / tr(C²). Few units underestimate
+    them, which makes the interval wider.
 
     Args:
-        units: (results, 3, wavelengths) of each, at least two.
+        units: (results, 3, wavelengths) of each unit, at least two units.
     """
     from scipy.special import chdtri
 
@@ -190,10 +191,10 @@ def nearest(
     """The models whose mean curves are nearest.
 
     Args:
-        registry: where the models are.
+        registry: the results.
         curves: (3, wavelengths) on the registry's grid.
-        statuses: of the results that count.
-        most: how many.
+        statuses: results with these statuses count.
+        most: largest number of models to return.
     """
     means = ", ".join(f"avg({colour}[i]) AS {colour}" for colour in CHANNELS)
     largest = ", ".join(f"abs({colour}[i])" for colour in CHANNELS)
@@ -220,7 +221,7 @@ def nearest(
 
 
 def other_statuses(registry: Registry, wanted: Wanted, statuses: Sequence[str]) -> dict[str, int]:
-    """How many results do not count, by their status."""
+    """Numbers of results with other statuses than these, by status."""
     where, values = wanted.where()
     found = registry.query(
         f"SELECT status, count(*) AS n FROM rows WHERE {where} AND NOT list_contains(?, status) "
@@ -231,22 +232,22 @@ def other_statuses(registry: Registry, wanted: Wanted, statuses: Sequence[str]) 
 
 
 def counts_in_words(counts: dict[str, int]) -> str:
-    """As "2 doubtful, 1 refused"."""
+    """Format counts as in "2 doubtful, 1 refused"."""
     return ", ".join(f"{n} {word}" for word, n in counts.items())
 
 
 def many(count: int, word: str) -> str:
-    """As "1 result", "2 results"."""
+    """Format a count as in "1 result", "2 results"."""
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def curves_of(document: dict[str, Any]) -> Floats:
-    """(3, wavelengths) of a result document, on the registry's grid."""
+    """(3, wavelengths) curves of a result document, on the registry's grid."""
     return np.array([document["ssf"][colour][::STRIDE] for colour in CHANNELS], dtype=float)
 
 
 def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str, Any]:
-    """Columns of the results with curves, and `curves` (n, 3, wavelengths inside)."""
+    """Columns `also` of the results that have curves, and `curves` (n, 3, wavelengths from 400 to 700 nm)."""
     where, values = wanted.where()
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
     asked = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
@@ -259,7 +260,7 @@ def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict
 
 
 def _sound(registry: Registry, ask: Callable[[], dict[str, Any]], where: str, values: list[Any]) -> dict[str, Any]:
-    """The answer; where curves of another length made it fail, the row is named."""
+    """The result of the query `ask`; if it fails because of a damaged row, the error names that row."""
     import duckdb
 
     try:
@@ -270,7 +271,7 @@ def _sound(registry: Registry, ask: Callable[[], dict[str, Any]], where: str, va
 
 
 def _name_odd(registry: Registry, where: str, values: list[Any]) -> None:
-    """The first row whose curves cannot be right; NaN is above all in DuckDB."""
+    """Raise for the first row whose curves are impossible, if there is one; DuckDB sorts NaN above all numbers."""
     right = " AND ".join(
         f"len({colour}) = {len(NM)} AND list_max({colour}) <= {LARGEST} AND list_min({colour}) >= -{LARGEST}"
         for colour in CHANNELS

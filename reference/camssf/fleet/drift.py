@@ -1,6 +1,6 @@
-"""The results of one unit over time: does its camera drift, and which of its results could not be compared.
+"""Tests whether the curves of one unit drift over time, and lists the results that were left out.
 
-Curves are the registry's: every 5 nm, each channel's peak = 1; compared from 400 to 700 nm, where there is light.
+Curves are on the registry's grid: every 5 nm, each channel's peak = 1. They are compared from 400 to 700 nm.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from camssf.fleet.rows import CHANNELS
 from camssf.grid import Floats
 
 FALSE_ALARMS = 0.01
-"""Of a unit that does not drift, over all features together."""
+"""Probability of an alarm for a unit that does not drift, over all features together."""
 SMALLEST_DRIFT = 1.0
-"""nm: what is smaller is no alarm, however certain; a lamp's or a chart's table moves a curve as much."""
+"""nm: a smaller drift raises no alarm, even if significant; errors of a lamp or chart table are as large."""
 FEWEST = 4
-"""Results of a unit that a drift can be told from."""
+"""Smallest number of results to test for a drift."""
 FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
 DOUBTFUL, NO_CURVES, NO_TIME, NO_UNIT = "doubtful", "no curves", "no time", "unit not certain"
 """Why a result was left out."""
@@ -33,7 +33,7 @@ ADVICE = {
     NO_TIME: "Add it again with the time of its photo (--captured).",
     NO_UNIT: "Add it again with its --camera-id and --lens.",
 }
-"""What to do where the newest result was left out."""
+"""What to do if the newest result was left out."""
 COLUMNS = (
     "key",
     "captured",
@@ -50,13 +50,14 @@ class Drift:
     """One feature of one unit over time.
 
     Attributes:
-        feature: of FEATURES, nm.
-        results, days: how many, and from the first to the last.
-        slope: nm a year, with its standard error.
-        slope_error: likewise.
-        change: nm that the slope makes from the first to the last.
-        step: nm between the last and the mean of those before it.
-        p_trend, p_step: how likely as much would be without a drift.
+        feature: one of FEATURES, nm.
+        results: number of results.
+        days: from the first to the last result.
+        slope: of the fitted line, nm a year.
+        slope_error: standard error of `slope`, nm a year.
+        change: slope times the time from the first to the last result, nm.
+        step: last value minus the mean of those before it, nm.
+        p_trend, p_step: two-sided p-values of the slope and of the step.
         alarm: "trend", "step", or "" for none.
     """
 
@@ -74,16 +75,16 @@ class Drift:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A result of the unit, or one that may be of it, that the drift was not computed from.
+    """A result of the unit, or possibly of the unit, that was left out of the test for drift.
 
     Attributes:
         key: SHA-256 of its file.
-        captured: ISO 8601 in UTC; None where unknown.
+        captured: ISO 8601 in UTC; None if unknown.
         status, code, reason: of its verdict.
-        why: DOUBTFUL, NO_CURVES (refused), NO_TIME or NO_UNIT (silent about a camera or lens that others name).
-        newest: no counted result is certainly newer. One without a time may be as new as the day it was added. A
+        why: DOUBTFUL, NO_CURVES (refused), NO_TIME or NO_UNIT (no camera id or lens, where other results name one).
+        newest: no counted result is certainly newer. A result without a time counts as captured when it was added. A
             result of the same photos as a counted one is not new.
-        steps: nm from the mean of the counted results, in the order of FEATURES; None without curves.
+        steps: FEATURES minus their mean over the counted results, nm; None without curves.
     """
 
     key: str
@@ -101,8 +102,8 @@ class UnitDrift:
     """One unit over time.
 
     Attributes:
-        features: each of FEATURES over the results that count.
-        doubtful: how many of these are doubtful.
+        features: each of FEATURES, from the results that count.
+        doubtful: number of these that are doubtful.
         left_out: results that do not count, by time.
     """
 
@@ -117,7 +118,7 @@ class UnitDrift:
 
     @property
     def outcome(self) -> str:
-        """drift; undecided, where there is no alarm but the newest result was left out; no_drift."""
+        """One of "drift", "no_drift", or "undecided" if there is no alarm but the newest result was left out."""
         if self.alarms:
             return "drift"
         return "undecided" if any(each.newest for each in self.left_out) else "no_drift"
@@ -136,13 +137,13 @@ def drift_of(
     """The features of a unit over time, and the results that were left out.
 
     Args:
-        registry: where its results are.
-        serial: which unit.
-        make, model, camera_id, lens: which, where several have that serial number; "" for any.
-        statuses: of the results that count.
+        registry: the results.
+        serial: serial number of the unit.
+        make, model, camera_id, lens: needed if several units have that serial number; "" for any.
+        statuses: results with these statuses count.
 
     Raises:
-        InvalidArgument: fewer than FEWEST results with a time, or of several units.
+        InvalidArgument: fewer than FEWEST results with a time, or results of several units.
     """
     wanted = Wanted(make=make, model=model, serial=serial)
     found = read_curves(registry, wanted, (*UNIT, *COLUMNS))
@@ -197,7 +198,7 @@ def _without_curves(registry: Registry, wanted: Wanted) -> list[dict[str, Any]]:
 
 
 def _row(found: dict[str, Any], i: int) -> dict[str, Any]:
-    """A row that is left out; `latest`: seconds, when it was photographed at the latest."""
+    """A row that is left out; `latest` is the latest possible time of its photo, seconds."""
     time = None if np.ma.getmaskarray(found["captured"])[i] else found["captured"][i]
     added = found["added"][i]
     words = {name: str(found[name][i] or "") for name in ("key", "status", "code", "reason", "inputs")}
@@ -207,7 +208,7 @@ def _row(found: dict[str, Any], i: int) -> dict[str, Any]:
 
 
 def _may_be(unit: tuple[str, ...], words: tuple[str, ...]) -> bool:
-    """No word of the one contradicts the other's; a silent one contradicts nothing."""
+    """Whether two units may be the same: all names that both have are equal."""
     return all(not one or not other or one == other for one, other in zip(unit, words, strict=True))
 
 
@@ -217,10 +218,10 @@ def _left_out(
     """The rows by time.
 
     Args:
-        rows: what was left out.
-        statuses: of the results that count.
-        values: (n, 6) FEATURES of those that count.
-        counted: their times, rising, and their photos.
+        rows: the rows that are left out.
+        statuses: results with these statuses count.
+        values: (n, 6) FEATURES of the results that count.
+        counted: times of the results that count, increasing, and the hashes of their photos.
     """
     (times, photos), found = counted, []
     for row in sorted(rows, key=lambda row: (row["latest"], row["key"])):
@@ -241,7 +242,7 @@ def _left_out(
 
 
 def features(curves: Floats) -> Floats:
-    """(n, 3, wavelengths) → (n, 6) FEATURES, nm: each channel's centre of mass, and its width about it."""
+    """(n, 6) FEATURES, nm, of (n, 3, wavelengths) curves: each channel's centre of mass and standard deviation."""
     nm, s = NM[INSIDE], np.maximum(curves, 0.0)
     weight = s.sum(axis=-1)
     centre = (s @ nm) / weight
@@ -250,13 +251,13 @@ def features(curves: Floats) -> Floats:
 
 
 def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
-    """A straight line through each feature, and the last against those before it.
+    """Test each feature for a linear trend, and its last value against those before.
 
-    Both are t tests, each at FALSE_ALARMS divided by their number. What scatters is taken from the results
-    themselves: it holds the light, the chart's place and the noise, as they are.
+    Both are t tests, each at FALSE_ALARMS divided by the number of tests (Bonferroni). The variance is estimated from
+    the results themselves, so it includes the scatter from light, chart position and noise.
 
     Args:
-        days: (n,) rising, n at least FEWEST.
+        days: (n,) increasing, n at least FEWEST.
         values: (n, 6) FEATURES.
     """
     n, (first, last) = len(days), (days[0], days[-1])

@@ -1,4 +1,4 @@
-"""What a job is made from: by contents where a result is named after them, by size and time where none is read."""
+"""Identifies the input files of a job: by SHA-256 of their contents, or by size and time without reading them."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeAlias
 
-from camssf.curves.basis import NAMES, read_basis
 from camssf.errors import InvalidArgument
 from camssf.files import PHOTO, check_local, kind_of, local
-from camssf.photo.sidecar import sidecar_of
+from camssf.photo.read.sidecar import sidecar_of
+from camssf.recovery.basis import NAMES, read_basis
 
 Stamp: TypeAlias = tuple[int, int]
-"""A file's size, bytes, and its time, ns."""
+"""A file's size, bytes, and its modification time, ns."""
 
 _known: dict[str, tuple[Stamp, str]] = {}
 
 
 def is_file(path: Path) -> bool:
-    """A name that no file can have is none."""
+    """Whether the path is a file; False too if the name is invalid on this system."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -27,7 +27,7 @@ def is_file(path: Path) -> bool:
 
 
 def check_manifest(path: Path, begin: bytes) -> None:
-    """Raise where a file that begins so can be no manifest."""
+    """Raise InvalidArgument if the file's first bytes show that it is no manifest."""
     kind = kind_of(begin)
     if kind is not None:
         advice = "Write a CSV file that names it: one row a photo." if begin.startswith(PHOTO) else "Give a CSV file."
@@ -35,7 +35,7 @@ def check_manifest(path: Path, begin: bytes) -> None:
 
 
 def urls_among(cells: Iterable[str]) -> list[str]:
-    """What is wrong with the first cell of a manifest that is a URL: below its folder it would look like a path."""
+    """The error message for the first cell that is a URL, if any; joined to the folder it would look like a path."""
     for cell in cells:
         for words in (cell, cell.partition(":")[2]):  # nano24:https://...
             try:
@@ -52,13 +52,13 @@ def file_hash(path: Path) -> str:
 
 
 def stamps(path: Path) -> list[Stamp | None]:
-    """Of a file, and of its sidecar where it may have one and has; None of one that is not there."""
+    """Stamps of a file and, if it may have one, of its sidecar; None for a missing file."""
     beside = sidecar_of(path)
     return [stamp(path)] if beside is None else [stamp(path), stamp(beside)]
 
 
 def stamp(path: Path) -> Stamp | None:
-    """Of one file; None where it is not there."""
+    """The stamp of one file; None if it is missing."""
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -67,19 +67,19 @@ def stamp(path: Path) -> Stamp | None:
 
 
 def basis_path(spec: str) -> Path | None:
-    """The file of a basis; None of a shipped one, which the version says.
+    """The file of a basis; None for a shipped one, which the version identifies.
 
     Raises:
-        InvalidArgument: a URL.
+        InvalidArgument: the name is a URL.
     """
     path = local(spec)
     return path if spec not in (*NAMES, "auto") and is_file(path) else None
 
 
 def basis_hash(spec: str) -> str | None:
-    """SHA-256 of a basis' file, None of a shipped one; read once a process, and again when the file is another.
+    """SHA-256 of a basis file, None for a shipped one; cached until the file's size or time changes.
 
-    What `read_basis` remembers of the file that stood there before is then forgotten: a cluster's worker outlives it.
+    A change also clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
     """
     path = basis_path(spec)
     mark = None if path is None else stamp(path)

@@ -1,6 +1,6 @@
-"""Registry → a basis of its own cameras, and whether it would have helped with those that it had not seen.
+"""Learns a basis from a registry's results, and tests by cross-validation whether it helps with unseen cameras.
 
-The estimator is `camssf.tools.results`; here is what of a registry it may be told, and the file that it becomes.
+The estimator is in `camssf.learning.results`; this module selects the results and writes the basis file.
 """
 
 from __future__ import annotations
@@ -15,42 +15,52 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf import __version__
-from camssf.curves.basis import LEARNED, Basis, interpolate, read_basis
-from camssf.curves.engine import load_model
-from camssf.curves.penalties import L2
 from camssf.errors import InvalidArgument
 from camssf.files import write_file
 from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
 from camssf.fleet.registry import Registry, Wanted
 from camssf.fleet.rows import CHANNELS
 from camssf.grid import Floats
-from camssf.tools.results import Old, Population, Said, Tables, log_predictive, old_basis, populate, said
-from camssf.tools.training import TrainingSet, maker_of, read_training_set, training_set_of
+from camssf.learning.results import (
+    PhotoLikelihood,
+    Population,
+    ReferenceBasis,
+    Tables,
+    log_predictive,
+    photo_likelihood,
+    populate,
+    reference_basis,
+)
+from camssf.learning.training import TrainingSet, maker_of, read_training_set, training_set_of
+from camssf.recovery.basis import LEARNED, Basis, interpolate, read_basis
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.penalties import L2
+from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
 
 OF_MODEL, MOST = 30, 400
-"""Results of one model, and of all together, that are learned from, the newest: more teach little and take hours."""
+"""Largest numbers of results to learn from, of one model and in total, newest first; more help little, take hours."""
 FOLDS = 12
-"""Groups that are left out one after the other; where there are more, several at once."""
+"""Largest number of cross-validation folds; with more groups, a fold leaves out several."""
 CONFIDENCE = 0.95
-"""Of the interval that says whether a basis helps."""
+"""Level of the interval that decides whether a basis helps."""
 LEAVE = ("model", "maker")
 SLACK, WIDEST = 1e-3, 10.0
-"""Of a covariance's eigenvalues: below 0, for it is kept in 32 bits, and at most."""
+"""Bounds for eigenvalues of a stored covariance: at least -SLACK (rounding to 32 bits), less than WIDEST."""
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What shall be learned.
+class LearnRequest:
+    """What to learn.
 
     Attributes:
-        basis: shipped one whose results count, and which is the point of departure.
-        make, model, camera_id: of one model, whose own basis it shall be; all cameras' without a model.
-        statuses: of the results that count.
-        table, licence: measured cameras beside them, CSV as `camssf.tools.learn` takes it; None for none.
-        leave: what is left out for the judgement, LEAVE; a unit at a time where a model is named.
+        basis: shipped basis to start from; only results on it count.
+        make, model, camera_id: learn the basis of this model; of all cameras without a model.
+        statuses: results with these statuses count.
+        table: measured cameras to learn from as well, CSV as for `camssf.learning.basis`; None for none.
+        licence: of the table.
+        leave: what each fold leaves out, one of LEAVE; with a model always a unit.
     """
 
     basis: str = "phones"
@@ -65,15 +75,15 @@ class Asked:
 
 @dataclass(frozen=True)
 class Judgement:
-    """How much likelier photos are on what was learned without them than on the old basis.
+    """Cross-validated gain in predictive log-likelihood of the learned basis over the old one.
 
     Attributes:
-        left_out: what was left out at a time: model, maker, unit.
-        groups: how many of them.
-        nats: ln of how many times likelier a photo is, mean over the groups.
-        error: one standard error of it; None of one group.
-        low, high: CONFIDENCE interval of `nats`, by Student's t with groups - 1 degrees of freedom; None likewise.
-        helps: the interval lies above 0; False below; None where it holds 0, or of one group.
+        left_out: what a group is: model, maker or unit.
+        groups: number of groups.
+        nats: gain in log-likelihood a photo, mean over the groups; None for fewer than two groups.
+        error: standard error of `nats`; None for fewer than two groups.
+        low, high: CONFIDENCE interval of `nats`, by Student's t with groups - 1 degrees of freedom; None as `error`.
+        helps: True if the interval lies above 0, False if below; None if it contains 0, or as `error`.
     """
 
     left_out: str
@@ -86,21 +96,21 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """What was learned.
+class LearnedBasis:
+    """A basis learned from a registry.
 
     Attributes:
-        asked: what for.
-        population: of all cameras.
-        of: maker and model that it is the basis of; None for all.
-        keys: of the results that count.
-        left_aside: results that do not, by the reason.
-        judgement: whether it would have helped.
-        training: the old basis' cameras, and the measured ones.
+        request: the request.
+        population: the fitted population of all cameras.
+        of: maker and model of the basis; None for all cameras.
+        keys: keys of the results learned from.
+        left_aside: numbers of results left out, by reason.
+        judgement: the cross-validated gain.
+        training: cameras of the old basis, and those of the table.
         mean, dictionary: (3, 69), (3, 69, r).
     """
 
-    asked: Asked
+    request: LearnRequest
     population: Population
     of: tuple[str, str] | None
     keys: tuple[str, ...]
@@ -112,13 +122,13 @@ class Lesson:
 
     @property
     def basis(self) -> Basis:
-        """To solve with."""
+        """The basis, interpolated to the grid, to solve with."""
         mean, dictionary = interpolate(self.mean[..., None])[..., 0], interpolate(self.dictionary)
         return Basis("learned", mean, dictionary, True, self.source)
 
     @property
     def source(self) -> str:
-        """In words, for the report."""
+        """What it was learned from, in words for the report."""
         who = " ".join(self.of) if self.of else many(len(self.population.models), "model")
         beside = self.training.source(self.dictionary.shape[2]).partition(" learned from ")[2]
         return (
@@ -132,10 +142,10 @@ class Lesson:
         return {
             "format": "camssf-registry-basis/1",
             "generator": {"name": "camssf", "version": __version__},
-            "basis": self.asked.basis,
-            "basis_sha256": read_basis(self.asked.basis).sha256(),
+            "basis": self.request.basis,
+            "basis_sha256": read_basis(self.request.basis).sha256(),
             "of": list(self.of) if self.of else None,
-            "statuses": list(self.asked.statuses),
+            "statuses": list(self.request.statuses),
             "results": len(self.keys),
             "units": found.units,
             "left_aside": self.left_aside,
@@ -154,12 +164,12 @@ class Lesson:
         }
 
     def save(self, path: Path | str) -> None:
-        """The basis file, whole or not at all: as `camssf.tools.learn` writes one without curves, and the document.
+        """Write the basis file atomically: as `camssf.learning.basis` writes it, without curves, plus the document.
 
         Raises:
             InvalidArgument: it cannot be written.
         """
-        known = self.training.known
+        known = self.training.statistics
         names = [*(known.names if known else ()), *self.training.curves]
         content = io.BytesIO()
         np.savez_compressed(
@@ -185,38 +195,40 @@ class Lesson:
 
 
 def learn_basis(
-    registry: Registry, asked: Asked | None = None, *, progress: Callable[[str, float], None] | None = None
-) -> Lesson:
-    """Learn from a registry's results, and from measured cameras.
+    registry: Registry, request: LearnRequest | None = None, *, progress: Callable[[str, float], None] | None = None
+) -> LearnedBasis:
+    """Learn a basis from a registry's results and from measured cameras.
 
     Raises:
-        InvalidArgument: nothing can be learned from: no result, no such model, an unknown basis, a bad table.
+        InvalidArgument: no usable result, no such model, an unknown basis, or a bad table.
     """
-    asked, tell = asked or Asked(), progress or (lambda *_: None)
-    if asked.basis not in LEARNED or asked.leave not in LEAVE:
-        option, wrong, right = ("--leave", asked.leave, LEAVE)
-        if asked.basis not in LEARNED:
-            option, wrong, right = ("--basis", asked.basis, LEARNED)
+    request, tell = request or LearnRequest(), progress or (lambda *_: None)
+    if request.basis not in LEARNED or request.leave not in LEAVE:
+        option, wrong, right = ("--leave", request.leave, LEAVE)
+        if request.basis not in LEARNED:
+            option, wrong, right = ("--basis", request.basis, LEARNED)
         raise InvalidArgument(f"{option} takes {' or '.join(right)}; got {wrong!r}.", "Name one of these.")
-    training = training_set_of(asked.basis)
-    names = (*(training.known.names if training.known else ()), *training.curves)
-    old = old_basis(read_basis(asked.basis), names)
+    training = training_set_of(request.basis)
+    names = (*(training.statistics.names if training.statistics else ()), *training.curves)
+    old = reference_basis(read_basis(request.basis), names)
     tables = Tables(size=training.size)
-    if asked.table is not None:
-        beside = read_training_set(asked.table, asked.licence, least=1)
+    if request.table is not None:
+        beside = read_training_set(request.table, request.licence, least=1)
         training = training.joined(beside)
         tables = Tables(np.stack(list(beside.curves.values())), tuple(beside.curves), training.size)
-    results, keys, aside = _results(registry, asked, old)
-    of = _model_of(results, asked)
+    results, keys, aside = _results(registry, request, old)
+    of = _model_of(results, request)
     tell("learning", 0.0)
     found = populate(results, old, tables)
-    judgement = _judge(results, old, tables, (of, asked.leave), tell)
-    return Lesson(asked, found, of, keys, dict(aside), judgement, training, *found.basis(of))
+    judgement = _judge(results, old, tables, (of, request.leave), tell)
+    return LearnedBasis(request, found, of, keys, dict(aside), judgement, training, *found.basis(of))
 
 
-def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tuple[str, ...], Counter[str]]:
-    """What the results say, their keys, and why others say nothing."""
-    values = [list(asked.statuses), asked.basis]
+def _results(
+    registry: Registry, request: LearnRequest, reference: ReferenceBasis
+) -> tuple[list[PhotoLikelihood], tuple[str, ...], Counter[str]]:
+    """Likelihoods of the results that can be used, their keys, and numbers of the others by reason."""
+    values = [list(request.statuses), request.basis]
     counted = "SELECT count(*) AS n FROM rows WHERE list_contains(?, status) AND basis {} ?"
     (other,) = registry.query(counted.format("<>"), values)
     (same,) = registry.query(f"{counted.format('=')} AND len(red) > 0", values)
@@ -227,13 +239,13 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
         f"QUALIFY {newest} <= {OF_MODEL} ORDER BY {newest}, added DESC, key LIMIT {MOST}",
         values,
     )
-    aside: Counter[str] = Counter(other_statuses(registry, Wanted(), asked.statuses))
+    aside: Counter[str] = Counter(other_statuses(registry, Wanted(), request.statuses))
     aside["on another basis"] = other["n"]
     aside[f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"] = same["n"] - len(
         found
     )
-    results, keys, size = [], [], 3 * old.dictionary.shape[2]
-    ours = load_model(asked.basis).sha256
+    results, keys, size = [], [], 3 * reference.dictionary.shape[2]
+    ours = load_model(request.basis).sha256
     for each in found:
         if len(each["code_covariance"] or ()) != size * (size + 1) // 2:
             aside["without a covariance"] += 1
@@ -242,22 +254,26 @@ def _results(registry: Registry, asked: Asked, old: Old) -> tuple[list[Said], tu
         elif each["l2"] != L2:
             aside["another penalty than the usual"] += 1
         elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:
-            aside[f"another release's {asked.basis}"] += 1
+            aside[f"another release's {request.basis}"] += 1
         else:
-            results.append(_said(registry, each, old, size))
+            results.append(_said(registry, each, reference, size))
             keys.append(str(each["key"]))
     if not results:
         why = counts_in_words(+aside) or "there is none"
         raise InvalidArgument(
-            f"No {' or '.join(asked.statuses)} result on {asked.basis} can be learned from: {why}.",
-            f"Add results that {asked.basis} answered alone, under named lamps"
+            f"No {' or '.join(request.statuses)} result on {request.basis} can be learned from: {why}.",
+            f"Add results that {request.basis} answered alone, under named lamps"
             + ("; or name another --basis." if aside["on another basis"] else "."),
         )
     return results, tuple(sorted(keys)), +aside
 
 
-def _said(registry: Registry, row: Json, old: Old, size: int) -> Said:
-    """What a row says; refused where damage is seen in it, so that one row spoils no basis."""
+def _said(registry: Registry, row: Json, reference: ReferenceBasis, size: int) -> PhotoLikelihood:
+    """The likelihood of a row's photo.
+
+    Raises:
+        InvalidArgument: the row is damaged.
+    """
     if {len(row[colour] or ()) for colour in CHANNELS} != {len(NM)}:
         raise registry.damaged(row["key"], "the curves cannot be right")
     curves = np.array([row[colour] for colour in CHANNELS], dtype=np.float64)
@@ -274,21 +290,21 @@ def _said(registry: Registry, row: Json, old: Old, size: int) -> Said:
     model = " ".join(filter(None, (row["model"], row["camera_id"])))
     member = (maker_of(row["make"]), model, row["serial"] or row["key"])
     widths = list(zip(scale.tolist(), share.tolist(), strict=True))
-    return said(member, curves, covariance, old, widths, row["gamma"] or 0.0)
+    return photo_likelihood(member, curves, covariance, reference, widths, row["gamma"] or 0.0)
 
 
 def _posterior(covariance: Floats) -> bool:
-    """It may be (H + I)⁻¹, whose eigenvalues lie from 0 to 1; those of several widths mixed may lie above."""
+    """Whether it may be (H + I)⁻¹, with eigenvalues from 0 to 1; above 1 for a mixture of several widths."""
     found = np.linalg.eigvalsh(covariance)
     return bool(found[0] > -SLACK and found[-1] < WIDEST)
 
 
-def _model_of(results: Sequence[Said], asked: Asked) -> tuple[str, str] | None:
-    if not asked.model:
+def _model_of(results: Sequence[PhotoLikelihood], request: LearnRequest) -> tuple[str, str] | None:
+    if not request.model:
         return None
-    wanted = " ".join(filter(None, (asked.model, asked.camera_id)))
+    wanted = " ".join(filter(None, (request.model, request.camera_id)))
     found = sorted({each.member[:2] for each in results if each.member[1] == wanted})
-    found = [each for each in found if not asked.make or each[0] == maker_of(asked.make)]
+    found = [each for each in found if not request.make or each[0] == maker_of(request.make)]
     if len(found) != 1:
         if found:
             makers = ", ".join(maker for maker, _ in found)
@@ -299,24 +315,24 @@ def _model_of(results: Sequence[Said], asked: Asked) -> tuple[str, str] | None:
 
 
 def _judge(
-    results: Sequence[Said],
-    old: Old,
+    results: Sequence[PhotoLikelihood],
+    reference: ReferenceBasis,
     tables: Tables,
     what: tuple[tuple[str, str] | None, str],
     tell: Callable[[str, float], None],
 ) -> Judgement:
-    """Learn without each group, and see what its photos would have been taken for."""
+    """Learn without each group, and compute the gain in log-likelihood of its photos."""
     of, leave = what
     word = "unit" if of else leave
     judged = [each for each in results if of is None or each.member[:2] == of]
 
-    def group_of(each: Said) -> tuple[str, ...]:
+    def group_of(each: PhotoLikelihood) -> tuple[str, ...]:
         return each.member if of else each.member[:2] if leave == "model" else each.member[:1]
 
     groups = list(dict.fromkeys(map(group_of, judged)))
     if len(groups) < 2:
         return judge_gains(word, np.zeros(len(groups)))
-    size = 3 * old.dictionary.shape[2]
+    size = 3 * reference.dictionary.shape[2]
     gains: dict[tuple[str, ...], list[float]] = {each: [] for each in groups}
     folds = [groups[i::FOLDS] for i in range(min(FOLDS, len(groups)))]
     for number, fold in enumerate(folds):
@@ -324,7 +340,7 @@ def _judge(
         out = set(fold)
         rest = [each for each in results if group_of(each) not in out]
         beside = tables if of or leave == "model" else _without(tables, {each[0] for each in out})
-        found = populate(rest, old, beside) if rest else None
+        found = populate(rest, reference, beside) if rest else None
         if found is None:
             continue
         mean, covariance = found.prior(of if of in found.models else None)
@@ -337,7 +353,7 @@ def _judge(
 
 
 def judge_gains(left_out: str, gains: Floats) -> Judgement:
-    """The mean of the groups' gains, and what it says.
+    """The mean gain of the groups with its interval.
 
     Args:
         left_out: what a group is.

@@ -1,4 +1,4 @@
-"""Manifest of any size → its jobs, one after the other: nothing of it is held but the names that were met."""
+"""Reads a manifest of any size job by job; only hashes of the names stay in memory."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
-from camssf import __version__
 from camssf.errors import InvalidArgument
 from camssf.files import local
 from camssf.fleet.inputs import Stamp, basis_path, check_manifest, is_file, stamp, stamps
 from camssf.fleet.run import COLUMNS, Job, delimiter_of, is_parquet, job_of
+from camssf.version import __version__
 
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
-"""Further columns that the registry has itself; all others are kept as `extra`."""
+"""Further columns with a meaning of their own; all others are kept as `extra`."""
 BATCH = 4096
 LONGEST_ROW = 1_000_000
 """Characters."""
@@ -33,10 +33,10 @@ class Item:
 
     Attributes:
         job: what to do; its folder is not used here.
-        extra: columns that camssf does not know, of the first row of the name.
-        unit: serial, camera_id, lens, captured: the manifest's, "" where it is silent.
-        task: SHA-256 of name, rows, options and version, and of its files' sizes and times, those of sidecars and of
-            the basis' file among them: known without reading them.
+        extra: columns unknown to camssf, from the name's first row.
+        unit: serial, camera_id, lens, captured from the manifest; "" if missing.
+        task: SHA-256 of name, rows, options, version, and the sizes and times of all files (sidecars and the basis
+            file included); computed without reading the files.
     """
 
     job: Job
@@ -49,17 +49,17 @@ class Manifest:
     """A manifest that is read as it is iterated.
 
     Args:
-        path: CSV, as `run.read_manifest` takes it, of any size and with further columns; or Parquet.
+        path: CSV as for `run.read_manifest`, but of any size and with any further columns; or Parquet.
         options: basis, engine and lens_shading of every job.
 
     Raises:
-        InvalidArgument: it cannot be read, lacks a column or has no rows.
+        InvalidArgument: the file cannot be read, lacks a column or has no rows.
     """
 
     def __init__(self, path: Path | str, options: Mapping[str, str]) -> None:
         self.path, self.options = local(path), dict(options)
         self.done = 0.0
-        """The part of it that was read, 0 to 1."""
+        """Fraction of the manifest read so far, 0 to 1."""
         self._basis: Stamp | None = None
 
     def __iter__(self) -> Iterator[Item]:
@@ -96,7 +96,7 @@ class Manifest:
         return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit, self._basis))
 
     def _rows(self) -> Iterator[dict[str, str]]:
-        """Rows as text, their columns in small letters."""
+        """Rows as text, with lower-case column names."""
         rows = _parquet(self.path) if is_parquet(self.path) else self._csv()
         for part, row in rows:
             self.done = part
@@ -123,7 +123,7 @@ class Manifest:
 
 
 class _Lines:
-    """Lines of UTF-8 with any ending, and how many bytes were read, about; none longer than LONGEST_ROW."""
+    """Lines of UTF-8 text with any line ending, at most LONGEST_ROW long; `read` counts the bytes approximately."""
 
     def __init__(self, raw: Any) -> None:
         self._text, self.read = io.TextIOWrapper(raw, encoding="utf-8-sig", newline=None), 0
@@ -184,12 +184,12 @@ def _check_columns(path: Path, fields: Sequence[str]) -> None:
 
 
 def words_of(job: Job) -> list[str | None]:
-    """All that a job names: photos, lamps, white, dark, chart; None where there is none."""
+    """All file names and specifications in a job: photos, lamps, white, dark, chart; None where there is none."""
     return [*job.photos, *job.lamps, *job.white, *job.dark, job.chart]
 
 
 def file_in(words: str | None) -> tuple[str, Path | None]:
-    """The file that such words name, and the layout before it, as in `nano24:mine.csv`."""
+    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file."""
     if not words:
         return "", None
     if is_file(Path(words)):

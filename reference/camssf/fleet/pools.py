@@ -1,8 +1,8 @@
-"""Who does a batch's jobs: processes here, or the workers of a Dask cluster. Both do again what a lost one left.
+"""Runs the jobs of a batch in local processes or on the workers of a Dask cluster, and repeats interrupted jobs.
 
-A job that costs DEATHS processes their lives is put aside. Here each suspect then goes alone, so that only the
-culprit pays. A cluster's workers are not ours to count: there a job leaves a mark in the archive when it is begun and
-takes it away at its end, and who finds DEATHS marks does not begin it again.
+A job during which DEATHS processes died is put aside. Local processes: after a crash each job that was running is
+repeated alone, to find the one that crashes. Cluster: a job appends a byte to a file in the archive when it begins
+and deletes the file at its end; a worker that finds DEATHS bytes does not begin the job.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
-from camssf import __version__
 from camssf.errors import InvalidArgument
 from camssf.fleet.inputs import basis_path
 from camssf.fleet.manifest import Item, file_in
 from camssf.fleet.rows import Row
 from camssf.fleet.run import begin, single_threads
 from camssf.libraries import library
+from camssf.version import __version__
 
 FLUSH = 2.0
-"""Seconds after which what was done is written down."""
+"""Seconds between writes to the registry."""
 AHEAD = 4
-"""Jobs a worker that wait for it."""
+"""Jobs queued for each worker."""
 DEATHS = 2
-"""Of processes that worked on a job, after which it is put aside until its files or its rows change."""
+"""Processes that may die during a job; then it is put aside until its files or rows change."""
 ANSWER = 30.0
-"""Seconds in which a scheduler answers, and has a worker."""
+"""Seconds to wait for the scheduler's answer, and for its first worker."""
 WORKERLESS = 60.0
-"""Seconds without any worker, after which a cluster is given up; a nanny begins a new one in less."""
+"""Seconds without any worker after which the batch fails; a Dask nanny restarts a worker in less."""
 AGAIN = 8
-"""Times that a job is handed out again because workers died while it waited, or the cluster gave no answer."""
+"""Number of times that a job is resubmitted because workers died while it waited, or the cluster lost it."""
 PUT_ASIDE = "The process that worked on it died, twice (memory, or a damaged file). It is put aside."
 
 One: TypeAlias = Callable[[Item], "Done"]
@@ -49,12 +49,12 @@ One: TypeAlias = Callable[[Item], "Done"]
 
 @dataclass(frozen=True)
 class Done:
-    """What a worker tells of a job.
+    """A worker's report about one job.
 
     Attributes:
         status, code, reason, made_from: as in `Task`.
-        row: of its result; None without one.
-        found: the result was in the archive already.
+        row: row of the result; None without one.
+        found: the result was already in the archive.
     """
 
     status: str
@@ -65,30 +65,30 @@ class Done:
     found: bool = False
 
 
-class Desk(Protocol):
-    """Where what was done is taken."""
+class ResultWriter(Protocol):
+    """Receives finished jobs and writes them."""
 
     def take(self, item: Item, done: Done, *, deaths: int = 0) -> None:
-        """One job's end."""
+        """Add one finished job."""
 
     def flush(self, *, if_due: bool = False) -> None:
-        """Write it down."""
+        """Write the buffered jobs; with `if_due` only when it is time to."""
 
 
 # Processes here
 
 
-def here(todo: Iterator[Item], one: One, count: int, desk: Desk, tell: Callable[[], None]) -> None:
-    """Over processes. Where one dies, what may have killed it goes alone, so that only the culprit pays."""
+def here(todo: Iterator[Item], one: One, count: int, writer: ResultWriter, tell: Callable[[], None]) -> None:
+    """Run the jobs in local processes; if one dies, repeat each job that was running alone."""
     with single_threads():
-        while suspects := _pool(todo, one, count, desk, tell):
+        while suspects := _pool(todo, one, count, writer, tell):
             for item in suspects:
-                if _pool(iter([item]), one, 1, desk, tell):
-                    desk.take(item, Done("failed", "", PUT_ASIDE), deaths=DEATHS)
+                if _pool(iter([item]), one, 1, writer, tell):
+                    writer.take(item, Done("failed", "", PUT_ASIDE), deaths=DEATHS)
 
 
-def _pool(todo: Iterator[Item], one: One, count: int, desk: Desk, tell: Callable[[], None]) -> list[Item]:
-    """Work until there is no more, or a process died: then what was under way. No process is begun for nothing."""
+def _pool(todo: Iterator[Item], one: One, count: int, writer: ResultWriter, tell: Callable[[], None]) -> list[Item]:
+    """Run jobs until none is left or a process dies; returns the unfinished ones. Starts no process without a job."""
     item = next(todo, None)
     if item is None:
         return []
@@ -101,9 +101,9 @@ def _pool(todo: Iterator[Item], one: One, count: int, desk: Desk, tell: Callable
                     item = next(todo, None)
                 finished, _ = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
                 for future in finished:
-                    desk.take(running[future], future.result())
+                    writer.take(running[future], future.result())
                     del running[future]
-                desk.flush(if_due=True)
+                writer.flush(if_due=True)
                 tell()
         except BrokenProcessPool:
             return [*running.values(), *([] if item is None else [item])]
@@ -116,19 +116,21 @@ def _pool(todo: Iterator[Item], one: One, count: int, desk: Desk, tell: Callable
 # A Dask cluster
 
 
-def on_dask(todo: Iterator[Item], one: One, where: tuple[str, Path], desk: Desk, tell: Callable[[], None]) -> None:
-    """Over the workers of a cluster that is there already, and stays.
+def on_dask(
+    todo: Iterator[Item], one: One, where: tuple[str, Path], writer: ResultWriter, tell: Callable[[], None]
+) -> None:
+    """Run the jobs on the workers of an existing cluster, which keeps running afterwards.
 
     Args:
         todo: the jobs.
-        one: what to do with one.
-        where: the scheduler's address, and the archive, beside whose results the marks lie.
-        desk: where what was done goes.
-        tell: called now and then.
+        one: function that does one job.
+        where: the scheduler's address, and the archive, which also holds the files that mark begun jobs.
+        writer: receives the finished jobs.
+        tell: called regularly.
 
     Raises:
-        InvalidArgument: the library is missing, nobody answers, a worker has no camssf or another version, or the
-            scheduler or all workers went away; what was done until then is kept.
+        InvalidArgument: the library is missing, the scheduler does not answer, a worker has no camssf or another
+            version, or the scheduler or all workers were lost; finished jobs are kept.
     """
     distributed = library("distributed", "The option --dask needs", "dask")
     first = next(todo, None)
@@ -138,7 +140,7 @@ def on_dask(todo: Iterator[Item], one: One, where: tuple[str, Path], desk: Desk,
     with _client(distributed, where[0]) as client:
         try:
             marks.mkdir(parents=True)
-            _hand_out(client, (first, todo), one, marks, desk, tell)
+            _hand_out(client, (first, todo), one, marks, writer, tell)
         except OSError as error:
             raise InvalidArgument(
                 f"{where[1]}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
@@ -165,14 +167,19 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
             ) from error
         yield client
     finally:
-        with suppress(Exception):  # it may be gone
+        with suppress(Exception):  # the scheduler may be gone
             client.close(timeout=2)
 
 
 def _hand_out(
-    client: Any, jobs: tuple[Item, Iterator[Item]], one: One, marks: Path, desk: Desk, tell: Callable[[], None]
+    client: Any,
+    jobs: tuple[Item, Iterator[Item]],
+    one: One,
+    marks: Path,
+    writer: ResultWriter,
+    tell: Callable[[], None],
 ) -> None:
-    """Until there is no more; never more at a time than the workers have in hand and wait for."""
+    """Submit jobs until none is left, at most AHEAD at a time for each worker thread."""
     from distributed import KilledWorker
     from distributed import wait as wait_for
     from distributed.client import ClosedClientError
@@ -197,16 +204,16 @@ def _hand_out(
             while item is not None and len(running) < room:
                 running[_submit(client, task, item)] = item
                 item = next(todo, None)
-            with suppress(TimeoutError, CancelledError), client.as_current():  # one cancelled: see each below
+            with suppress(TimeoutError, CancelledError), client.as_current():  # cancelled ones are handled below
                 wait_for(list(running), timeout=FLUSH, return_when="FIRST_COMPLETED")
             for future in [each for each in running if each.status != "pending"]:
                 job = running.pop(future)
                 try:
                     done = _answer(future)
                 except (KilledWorker, CancelledError, TimeoutError) as error:
-                    killed = isinstance(error, KilledWorker)  # whether the job was to blame, its marks say
+                    killed = isinstance(error, KilledWorker)  # `_marked` decides whether this job was the cause
                     count = lost[job.task] = lost.get(job.task, 0) + 1
-                    if not killed:  # nobody died of it: what it began, the cluster dropped
+                    if not killed:  # the cluster dropped the job and no worker died: delete its mark
                         (marks / job.task).unlink(missing_ok=True)
                         with suppress(Exception):
                             client.cancel([future], force=True)
@@ -214,20 +221,20 @@ def _hand_out(
                         running[_submit(client, task, job)] = job
                     elif killed:
                         words = f"Workers died {count} times while they had it. It is put aside."
-                        desk.take(job, Done("failed", "", words), deaths=DEATHS)
+                        writer.take(job, Done("failed", "", words), deaths=DEATHS)
                     else:
                         words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
-                        desk.take(job, Done("failed", "", words))
+                        writer.take(job, Done("failed", "", words))
                 except ModuleNotFoundError as error:
                     raise InvalidArgument(
                         f"A worker of the Dask cluster lacks {error.name}.",
                         f"Install camssf {__version__} there: the wheel is all that a worker needs.",
                     ) from error
                 else:
-                    desk.take(job, done, deaths=DEATHS if done.reason == PUT_ASIDE else 0)
-            desk.flush(if_due=True)
+                    writer.take(job, done, deaths=DEATHS if done.reason == PUT_ASIDE else 0)
+            writer.flush(if_due=True)
             tell()
-    except (OSError, RuntimeError, ClosedClientError) as error:  # a lost connection, in Dask's and in Tornado's words
+    except (OSError, RuntimeError, ClosedClientError) as error:  # a lost connection, from Dask or from Tornado
         raise InvalidArgument(
             f"The Dask cluster was lost ({' '.join(str(error).split()) or type(error).__name__}).",
             "Start it again, and the same command: what was done is not done again.",
@@ -238,7 +245,7 @@ def _hand_out(
 
 
 def _answer(future: Any) -> Done:
-    """What became of a job.
+    """The report of a finished job.
 
     Raises:
         KilledWorker: workers died while they had it.
@@ -255,7 +262,7 @@ def _submit(client: Any, task: One, item: Item) -> Any:
 
 
 def _anywhere(item: Item) -> Item:
-    """The same job, wherever the process that does it stands."""
+    """The same job with absolute paths, for a process with another working folder."""
 
     def absolute(words: Sequence[str | None]) -> tuple[str | None, ...]:
         return tuple(_absolute(each) for each in words)
@@ -281,7 +288,7 @@ _turn = threading.Lock()
 
 
 def _marked(item: Item, *, one: One, marks: Path, version: str) -> Done:
-    """Do it, unless DEATHS have begun it and nobody has ended it."""
+    """Do the job, unless it was begun DEATHS times and never ended."""
     if version != __version__:
         raise InvalidArgument(
             f"A worker of the Dask cluster has camssf {__version__}.", f"Install {version} there, as it is here."

@@ -1,10 +1,10 @@
-"""Results in a folder of Parquet files, one row each: written by many at once, read while they write.
+"""Stores results, one row each, in a folder of Parquet files, for concurrent writers and readers.
 
-A task writes one file, under another name first, and puts it in its place when it lies on the disk: it is there
-whole or not at all, and no writer waits for another. DuckDB reads them all as one table, in its own memory: a data
-base file of its own would lock every reader out while somebody writes. A row that was written twice, by a writer that
-did not live to hear that the first was safe, counts once. `gather` makes few files of many; what it removes is in the
-file that it has written before, so a reader or a second `gather` beside it can lose nothing.
+Each write makes one file: under a temporary name, flushed to disk, then renamed. So a file is complete or absent, and
+writers never wait for each other. DuckDB reads all files as one table in memory; a DuckDB database file would lock
+readers out during a write. A row written twice, because a writer died before it knew that the first write was safe,
+counts once. `gather` merges small files; it deletes them only after it has written the merged file, so concurrent
+readers and a second `gather` lose nothing.
 """
 
 from __future__ import annotations
@@ -31,34 +31,34 @@ FORMAT = "camssf-registry/1"
 MARK = "registry.json"
 FOLDERS: dict[Table, str] = {Row: "results", Task: "tasks"}
 IDENTITY: dict[Table, tuple[str, str]] = {Row: ("key", "added"), Task: ("task", "ended")}
-"""What makes a row the same row, and which of two is the newer."""
+"""Columns that identify a row, and that tell which of two versions of it is newer."""
 NEEDED: dict[Table, tuple[str, ...]] = {Row: ("key", "status", "added"), Task: ("task", "status", "ended")}
-"""Columns of every release's files."""
+"""Columns that the files of every release have."""
 MANY_FILES = 256
 LARGE_FILE = 4 * 2**20
-"""Bytes: `gather` leaves such a file as it is."""
+"""Bytes; `gather` does not merge files of this size or larger."""
 ATTEMPTS = 5
-"""At reading, while somebody gathers."""
+"""Attempts to read while another process runs `gather`."""
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
-"""Columns of a list."""
+"""Columns of `Registry.listing`."""
 
 WROTE = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
 MOVE_AWAY = "Move it away, and add its results again from their archive."
 
 _CONFIG = {
-    "autoinstall_known_extensions": "false",  # it would ask the network
-    "autoload_known_extensions": "false",  # and look into the home
-    "temp_directory": "",  # and leave its memory in the working folder
+    "autoinstall_known_extensions": "false",  # no network access
+    "autoload_known_extensions": "false",  # no access to the home folder
+    "temp_directory": "",  # no temporary files in the working folder
 }
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which results; all unless told.
+    """A filter for results; the default selects all.
 
     Attributes:
-        make, model, serial, status, name: exactly these.
-        statuses: any of these.
+        make, model, serial, name: equal to these; "" for any.
+        statuses: status is one of these; empty for any.
     """
 
     make: str = ""
@@ -68,7 +68,7 @@ class Wanted:
     statuses: tuple[str, ...] = ()
 
     def where(self) -> tuple[str, list[Any]]:
-        """As SQL with its values."""
+        """The filter as an SQL condition, and its values."""
         given = {name: getattr(self, name) for name in ("make", "model", "serial", "name") if getattr(self, name)}
         terms = [f"{name} = ?" for name in given]
         values: list[Any] = list(given.values())
@@ -79,7 +79,7 @@ class Wanted:
 
 
 class Registry:
-    """A registry in a folder; with `new` one that need not be there yet, and is made at the first writing."""
+    """A registry in a folder; with `new` the folder may be missing, and the first write creates it."""
 
     def __init__(self, folder: Path | str, *, new: bool = False) -> None:
         library("duckdb", "The registry needs", "fleet")
@@ -93,15 +93,15 @@ class Registry:
     # Writing
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Write rows; once this returns they are on the disk.
+        """Write rows; they are on disk when this returns.
 
         Raises:
-            InvalidArgument: they cannot be written; then none of them is there.
+            InvalidArgument: they cannot be written; then none of them is.
         """
         self._write(Row, rows)
 
     def note(self, tasks: Sequence[Task]) -> None:
-        """Write what became of jobs, likewise; after their rows, so that a task that is known has its result."""
+        """Write finished jobs, as `add`; call it after their rows are written, so that each task has its result."""
         self._write(Task, tasks)
 
     def _write(self, table: Table, rows: Sequence[Row] | Sequence[Task]) -> None:
@@ -124,10 +124,10 @@ class Registry:
         return place
 
     def gather(self) -> None:
-        """Make one file of the many small ones.
+        """Merge the small files into one.
 
         Raises:
-            InvalidArgument: it cannot be written; nothing is lost then.
+            InvalidArgument: the file cannot be written; then nothing is lost.
         """
         for table in FOLDERS:
             self._gather(table)
@@ -145,7 +145,7 @@ class Registry:
                     _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
             except (FileNotFoundError, duckdb.Error) as error:
                 if not all(path.exists() for path in small):
-                    return  # somebody else gathers
+                    return  # another process gathers
                 _name_damaged(table, small, error)
                 raise
             for path in small:
@@ -154,7 +154,7 @@ class Registry:
     # Reading
 
     def files(self) -> int:
-        """How many files hold the results."""
+        """Number of files with results."""
         return len(self._files(Row))
 
     def listing(self, wanted: Wanted | None = None, *, limit: int | None = None) -> list[dict[str, Any]]:
@@ -164,12 +164,12 @@ class Registry:
         return self.query(f"SELECT {', '.join(SHORT)} FROM rows WHERE {where} ORDER BY added DESC, key{most}", values)
 
     def count(self) -> dict[str, int]:
-        """How many results, by status."""
+        """Numbers of results by status."""
         found = self.query("SELECT status, count(*) AS n FROM rows GROUP BY status ORDER BY status")
         return {each["status"]: each["n"] for each in found}
 
     def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
-        """Rows of a query on the table `rows`, which holds every row once."""
+        """The rows that a query returns; it selects from the view `rows`, which has every row once."""
 
         def ask(con: Any) -> list[dict[str, Any]]:
             found = con.execute(sql, list(values))
@@ -179,11 +179,11 @@ class Registry:
         return self._ask(ask, table)
 
     def arrays(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> dict[str, Any]:
-        """The same as NumPy columns."""
+        """As `query`, but returns NumPy columns."""
         return self._ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
 
     def _ask(self, ask: Callable[[Any], Answer], table: Table = Row) -> Answer:
-        """The answer of `ask`, told a connection with the view `rows`; once more if files were gathered meanwhile."""
+        """Call `ask` with a connection that has the view `rows`; repeat if files were gathered meanwhile."""
         import duckdb
 
         with _failures(self.folder):
@@ -204,10 +204,10 @@ class Registry:
             raise AssertionError  # the last attempt returns or raises
 
     def export(self, path: Path | str) -> None:
-        """All results as one file, by its suffix: .parquet with everything, .csv without curves.
+        """Write all results to one file: .parquet with all columns, .csv without curves.
 
         Raises:
-            InvalidArgument: another suffix, or it cannot be written.
+            InvalidArgument: another suffix, or the file cannot be written.
         """
         path = local(path)
         if path.suffix not in (".parquet", ".csv"):
@@ -220,7 +220,7 @@ class Registry:
         self._ask(lambda con: _put(con, f"SELECT {what} FROM rows ORDER BY added, key", path.parent, path.name))
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
-        """The error that says of which row, in which file, something cannot be right."""
+        """The error for a damaged row, with the file that holds it; `what` describes the damage."""
         holds = "SELECT count(*) FROM read_parquet(?) WHERE key = ?"
         with connection() as con:
             found = [p for p in self._files(Row) if con.execute(holds, [str(p), key]).fetchone()[0]]
@@ -232,7 +232,7 @@ class Registry:
 
     @staticmethod
     def _view(con: Any, table: Table, files: Sequence[Path]) -> None:
-        """A view `every` of all rows in these files; a column that an older file lacks is empty."""
+        """Create the view `every` of all rows in these files; a column missing in an older file is NULL."""
         con.execute(f"CREATE TEMP TABLE nothing ({_declared(table)})")
         if not files:
             con.execute("CREATE TEMP VIEW every AS SELECT * FROM nothing")
@@ -257,7 +257,7 @@ class Registry:
 
 
 def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None:
-    """The first file that cannot be read by itself is to blame; where each can, nothing is said."""
+    """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
     import duckdb
 
     for path in files:
@@ -267,7 +267,7 @@ def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None
                 if whole:
                     Registry._view(con, table, [path])
                     con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
-        except FileNotFoundError:  # somebody gathered
+        except FileNotFoundError:  # another process gathered it
             continue
         except duckdb.Error:
             whole = not path.exists()
@@ -276,7 +276,7 @@ def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None
 
 
 def _check_place(path: Path) -> None:
-    """Whether a file can be written there: what fails later is the registry's."""
+    """Raise InvalidArgument if no file can be written there; later errors then concern the registry."""
     probe = path.parent / f".camssf-{os.getpid()}-{secrets.token_hex(8)}"
     try:
         if path.is_dir():
@@ -289,8 +289,8 @@ def _check_place(path: Path) -> None:
 
 
 def _format(folder: Path, new: bool) -> str | None:
-    """What the folder's mark says. Where there is none: FORMAT for a new one with nothing in it, else None."""
-    for _ in range(2):  # another writer may have made it between the two looks: then its mark is there now
+    """The format in the folder's MARK file. Without the file: FORMAT if `new` and the folder is empty, else None."""
+    for _ in range(2):  # another writer may create the registry between the two checks: then try again
         try:
             mark = json.loads((folder / MARK).read_text("utf-8"))
             return str(mark.get("format")) if isinstance(mark, dict) else None
@@ -317,7 +317,7 @@ def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
 
 
 def _empty(folder: Path) -> bool:
-    """Nothing is there, but perhaps what another writer is about to put there."""
+    """Whether the folder is missing or empty, apart from temporary files of other writers."""
     try:
         return all(path.name.startswith(".") for path in folder.iterdir())
     except FileNotFoundError:
@@ -328,7 +328,7 @@ def _empty(folder: Path) -> bool:
 
 @contextmanager
 def connection() -> Iterator[Any]:
-    """DuckDB in memory, without extensions, network, home or files of its own."""
+    """A DuckDB connection in memory, without extensions, network access or temporary files."""
     import duckdb
 
     con = duckdb.connect(":memory:", config=_CONFIG)
@@ -350,7 +350,7 @@ def _failures(folder: Path) -> Iterator[None]:
 
 
 def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
-    """The answer of a query as a file: beside its place, on the disk, then in its place."""
+    """Write a query's result to a file: under a temporary name, flushed to disk, then renamed."""
     suffix = "csv" if name is not None and name.endswith(".csv") else "parquet"
     token = f"{os.getpid()}-{threading.get_ident()}-{secrets.token_hex(8)}"
     aside = folder / f".camssf-{token}"
@@ -370,7 +370,7 @@ def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
 
 
 def _settle(folder: Path) -> None:
-    """The folder's own entry on the disk; where a system cannot, it does so by itself."""
+    """Flush the folder's entry to disk; systems that cannot open a folder are left alone."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -389,7 +389,7 @@ def _declared(table: Table) -> str:
 
 
 def _column(rows: Sequence[Row] | Sequence[Task], name: str) -> list[Any]:
-    """Values as DuckDB takes them; a whole column is one parameter, three times as fast as row after row."""
+    """Values of one column as DuckDB takes them; a whole column as one parameter is faster than row by row."""
     values = (getattr(each, name) for each in rows)
     return [list(v) if isinstance(v, tuple) else readable(v) if isinstance(v, str) else v for v in values]
 
@@ -399,7 +399,7 @@ def _quoted(text: str) -> str:
 
 
 def _cell(name: str, kind: str) -> str:
-    """A column of a CSV; what a spreadsheet would take for a formula begins with '."""
+    """SQL for a column of a CSV; text that a spreadsheet would take for a formula gets a leading '."""
     if kind.endswith("[]"):
         return f"array_to_string({name}, ' ') AS {name}"
     if kind != "VARCHAR":
@@ -408,7 +408,7 @@ def _cell(name: str, kind: str) -> str:
 
 
 def _whole(path: Path) -> bool:
-    """Parquet begins and ends with four letters."""
+    """Whether the file begins and ends with Parquet's magic bytes."""
     with open(path, "rb") as stream:
         head = stream.read(4)
         stream.seek(-min(4, path.stat().st_size), os.SEEK_END)

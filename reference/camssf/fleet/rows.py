@@ -1,4 +1,4 @@
-"""What the registry keeps of a result: one row, and of every job what became of it: another."""
+"""Defines the registry's two kinds of row: one for each result, one for each job of a batch."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from camssf.curves.choice import CLEAR
-from camssf.documents.choice import choice_of
-from camssf.photo.unit import Unit
+from camssf.documents.basis_choice import choice_of
+from camssf.photo.read.unit import Unit
+from camssf.recovery.hypotheses import CLEAR
 
 Json: TypeAlias = dict[str, Any]
 
 CHANNELS = ("red", "green", "blue")
 STRIDE = 10
-"""Of the grid's half nanometres: the registry's curves stand every 5 nm, 380 to 720, as measured tables do."""
+"""Grid points between the registry's samples: its curves are sampled every 5 nm from 380 to 720 nm."""
 
 _TYPES = {
     "str": "VARCHAR",
@@ -31,36 +31,39 @@ _TYPES = {
     "tuple[float, ...]": "DOUBLE[]",
     "Curve": "FLOAT[]",
 }
-"""DuckDB's types of the fields below."""
+"""DuckDB types of the fields below."""
 
 Curve: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One result. No photo, no place on earth, no file's name but the result's own.
+    """One result, without photos, location or the names of input files.
 
     Attributes:
-        key: SHA-256 of the result's file: a result that is added twice is there once.
+        key: SHA-256 of the result file, so that a result added twice counts once.
         added: UTC.
         name: in the manifest.
-        status, code, reason, reasons: of the verdict: its first reason in words, and the codes of all.
+        status: of the verdict.
+        code, reason: code and message of its first reason.
+        reasons: codes of all its reasons.
         make, model, camera_id, serial, lens, focal_length, aperture: the unit.
         captured: UTC; a time without an offset is taken as UTC.
-        chart, chart_table, lamps, basis, engine, software: what it was made by.
-        inputs: SHA-256 of every file; onnx: of the model.
-        made_from: SHA-256 of files, options and version together, where a batch made it.
-        passport: id of the passport that it came in.
-        place: of the result, seen from the registry.
-        delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of all.
+        chart, chart_table, lamps, basis, engine, software: what the result was made with.
+        inputs: SHA-256 of every input file.
+        onnx: SHA-256 of the model.
+        made_from: SHA-256 of files, options and version together, if a batch made the result.
+        passport: id of the passport that contained the result.
+        place: path of the result, relative to the registry.
+        delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of the three channels.
         channel_gain: red, green, blue.
-        red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty where there are none.
+        red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty if there are none.
         extra: further columns of the manifest, as JSON.
-        l2, gamma: the penalties that it was solved with.
-        prior_scale, prior_share: where its basis answered alone, how wide its prior was taken, likeliest first, and
-            the weight of each width in the answer; else empty.
-        odds: of its basis against the others; infinite where nothing is left to them, None where a basis was told.
-        code_covariance: of the code, as in the result: with the curves, all that the photo said.
+        l2, gamma: penalties of the fit; gamma the largest of the three channels.
+        prior_scale, prior_share: widths of the prior, most probable first, and their weights in the result; empty
+            unless one basis was used alone.
+        odds: of the basis against the others; infinite if their probability is 0, None if the basis was given.
+        code_covariance: posterior covariance of the code, as in the result.
     """
 
     key: str
@@ -112,17 +115,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """What became of one job of a batch.
+    """The end of one job of a batch.
 
     Attributes:
-        task: of the job's rows, options and version, its files' sizes and times: known without reading them.
-        made_from: as in `Row`; "" where the files could not be read.
+        task: hash of the job's rows, options, version, and its files' sizes and times (`manifest.Item.task`).
+        made_from: as in `Row`; "" if the files could not be read.
         ended: UTC.
         name: in the manifest.
         status: accepted, doubtful, refused, failed.
         code, reason: of the first reason.
         key: of its result; "" without one.
-        deaths: of processes that worked on it.
+        deaths: number of processes that died during the job.
     """
 
     task: str
@@ -138,11 +141,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a row says that its result does not know.
+    """The fields of a row that do not come from the result document.
 
     Attributes:
-        unit: what is known of it beside make and model.
-        captured: ISO 8601, "" where unknown.
+        unit: what is known about the unit besides make and model.
+        captured: ISO 8601, "" if unknown.
         name, made_from, passport, place: as in `Row`.
         extra: further columns of the manifest.
     """
@@ -157,18 +160,18 @@ class Origin:
 
 
 def columns(kind: type) -> dict[str, str]:
-    """Names and DuckDB's types of `Row` or `Task`."""
+    """Names and DuckDB types of the fields of `Row` or `Task`."""
     return {each.name: _TYPES[str(each.type)] for each in fields(kind)}
 
 
 def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | None = None) -> Row:
-    """A result's row.
+    """The row of a result.
 
     Args:
         result: the bytes of result.json, or their SHA-256.
-        document: what is in it, checked against its form.
-        origin: what it does not know.
-        now: when it is added; the clock's time unless given.
+        document: its content, checked against the schema.
+        origin: fields that the document does not have.
+        now: time of adding; the current time unless given.
     """
     verdict, scores = document["verdict"], document.get("scores") or {}
     first = verdict["reasons"][0] if verdict["reasons"] else {"code": "", "message": ""}
@@ -218,9 +221,9 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
 
 
 def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
-    """How wide the basis that answered took its prior, likeliest first, and the weight of each width.
+    """(width, weight) of the prior widths mixed in a result, most probable first.
 
-    None where two bases were mixed, or lights that nobody named: such curves are no one's alone.
+    Empty if bases or kinds of light were mixed: then the result does not belong to one basis.
     """
     if "prior_scale" not in document:
         return ()
@@ -234,7 +237,7 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
 
 
 def place_of(file: Path | str, registry: Path | str) -> str:
-    """Where a result lies, seen from the registry; links are followed on both sides."""
+    """Path of a result relative to the registry, with symbolic links resolved in both."""
     file = os.path.realpath(file)
     try:
         return Path(os.path.relpath(file, os.path.realpath(registry))).as_posix()
@@ -243,7 +246,7 @@ def place_of(file: Path | str, registry: Path | str) -> str:
 
 
 def utc(time: datetime) -> datetime:
-    """Without an offset, in UTC, as the registry keeps times."""
+    """The time in UTC without an offset, as the registry stores it."""
     return time if time.tzinfo is None else time.astimezone(UTC).replace(tzinfo=None)
 
 

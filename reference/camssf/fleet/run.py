@@ -1,4 +1,4 @@
-"""Manifest → many results: each camera by itself, in its own process, and nothing done twice."""
+"""Calibrates every camera of a manifest in parallel processes; unchanged results are not computed again."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from camssf import __version__
-from camssf.documents.report import NAMES
 from camssf.errors import CalibrationError, InvalidArgument, RawError
 from camssf.files import local, local_folder, write_file
 from camssf.fleet.inputs import basis_hash, basis_path, check_manifest, file_hash, is_file, urls_among
-from camssf.photo.sidecar import photo_hash
+from camssf.photo.read.sidecar import photo_hash
+from camssf.report.build import NAMES
+from camssf.version import __version__
 
 if TYPE_CHECKING:
-    from camssf.documents.result import Calibration, Refusal
+    from camssf.result import Calibration, Refusal
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
-"""Of the manifest; `name`, `photo` and `lamp` must be there, the others may be missing, and all but two be empty."""
+"""Columns of the manifest; `name`, `photo` and `lamp` are required, but only `name` and `photo` need values."""
 
 LARGEST_MANIFEST = 10_000_000
 """Bytes."""
 
 MARK = "batch.json"
-"""Beside a result: the hashes of everything that it was made from, and of its own files."""
+"""File in a result's folder with the hashes of all its inputs and of its own files."""
 
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?|summary\.csv", re.IGNORECASE)
 KEPT = "The earlier result of this name was kept as it is."
 AUTO = "auto"
-"""The lamp of an empty cell, as `calibrate` takes it where none is named."""
+"""The lamp for an empty cell: unnamed light, as in `calibrate`."""
 _FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
-"""Where a spreadsheet would take text for a formula, at what it may take for a cell's begin; `'` makes it text."""
+"""Positions where a spreadsheet may take text for a formula, at the possible start of a cell; a `'` prevents it."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -53,11 +53,12 @@ class Job:
     """One camera of the manifest.
 
     Attributes:
-        name: as written; folder: the one safe component it gets below the output folder.
-        photos, lamps, white, dark: one a shot, in the manifest's order; white and dark may be None.
+        name: as in the manifest.
+        folder: safe name of its folder below the output folder.
+        photos, lamps, white, dark: one for each shot, in the manifest's order; white and dark may be None.
         chart: for all shots.
         basis, engine, lens_shading: as in `camssf.calibrate`.
-        fault: why this job cannot run, "" when it can.
+        fault: why this job cannot run, "" if it can.
     """
 
     name: str
@@ -75,14 +76,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one camera.
+    """The outcome for one camera.
 
     Attributes:
         name, folder: as in `Job`.
         status: "accepted", "doubtful", "refused" (with a code of `camssf.errors`), "failed" (bug, crash).
-        code: of the first reason, "" when accepted.
+        code: of the first reason, "" if accepted.
         reason: in words.
-        resumed: the result was there from an earlier run and its inputs are unchanged.
+        resumed: the result is from an earlier run and its inputs are unchanged.
     """
 
     name: str
@@ -94,7 +95,7 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """There are curves."""
+        """Whether the result has curves."""
         return self.status in ("accepted", "doubtful")
 
 
@@ -109,28 +110,26 @@ def run_batch(
     work: Callable[[Job, Path], Outcome] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> tuple[Outcome, ...]:
-    """Calibrate every camera of a manifest into `out/<name>/`, with one row a camera in `out/summary.csv`.
+    """Calibrate every camera of a manifest into `out/<name>/`, with one row for each in `out/summary.csv`.
 
-    A camera that fails stops no other. A camera with curves from an earlier run is skipped as long as its
-    rows, its files, the options and camssf's version are the same and its four result files lie there as they
-    were written; one that was refused is tried again.
+    A failure does not stop the other cameras. A camera with curves from an earlier run is skipped if its rows, files,
+    options, camssf's version and its four result files are unchanged; a refused camera is tried again.
 
     Args:
         manifest: CSV with a header (COLUMNS); rows of one name are its shots; paths are relative to it.
-        out: folder; made where it is missing.
-        basis: as in `camssf.calibrate`, for all.
-        engine, lens_shading: likewise.
-        jobs: processes; all cores unless given.
-        work: what to do with one job, importable by a new process; `calibrate_job` unless given.
-        progress: called with words and a fraction.
+        out: output folder; created if missing.
+        basis, engine, lens_shading: as in `camssf.calibrate`, for all cameras.
+        jobs: number of processes; all cores unless given.
+        work: function that does one job, importable by a new process; `calibrate_job` unless given.
+        progress: called with a message and a fraction.
 
     Returns:
-        One outcome a name, in the manifest's order.
+        One outcome for each name, in the manifest's order.
 
     Raises:
         InvalidArgument: the manifest cannot be read or has no rows, or `out` cannot be written to.
     """
-    basis_path(basis)  # a URL is the call's fault, not each job's
+    basis_path(basis)  # a URL is an error of this call, not of each job
     found = read_manifest(manifest, basis=basis, engine=engine)
     todo = tuple(replace(job, lens_shading=lens_shading) for job in found)
     folder = local_folder(out)
@@ -148,7 +147,7 @@ def run_batch(
 
 
 def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx") -> tuple[Job, ...]:
-    """The jobs of a manifest: a bad row gives a job with a fault, an unusable manifest InvalidArgument."""
+    """The jobs of a manifest; a bad row gives a job with a fault, an unusable manifest raises InvalidArgument."""
     path = local(path)
     if is_parquet(path):
         raise InvalidArgument(f"{path} is Parquet.", "Name a --registry: then it may be, or give a CSV file.")
@@ -189,17 +188,17 @@ def read_manifest(path: str | Path, *, basis: str = "auto", engine: str = "onnx"
 def calibrate_job(job: Job, folder: Path) -> Outcome:
     """Calibrate one camera into `folder`.
 
-    A refusal leaves what is known of the capture, and an earlier result with curves as it is (`Report.save`); where a
-    file is missing or is no RAW, nothing is written.
+    A refusal is reported with what is known about the capture, and an earlier result with curves is kept
+    (`Report.save`). Nothing is written if a file is missing or not RAW.
     """
-    from camssf.documents.beside import taken
-    from camssf.documents.report import holds_result, report
-    from camssf.documents.result import Refusal
+    from camssf.report.build import holds_result, report
+    from camssf.report.provenance import read_provenance
+    from camssf.result import Refusal
 
     try:
         result = attempt_job(job)
         if not (isinstance(result, Refusal) and isinstance(result.error, RawError)):
-            report(result.document(), result.previews, beside=taken(job.photos)).save(folder)
+            report(result.document(), result.previews, provenance=read_provenance(job.photos)).save(folder)
         if isinstance(result, Refusal):
             raise result.error
     except CalibrationError as error:
@@ -211,7 +210,7 @@ def calibrate_job(job: Job, folder: Path) -> Outcome:
 
 
 def attempt_job(job: Job) -> Calibration | Refusal:
-    """What a job asks for, done."""
+    """Run the calibration that a job describes."""
     from camssf.calibration import attempt
     from camssf.options import Options
 
@@ -223,12 +222,12 @@ def attempt_job(job: Job) -> Calibration | Refusal:
 
 
 def is_parquet(path: Path) -> bool:
-    """By its name, in small letters or capitals."""
+    """Whether the file name ends in .parquet, in any case."""
     return path.suffix.casefold() == ".parquet"
 
 
 def delimiter_of(header: str) -> str:
-    """Of a CSV, by its first line."""
+    """The delimiter of a CSV, from its first line."""
     return ";" if ";" in header and "," not in header else ","
 
 
@@ -263,7 +262,7 @@ def job_of(home: Path, name: str, folder: str, rows: Sequence[dict[str, str]], b
 
 
 def _spec(home: Path, spec: str) -> str:
-    """A lamp or chart; where it names a file, `layout:file` too, the path is relative to the manifest."""
+    """A lamp or chart; the path of a file, also in `layout:file`, is relative to the manifest."""
     if spec and is_file(home / spec):
         return str(home / spec)
     head, colon, tail = spec.partition(":")
@@ -271,7 +270,7 @@ def _spec(home: Path, spec: str) -> str:
 
 
 def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
-    """A manifest that was written on Windows and is read elsewhere: no file is found, and nobody sees why."""
+    """The fault of a manifest with Windows paths that is read on another system."""
     if os.sep == "\\":
         return []
     for row in rows:
@@ -283,7 +282,7 @@ def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> list[str]:
 
 
 def _folders(names: Sequence[str]) -> dict[str, str]:
-    """One safe path component a name: readable, and different for different names on any file system."""
+    """A safe folder name for each name: readable, and unique on any file system."""
     folded = [name.casefold() for name in names]
     folders = {}
     for name in names:
@@ -309,7 +308,7 @@ def _run(
     one = partial(_one, out=out, work=work)
     with single_threads():
         waiting = _parallel(todo, count, one, outcomes, progress)
-        for job in waiting:  # a process died: one at a time, so that only the culprit pays
+        for job in waiting:  # a process died: repeat one job at a time to find the one that crashes
             if _parallel([job], 1, one, outcomes, progress):
                 outcomes[job.name] = Outcome(
                     job.name,
@@ -328,7 +327,7 @@ def _parallel(
     outcomes: dict[str, Outcome],
     progress: Callable[[str, float], None],
 ) -> list[Job]:
-    """Fill `outcomes`; returns the jobs that are left because a process died."""
+    """Fill `outcomes`; returns the jobs that were not done because a process died."""
     with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
         futures = {pool.submit(one, job): job for job in todo}
         try:
@@ -340,13 +339,13 @@ def _parallel(
                     break
                 progress(f"{len(outcomes)} done, last {job.name}", len(outcomes) / max(len(todo), len(outcomes)))
         except BaseException:
-            pool.shutdown(cancel_futures=True)  # waits for what runs; leaving `with` would not cancel the rest
+            pool.shutdown(cancel_futures=True)  # waits for running jobs; leaving `with` would not cancel the rest
             raise
     return [job for job in todo if job.name not in outcomes]
 
 
 def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcome:
-    """In the other process: skip what is done, do the work, remember what it was made from."""
+    """In the worker process: skip an unchanged job, or do it and write its MARK file."""
     if job.fault:
         return Outcome(job.name, job.folder, "refused", InvalidArgument.code, f"In the manifest, {job.fault}")
     try:
@@ -355,7 +354,7 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
         earlier = _earlier(folder, made_from)
         if earlier is not None:
             return replace(earlier, name=job.name, folder=job.folder, resumed=True)
-        (folder / MARK).unlink(missing_ok=True)  # whatever happens now, it speaks of the folder no more
+        (folder / MARK).unlink(missing_ok=True)  # from now on it does not describe the folder
         outcome = work(job, folder)
         if outcome.ok:
             files = {name: file_hash(folder / name) for name in NAMES}
@@ -368,7 +367,7 @@ def _one(job: Job, *, out: Path, work: Callable[[Job, Path], Outcome]) -> Outcom
 
 
 def _fingerprint(job: Job) -> str:
-    """SHA-256 of the rows, the options, the version and the contents of every file they name."""
+    """SHA-256 of the job, the version and the contents of all its files."""
     chart = job.chart.partition(":")[2] if not is_file(Path(job.chart)) else job.chart
     paths = [*job.photos, *job.lamps, *job.white, *job.dark, chart]
     hashes = [photo_hash(Path(path)) if path and is_file(Path(path)) else None for path in paths]
@@ -378,14 +377,14 @@ def _fingerprint(job: Job) -> str:
 
 
 def _earlier(folder: Path, made_from: str) -> Outcome | None:
-    """The outcome that the folder still holds: same inputs, all files untouched, the result's own status."""
+    """The outcome in the folder if inputs and files are unchanged and the status is the result's; else None."""
     try:
         mark = json.loads((folder / MARK).read_text("utf-8"))
         if mark["made_from"] == made_from and mark["files"] == {name: file_hash(folder / name) for name in NAMES}:
             outcome = Outcome(**mark["outcome"])
             verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
             return outcome if outcome.ok and outcome.status == verdict["status"] else None
-    except (OSError, ValueError, KeyError, TypeError):  # no mark, a damaged one, a file gone: do it again
+    except (OSError, ValueError, KeyError, TypeError):  # mark missing or damaged, or a file missing: do the job again
         pass
     return None
 
@@ -396,22 +395,22 @@ def cores() -> int:
 
 
 def begin() -> None:
-    """In a new process: Ctrl-C is the parent's to answer, and without a parent there is nothing to do."""
+    """Initialise a worker process: ignore Ctrl-C, which the parent handles, and exit when the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed takes its processes along; each of them would else wait for work for ever."""
+    """Exit when the parent process ends; otherwise this process would wait for work for ever."""
     parent = parent_process()
     if parent is not None:
         parent.join()
-        os._exit(1)  # at once, as the parent ended: a result is put in its place whole, or not at all
+        os._exit(1)  # immediate exit is safe: files are written atomically
 
 
 @contextmanager
 def single_threads() -> Iterator[None]:
-    """One BLAS thread a process: the processes are the parallelism. Children read this at their start."""
+    """Set one BLAS thread for each new process, which reads it at its start; the processes are the parallelism."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update({name: value or "1" for name, value in before.items()})
     try:
@@ -436,5 +435,5 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
 
 
 def cell(text: str) -> str:
-    """Text that no spreadsheet runs, and without carriage returns, which csv leaves bare."""
+    """Text that no spreadsheet takes for a formula, without carriage returns, which `csv` does not quote."""
     return _FORMULA.sub("'", text).replace("\r", " ")

@@ -1,8 +1,8 @@
-"""Manifest of any size → results in an archive and rows in a registry, as they come; nothing is done twice.
+"""Runs a manifest of any size and writes results to an archive and their rows to a registry, without repeated work.
 
-An archive's folder is named by what its result was made from: the contents of all files, the options, camssf's
-version. So a duplicate finds its result there, and so does a run that was killed before it wrote the row. Workers
-know the archive alone; the rows are written by the one process that handed out the work, every FLUSH seconds.
+The folder of a result is named by the hash of its inputs: the contents of all files, the options, camssf's version.
+So a duplicate finds its result there, and so does a restart after a run that was killed before it wrote the row.
+Workers write only to the archive; the process that submits the jobs writes the rows, every FLUSH seconds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from camssf import __version__
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import local_folder, readable, write_files
 from camssf.fleet.inputs import basis_hash
@@ -30,26 +29,28 @@ from camssf.fleet.pools import DEATHS, FLUSH, Done, here, on_dask
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Row, Task, place_of, row, utc
 from camssf.fleet.run import attempt_job, cores
-from camssf.photo.sidecar import photo_hash
-from camssf.photo.unit import Unit, read_unit
+from camssf.photo.read.sidecar import photo_hash
+from camssf.photo.read.unit import Unit, read_unit
+from camssf.version import __version__
 
 MANY = 256
-"""Rows after which the registry is written; else every FLUSH seconds."""
+"""The registry is written after this many jobs, or after FLUSH seconds."""
 SAID = ("make", "model", "camera_id", "serial", "lens", "focal_length", "aperture", "captured", "place", "extra")
-"""What a row says beside its result and its name, by the manifest and the photo's file."""
+"""Fields of a row that come from the manifest and the photo's file, not from the result; without the name."""
 STATUSES = ("accepted", "doubtful", "refused", "failed")
 
 
 @dataclass
 class Summary:
-    """What became of a manifest.
+    """Numbers of jobs of a manifest.
 
     Attributes:
-        by_status: jobs by their status; by_code: those with a reason, by the first; by_model: by make and model, ""
-            where nothing was found out of it, and status.
-        resumed: of these, done in an earlier run.
-        duplicates: of these, made from the same files as another name.
-        seconds: it took.
+        by_status: by status.
+        by_code: by the code of the first reason, if there is one.
+        by_model: by make and model ("" if unknown), and status.
+        resumed: done in an earlier run.
+        duplicates: made from the same files as another name.
+        seconds: duration of the run.
     """
 
     by_status: Counter[str] = field(default_factory=Counter)
@@ -61,11 +62,11 @@ class Summary:
 
     @property
     def total(self) -> int:
-        """All jobs."""
+        """Number of all jobs."""
         return self.by_status.total()
 
     def count(self, status: str, code: str, model: str) -> None:
-        """One job."""
+        """Count one job."""
         self.by_status[status] += 1
         if code:
             self.by_code[code] += 1
@@ -73,13 +74,13 @@ class Summary:
 
     @property
     def failed(self) -> int:
-        """Jobs without curves."""
+        """Number of jobs without curves."""
         return self.by_status["refused"] + self.by_status["failed"]
 
 
 @dataclass(frozen=True)
-class _Where:
-    """Where results go: their archive, the registry that names their places, and whether pages lie beside them."""
+class _ArchiveLayout:
+    """Where results go: the archive, the registry that stores their paths, and whether pages are written too."""
 
     archive: Path
     registry: Path
@@ -89,7 +90,7 @@ class _Where:
         return self.archive / made_from[:2] / made_from
 
     def done(self, made_from: str) -> bool:
-        """A result lies there, with its pages where they are wanted. It is not read."""
+        """Whether the result exists, with its pages if they are wanted; nothing is read."""
         names = ("result.json", "report.html") if self.pages else ("result.json",)
         return all((self.folder(made_from) / name).is_file() for name in names)
 
@@ -109,32 +110,32 @@ def run_stream(
     work: Work | None = None,
     progress: Tell | None = None,
 ) -> Summary:
-    """Do what a manifest asks for and was not done yet.
+    """Do the jobs of a manifest that are not done yet.
 
-    A job is done that has a result in this archive, be it a refused one, and whose rows, files (by size and time),
-    options and version are the same; so is one that cost DEATHS processes their lives. Any other is tried again.
+    A job is done if this archive has its result, even a refused one, and its rows, files (by size and time), options
+    and version are unchanged. A job during which DEATHS processes died also counts as done.
 
     Args:
         manifest: the jobs.
-        archive: folder of the results; made where it is missing.
-        registry: where their rows go.
-        workers: processes here; all cores unless given.
-        dask: address of a Dask scheduler, whose workers do it instead. They need camssf of this version, and must see
-            photos and archive under the same paths.
-        pages: leave report.html, ssf.png and ssf.csv beside each result.json.
-        work: what to do with one job, importable by a new process; `calibrate_item` unless given.
-        progress: called with words and a fraction.
+        archive: folder of the results; created if missing.
+        registry: receives their rows.
+        workers: number of local processes; all cores unless given.
+        dask: address of a Dask scheduler whose workers do the jobs instead. They need this version of camssf and the
+            same paths for photos and archive.
+        pages: also write report.html, ssf.png and ssf.csv next to each result.json.
+        work: function that does one job, importable by a new process; `calibrate_item` unless given.
+        progress: called with a message and a fraction.
 
     Raises:
         InvalidArgument: the manifest cannot be read, archive or registry cannot be written to, or the cluster does
-            not answer, or cannot do it.
+            not answer or cannot do the jobs.
     """
     archive = local_folder(archive)
     begun, summary = time.monotonic(), Summary()
-    desk = _Desk(registry, summary)
-    where = _Where(archive.absolute(), registry.folder.absolute(), pages)
-    todo = _left(manifest, registry, summary, where)
-    one = partial(_one, where=where, work=work or calibrate_item)
+    desk = _ResultWriter(registry, summary)
+    layout = _ArchiveLayout(archive.absolute(), registry.folder.absolute(), pages)
+    todo = _left(manifest, registry, summary, layout)
+    one = partial(_one, layout=layout, work=work or calibrate_item)
     tell = _teller(manifest, summary, progress, begun)
     try:
         if dask is None:
@@ -149,14 +150,15 @@ def run_stream(
 
 
 def calibrate_item(item: Item, folder: Path, pages: bool) -> Done:
-    """Calibrate one job into `folder`; a refused capture leaves what is known of it."""
-    from camssf.documents.beside import taken
-    from camssf.documents.report import document_bytes, report
+    """Calibrate one job into `folder`; for a refused capture the document has what is known about it."""
+    from camssf.documents.result_json import document_bytes
+    from camssf.report.build import report
+    from camssf.report.provenance import read_provenance
 
     result = attempt_job(item.job)
     document = result.document()
     if pages:
-        report(document, result.previews, beside=taken(item.job.photos)).save(folder)
+        report(document, result.previews, provenance=read_provenance(item.job.photos)).save(folder)
     else:
         write_files(folder, {"result.json": document_bytes(document)})
     return Done(document["verdict"]["status"])
@@ -165,20 +167,20 @@ def calibrate_item(item: Item, folder: Path, pages: bool) -> Done:
 # In a worker
 
 
-def _one(item: Item, *, where: _Where, work: Work) -> Done:
+def _one(item: Item, *, layout: _ArchiveLayout, work: Work) -> Done:
     if item.job.fault:
         return Done("refused", InvalidArgument.code, f"In the manifest, {item.job.fault}")
     made_from = ""
     try:
         made_from = _made_from(item)
-        kept = _kept(item, where, made_from) if where.done(made_from) else None
+        kept = _kept(item, layout, made_from) if layout.done(made_from) else None
         if kept is not None:
             return Done(kept.status, kept.code, kept.reason, made_from, kept, found=True)
         try:
-            done = work(item, where.folder(made_from), where.pages)
+            done = work(item, layout.folder(made_from), layout.pages)
         except CalibrationError as error:
             return Done("refused", error.code, f"{error.message} {error.advice}", made_from)
-        kept = _kept(item, where, made_from)
+        kept = _kept(item, layout, made_from)
         return (
             replace(done, made_from=made_from)
             if kept is None
@@ -190,7 +192,7 @@ def _one(item: Item, *, where: _Where, work: Work) -> Done:
 
 
 def _made_from(item: Item) -> str:
-    """SHA-256 of what a result follows from, whatever it is called and wherever it lies."""
+    """SHA-256 of all that determines a result: file contents, options and version, but not the photos' names."""
     job, contents = item.job, []
     for words in words_of(job):
         layout, path = file_in(words)
@@ -205,11 +207,11 @@ def _made_from(item: Item) -> str:
     return hashlib.sha256(json.dumps([contents, options, __version__]).encode()).hexdigest()
 
 
-def _kept(item: Item, where: _Where, made_from: str) -> Row | None:
-    """The row of the result that lies in the archive; None where there is none, or a damaged one."""
-    from camssf.documents.report import read_document
+def _kept(item: Item, layout: _ArchiveLayout, made_from: str) -> Row | None:
+    """The row of the result in the archive; None if it is missing or damaged."""
+    from camssf.documents.result_json import read_document
 
-    file = where.folder(made_from) / "result.json"
+    file = layout.folder(made_from) / "result.json"
     try:
         document = read_document(file)
         data = file.read_bytes()
@@ -219,9 +221,9 @@ def _kept(item: Item, where: _Where, made_from: str) -> Row | None:
     serial, camera_id, lens, captured = item.unit
     unit = Unit(serial=serial, camera_id=camera_id, lens=lens)
     with suppress(CalibrationError):
-        taken = read_unit(item.job.photos[0])
-        unit, captured = unit.filled(taken.unit), captured or taken.time
-    place = place_of(file, where.registry)
+        photographed = read_unit(item.job.photos[0])
+        unit, captured = unit.filled(photographed.unit), captured or photographed.time
+    place = place_of(file, layout.registry)
     origin = Origin(unit, captured, item.job.name, made_from, place=place, extra=dict(item.extra))
     return row(data, document, origin)
 
@@ -229,8 +231,8 @@ def _kept(item: Item, where: _Where, made_from: str) -> Row | None:
 # In the process that hands out the work
 
 
-def _left(manifest: Manifest, registry: Registry, summary: Summary, where: _Where) -> Iterator[Item]:
-    """The jobs that are still to do; what is done is counted. 48 bytes a task are held, not its words."""
+def _left(manifest: Manifest, registry: Registry, summary: Summary, layout: _ArchiveLayout) -> Iterator[Item]:
+    """Yield the jobs still to do and count those done; keeps hashes as integers, to save memory."""
     parts = [f"p{i}" for i in range(4)]
     made_from = ", ".join(
         f"coalesce(TRY_CAST('0x' || made_from[{16 * i + 1}:{16 * i + 16}] AS UBIGINT), 0) AS {part}"
@@ -248,7 +250,7 @@ def _left(manifest: Manifest, registry: Registry, summary: Summary, where: _Wher
         at = int(np.searchsorted(known, mark))
         there = at < len(known) and known[at] == mark
         if there and done["kept"][at]:
-            there = where.done("".join(f"{int(done[part][at]):016x}" for part in parts))
+            there = layout.done("".join(f"{int(done[part][at]):016x}" for part in parts))
         if there:
             summary.resumed += 1
             summary.count(STATUSES[int(done["status"][at])], str(done["code"][at]), models(int(done["row"][at])))
@@ -257,7 +259,7 @@ def _left(manifest: Manifest, registry: Registry, summary: Summary, where: _Wher
 
 
 def _models(registry: Registry) -> Callable[[int], str]:
-    """Make and model of a row, by the first 64 bits of its key; twelve bytes a row are held."""
+    """A function from the first 64 bits of a row's key to its make and model; keeps twelve bytes for each row."""
     name = "trim(make || ' ' || model)"
     names = [each["name"] for each in registry.query(f"SELECT DISTINCT {name} AS name FROM rows ORDER BY 1")]
     found = registry.arrays(
@@ -274,8 +276,8 @@ def _models(registry: Registry) -> Callable[[int], str]:
     return model
 
 
-class _Desk:
-    """Where what was done is gathered and written down."""
+class _ResultWriter:
+    """Buffers rows and writes them to the registry."""
 
     def __init__(self, registry: Registry, summary: Summary) -> None:
         self._registry, self._summary = registry, summary
@@ -284,7 +286,7 @@ class _Desk:
         self._last, self._begun = time.monotonic(), utc(datetime.now(UTC))
 
     def take(self, item: Item, done: Done, *, deaths: int = 0) -> None:
-        """One job's end."""
+        """Add one finished job to the buffer and to the summary."""
         model = "" if done.row is None else f"{done.row.make} {done.row.model}".strip()
         self._summary.count(done.status, done.code, model)
         key = "" if done.row is None else done.row.key
@@ -302,7 +304,7 @@ class _Desk:
         )
 
     def flush(self, *, if_due: bool = False) -> None:
-        """Rows first, then tasks: a task that is known has its row."""
+        """Write the buffer, rows before tasks, so that each task in the registry has its row."""
         due = time.monotonic() - self._last >= FLUSH or len(self._tasks) >= MANY
         if not self._tasks or (if_due and not due):
             return
@@ -311,7 +313,7 @@ class _Desk:
         self._rows, self._tasks, self._last = {}, [], time.monotonic()
 
     def _fresh(self) -> list[Row]:
-        """What is to be written: not a row that says nothing but what the registry's says."""
+        """The buffered rows that differ from those in the registry."""
         again = [key for key, (_, found) in self._rows.items() if found]
         there: dict[str, dict[str, Any]] = {}
         if again:
@@ -325,32 +327,32 @@ class _Desk:
                 continue
             another = old["name"] != readable(row_.name)
             self._summary.duplicates += another
-            twin = another and old["added"] >= self._begun  # of this run: whose name the row has is all the same
+            twin = another and old["added"] >= self._begun  # duplicate in this run: the row may have either name
             if _said(row_) != tuple(old[name] or None for name in SAID) or (another and not twin):
                 rows.append(replace(row_, added=max(row_.added, old["added"] + timedelta(microseconds=1))))
         return rows
 
 
 def _said(one: Row) -> tuple[Any, ...]:
-    """What a row says beside its result, as the registry keeps it."""
+    """The fields SAID of a row, as the registry stores them."""
     values = (getattr(one, name) for name in SAID)
     return tuple((readable(value) if isinstance(value, str) else value) or None for value in values)
 
 
 def _teller(manifest: Manifest, summary: Summary, progress: Tell | None, begun: float) -> Callable[[], None]:
-    """Rate and time left, by the part of the manifest that was read."""
+    """A function that reports rate and time left, from the fraction of the manifest read so far."""
 
     def tell() -> None:
         if progress is None:
             return
-        taken = time.monotonic() - begun
+        elapsed = time.monotonic() - begun
         fresh = summary.total - summary.resumed
-        left = taken * (1 - manifest.done) / manifest.done if manifest.done else 0.0
-        progress(f"{summary.total} done, {fresh / taken:.1f}/s, {left / 60:.0f} min left", manifest.done)
+        left = elapsed * (1 - manifest.done) / manifest.done if manifest.done else 0.0
+        progress(f"{summary.total} done, {fresh / elapsed:.1f}/s, {left / 60:.0f} min left", manifest.done)
 
     return tell
 
 
 def summary_json(summary: Summary) -> dict[str, Any]:
-    """As plain data."""
+    """The summary as plain data."""
     return {"format": "camssf-batch-summary/1", "total": summary.total} | vars(summary)

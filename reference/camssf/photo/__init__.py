@@ -1,1 +1,1 @@
-"""DNG → mosaic → pose → patch means → signals. Knows nothing of curves."""
+"""Turns RAW photos into signals, in four steps: mosaic, pose, patch means, signals. Independent of `recovery`."""

@@ -1,4 +1,4 @@
-"""Photos and lamps → capture: the measured shots of one chart with one camera."""
+"""Measures a capture: the shots of one chart with one camera, from photos and lamps."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from camssf.errors import FramesDiffer, InvalidArgument
 from camssf.files import check_local
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options
-from camssf.photo.mosaic import Mosaic
+from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.patches import PatchMeans, measure_patches
-from camssf.photo.pose import Pose, find_chart
-from camssf.photo.raw import read_raw
-from camssf.photo.unit import Area, Unit, check_unit
+from camssf.photo.read.dng import Mosaic
+from camssf.photo.read.raw import read_raw
+from camssf.photo.read.unit import Area, Unit, check_unit
 from camssf.spectra import (
     ChartLike,
     ChartTable,
@@ -38,7 +38,7 @@ from camssf.spectra.objects import is_one
 
 MOST_SHOTS = 64
 LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
-"""CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them."""
+"""CIE illuminants by Exif LightSource code, which DNG uses for its colour matrices."""
 PREVIEW = 1200
 """Longest side of a thumbnail, px."""
 
@@ -48,12 +48,12 @@ PathLike: TypeAlias = str | Path
 
 @dataclass(frozen=True)
 class Photo:
-    """What a frame's file says, without its samples.
+    """Metadata of a frame, without its samples.
 
     `neutrals`: the camera's white (R, G, B) under the CIE illuminant of each of the file's colour matrices.
-    `unit`: the physical camera and its lens; `active_area`: of its sensor, top, left, bottom, right.
-    `levels`: whose word its pattern and levels are; "" where a DNG's own tags say them.
-    `unique_model`: the DNG's UniqueCameraModel, by which raw converters know the camera; "" where it is silent.
+    `unit`: the physical camera and its lens; `active_area`: top, left, bottom, right of its sensor's active area.
+    `levels`: the source of its pattern and levels; "" if they are a DNG's own tags.
+    `unique_model`: the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if missing.
     """
 
     name: str
@@ -78,12 +78,12 @@ class Shot:
     """One measured shot: the chart photo under one lamp, with its frames.
 
     Attributes:
-        lamp: its light; `Unnamed` where nobody said.
-        photo, white, dark: what the files say; None where there is no frame.
-        pose: where the chart lies in the photo.
+        lamp: its light; `Unnamed` if the user named none.
+        photo, white, dark: metadata of the frames; None for a missing frame.
+        pose: the chart's position in the photo.
         means: the patch statistics of all frames.
-        thumbnail: (h, w, 3) DN, a sparse sample of the active area for the report; None where it did not travel.
-        lens_shading: what was done about the shading that the file describes, of `camssf.photo.patches.LENS_SHADING`.
+        thumbnail: (h, w, 3) DN, a sparse sample of the active area for the report; None after pickling.
+        lens_shading: treatment of the shading that the file describes, one of `camssf.photo.patches.LENS_SHADING`.
     """
 
     lamp: Light
@@ -98,13 +98,13 @@ class Shot:
 
 @dataclass(frozen=True)
 class Capture:
-    """k measured shots of one chart with one camera: what `solve` needs.
+    """k measured shots of one chart with one camera: the input of `solve`.
 
     Attributes:
-        shots: k of them.
+        shots: the k shots.
         chart: the chart's table.
-        white_reflectance: of the white frame's target, one number; None for a perfect diffuser.
-        files: SHA-256 of the lamp and chart files, by role and name; empty where both go by name.
+        white_reflectance: reflectance of the white frame's target, one number; None for a perfect diffuser.
+        files: SHA-256 of the lamp and chart files, by role and name; empty if neither is a file.
     """
 
     shots: tuple[Shot, ...]
@@ -115,12 +115,12 @@ class Capture:
 
 @dataclass
 class Unfinished:
-    """A shot in work: its lamp, and what is known of it so far.
+    """A shot that is being measured: its lamp, and the data available so far.
 
     Attributes:
         lamp: its light.
-        photo: what its file says; None until it is read.
-        black, saturation: (3,) and one number, DN.
+        photo: metadata of its file; None until it is read.
+        black, saturation: black levels (3,) and white level, DN.
         thumbnail: as in `Shot`.
         pose: None until the chart is found.
     """
@@ -135,14 +135,14 @@ class Unfinished:
 
 @dataclass
 class Record:
-    """What is known of a capture so far. `measure` and `solve` write it, so that a refusal can be told with it.
+    """The data of a capture so far. `measure` and `solve` fill it, so that the report of a refusal can show it.
 
     Attributes:
-        chart: as it was named.
-        table: None until it is read.
+        chart: name of the chart.
+        table: table of the chart; None until it is read.
         files: as in `Capture`.
-        shots: the measured ones.
-        unfinished: the one in work, None between two.
+        shots: the measured shots.
+        unfinished: the shot that is being measured; None between two shots.
     """
 
     chart: str = ""
@@ -152,7 +152,7 @@ class Record:
     unfinished: Unfinished | None = None
 
     def note(self, capture: Capture) -> None:
-        """All of a finished capture."""
+        """Copy the data of a finished capture."""
         self.chart, self.table, self.files = capture.chart.name, capture.chart, capture.files
         self.shots, self.unfinished = list(capture.shots), None
 
@@ -172,11 +172,11 @@ def measure(
 
     Args:
         photos, lamps, white, dark, chart, progress: as in `calibrate`.
-        options: those of measuring.
-        record: filled with what is known while it grows; stays behind when this raises.
+        options: the options of measuring.
+        record: filled step by step; it keeps its data when this raises.
 
     Raises:
-        CalibrationError: a file, a chart or a frame that does not serve; FramesDiffer for two cameras.
+        CalibrationError: a file, a chart or a frame is unusable; FramesDiffer for two cameras.
     """
     tell = progress or (lambda stage, part: None)
     record = Record() if record is None else record
@@ -208,7 +208,7 @@ def measure(
 
 @dataclass(frozen=True)
 class _Plan:
-    """What was told of one shot."""
+    """The user's input for one shot."""
 
     photo: PathLike
     lamp: LightLike
@@ -219,7 +219,7 @@ class _Plan:
 
 
 def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> list[_Plan]:
-    """One a shot, from one value or a sequence of each."""
+    """One plan for each shot, from one value or a sequence of each argument."""
     files = listed("photos", photos)
     names = [AUTO] * len(files) if lamps is None else listed("lamps", lamps)
     if not files:
@@ -256,18 +256,18 @@ def _light(plan: _Plan) -> Light:
     return with_tolerance(light, plan.tolerance)
 
 
-def _shot(plan: _Plan, photo: Mosaic, known: Unfinished, lens_shading: str) -> Shot:
+def _shot(plan: _Plan, photo: Mosaic, begun: Unfinished, lens_shading: str) -> Shot:
     """The shot measured, once its chart is found."""
-    assert known.photo is not None
-    assert known.pose is not None
+    assert begun.photo is not None
+    assert begun.pose is not None
     white, dark = (None if path is None else read_raw(path) for path in (plan.white, plan.dark))
-    means = measure_patches(photo, known.pose, white=white, dark=dark, lens_shading=lens_shading)
+    means = measure_patches(photo, begun.pose, white=white, dark=dark, lens_shading=lens_shading)
     of_white, of_dark = (None if frame is None else photo_of(frame) for frame in (white, dark))
-    return Shot(known.lamp, known.photo, of_white, of_dark, known.pose, means, known.thumbnail, lens_shading)
+    return Shot(begun.lamp, begun.photo, of_white, of_dark, begun.pose, means, begun.thumbnail, lens_shading)
 
 
 def photo_of(mosaic: Mosaic) -> Photo:
-    """What the file of a photo says, without its samples."""
+    """Metadata of a photo, without its samples."""
     height, width = mosaic.samples.shape
     return Photo(
         Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
@@ -278,13 +278,13 @@ def photo_of(mosaic: Mosaic) -> Photo:
 
 
 def thumbnail(mosaic: Mosaic) -> NDArray[np.uint16]:
-    """Every so many cells of the mosaic as (h, w, 3) DN: cheap now, a picture when somebody asks."""
+    """Sample CFA cells at regular intervals, as (h, w, 3) DN; the report renders the picture only if needed."""
     height, width = mosaic.samples.shape
     step = 2 * max(1, -(-max(height, width) // (2 * PREVIEW)))
     rows, columns = (height - 1) // step, (width - 1) // step
     picture = np.empty((rows, columns, 3), np.uint16)
     for position in range(4):
-        y, x = divmod(position, 2)  # of the two greens the lower one stays
+        y, x = divmod(position, 2)  # the lower green overwrites the upper one
         picture[:, :, "RGB".index(mosaic.cfa[position])] = mosaic.samples[y::step, x::step][:rows, :columns]
     return picture
 
@@ -315,10 +315,10 @@ def _frames(word: str, value: Any, k: int) -> list[PathLike | None]:
 
 
 def check_target(share: Any, framed: bool) -> float | None:
-    """The reflectance of the white frame's target.
+    """Check the reflectance of the white frame's target and return it.
 
     Raises:
-        InvalidArgument: no share of the light, or no white frame that it could be of.
+        InvalidArgument: the reflectance is not a number from 0.05 to 1.2, or there is no white frame.
     """
     if share is None:
         return None
@@ -332,7 +332,7 @@ def check_target(share: Any, framed: bool) -> float | None:
 
 
 def check_shots(shots: Sequence[Shot]) -> None:
-    """Raise unless one camera took all shots, each another photo, and all or none have a white frame.
+    """Raise unless the shots are different photos by one camera, and all or none have a white frame.
 
     Raises:
         InvalidArgument: a photo given twice, or a white frame for some shots only.
@@ -374,5 +374,5 @@ def _hash(role: str, spec: Any) -> dict[str, str]:
             if name and Path(name).is_file():
                 return {f"{role}: {Path(name).name}": hashlib.sha256(Path(name).read_bytes()).hexdigest()}
         except (OSError, ValueError):
-            continue  # whoever reads it says what is wrong
+            continue  # reading the table later reports the error
     return {}

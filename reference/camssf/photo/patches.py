@@ -1,6 +1,6 @@
-"""Pose → patch means: mean, standard error and clipped share for each patch and CFA colour.
+"""Measures patch means: mean, standard error and clipped share for each patch and CFA colour.
 
-docs/patches.md states the rule in numbers, for this file and for Kotlin, which repeats it bit for bit.
+docs/patches.md states the algorithm in numbered rules; Kotlin's result is equal bit for bit.
 """
 
 from __future__ import annotations
@@ -13,37 +13,37 @@ from numpy.typing import NDArray
 
 from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.mosaic import Mosaic, shading
-from camssf.photo.pose import Pose
-from camssf.photo.unit import check_unit
+from camssf.photo.find.pose import Pose
+from camssf.photo.read.dng import Mosaic, shading
+from camssf.photo.read.unit import check_unit
 from camssf.rules import rules
 
 SHRINK = rules().number("patches.shrink")
-"""Part of each patch edge that is measured."""
+"""Fraction of each patch edge that is measured."""
 REJECT = rules().whole("patches.reject")
-"""Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels."""
+"""Samples further from the median than this many MAD (plus FLOOR) are rejected as dust or hot pixels."""
 FLOOR = rules().whole("patches.floor")
-"""DN that are always allowed: whole numbers have a MAD of zero where there is no noise."""
+"""Deviation that is always allowed, DN: without noise the MAD of whole numbers is zero."""
 FEWEST = rules().whole("patches.fewest")
-"""Samples that each position of the CFA cell must have in every patch."""
+"""Smallest number of samples for each position of the CFA cell in every patch."""
 LENS_SHADING = ("as-stored", "apply")
-"""What can be done about the lens shading that a file describes: nothing, or rule 6."""
+"""Treatments of the lens shading that a file describes: none, or rule 6."""
 ALIKE = rules().number("patches.alike")
-"""Relative difference up to which two exposures are the same: files round them."""
+"""Relative difference up to which two exposure times or ISO values count as equal: files round them."""
 
 
 @dataclass(frozen=True)
 class FrameMeans:
-    """One frame's statistics in the central part of every patch. Columns are R, G, B.
+    """Statistics of one frame in the central part of every patch. Columns are R, G, B.
 
     Attributes:
-        mean: (n, 3) DN, black level still in it; green is the mean of its two positions' means.
-        standard_error: (n, 3) DN of that mean, from the samples themselves.
-        count: (n, 3) samples that entered.
+        mean: (n, 3) DN, black level included; green is the mean of its two positions' means.
+        standard_error: (n, 3) standard error of the mean, DN, from the scatter of the samples.
+        count: (n, 3) number of samples used.
         clipped: (n, 3) share of samples at or above the white level, 0 to 1.
         dead: (n, 3) share of samples rejected as dust or hot pixels, 0 to 1.
         gradient: (n, 3) relative change of the signal from edge to edge of the measured part, 1.
-        greens: (n, 2) mean of the green on the red's rows and on the blue's rows, DN.
+        greens: (n, 2) mean of the green on R's rows and of the green on B's rows, DN.
     """
 
     mean: Floats
@@ -57,11 +57,11 @@ class FrameMeans:
 
 @dataclass(frozen=True)
 class PatchMeans:
-    """One shot: the same samples of the chart, white and dark frames.
+    """Patch statistics of one shot: the same samples of the chart, white and dark frames.
 
     Attributes:
         chart: statistics of the chart photo.
-        white, dark: of the frames, None where there is none.
+        white, dark: statistics of these frames, None for a missing frame.
         black: (3,) the file's black level of R, G, B, DN.
         saturation: the white level, DN.
     """
@@ -85,16 +85,17 @@ def measure_patches(
 
     Args:
         chart: the photo of the chart.
-        pose: where the chart lies in it.
-        white: the white frame, taken like the chart photo; None if there is none.
-        dark: the dark frame, likewise.
-        lens_shading: "as-stored" takes the samples as they are, "apply" multiplies what lies above black by the gain
-            maps in the chart photo's file. With a white frame it is unnecessary.
+        pose: the chart's position in it.
+        white: the white frame, taken with the same settings as the chart photo; None if there is none.
+        dark: the dark frame, also with these settings; None if there is none.
+        lens_shading: "as-stored" leaves the samples as they are, "apply" multiplies the signal above black by the
+            gain maps in the chart photo's file. With a white frame it is unnecessary.
 
     Raises:
-        InvalidArgument: another word, or a file without gain maps to apply.
-        UnsupportedRaw: gain maps that camssf does not apply.
+        InvalidArgument: another value of `lens_shading`, or a file without gain maps to apply.
+        UnsupportedRaw: the file has gain maps that camssf cannot apply.
         FramesDiffer: size, CFA, camera, levels, exposure or ISO of a frame differ from the chart photo's.
+        UnitDiffers: the physical camera or lens of a frame differs.
         ChartNotFound: a patch leaves the photo, or holds fewer than 16 samples of a colour.
     """
     if lens_shading not in LENS_SHADING:
@@ -175,7 +176,7 @@ def _position(frames: list[Mosaic], quad: Floats, cell: tuple[int, int], patch: 
     """Statistics of one position of the CFA cell in one patch.
 
     Returns:
-        (frame, 7): mean, standard error, count kept, edge-to-edge change in DN, clipped, rejected, all.
+        (frame, 7): mean, standard error, count kept, edge-to-edge change in DN, counts clipped, rejected, total.
     """
     rows, columns = _select(quad, cell, frames[0].samples.shape, patch)
     if rows.size < FEWEST:
@@ -202,7 +203,7 @@ def _position(frames: list[Mosaic], quad: Floats, cell: tuple[int, int], patch: 
 def _select(
     quad: Floats, cell: tuple[int, int], shape: tuple[int, ...], patch: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the cell's samples in the shrunk quad: rule 1 and 2."""
+    """Rows and columns of the cell's samples in the shrunk quad: rules 1 and 2."""
     centre = _centre(quad)
     moved = 16 * (centre + SHRINK * (quad - centre))
     limit = 16 * np.array([shape[1] - 1, shape[0] - 1])
@@ -265,9 +266,9 @@ def _mean(v: NDArray[np.int32], x: NDArray[np.int64], y: NDArray[np.int64]) -> l
 
 
 def _join(raw: Floats, black: Floats, scale: Floats, gains: Floats) -> FrameMeans:
-    """(n, 4 positions, 7 numbers) of one frame → its statistics by colour: rules 6 and 7."""
+    """Statistics of one frame by colour, from `raw` (n, 4 positions, 7 numbers): rules 6 and 7."""
     mean, error, count, change, clipped, rejected, total = np.moveaxis(raw, 2, 0)
-    gradient = change / np.maximum(np.abs(mean - black), 0.01 * scale)  # 1 % of the range: dark frames
+    gradient = change / np.maximum(np.abs(mean - black), 0.01 * scale)  # at least 1 % of the range, for dark frames
     shaded = gains != 1.0
     mean, error = np.where(shaded, black + gains * (mean - black), mean), gains * error
 

@@ -1,4 +1,4 @@
-"""Patch means → signals: Eq. (5), (chart − dark) / (white − dark)."""
+"""Computes signals from patch means by Eq. (5), (chart − dark) / (white − dark)."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from camssf.rules import rules
 from camssf.spectra import ChartTable
 
 CLIPPED = rules().number("signals.clipped")
-"""Share of clipped samples from which a patch, or a white frame, is no measurement."""
+"""Largest share of clipped samples in a usable patch or white frame."""
 FAINT = rules().number("signals.faint")
-"""Part of the sensor's range that the white signal must reach in every channel."""
+"""Fraction of the sensor's range that the white signal must reach in every channel."""
 NOISY = rules().number("signals.noisy")
 """Largest relative standard error of the white signal."""
 LOST = rules().number("signals.lost")
-"""A patch whose signal is below this many of its standard errors in some channel is lost in noise."""
+"""A patch whose signal is below this many standard errors in any channel is lost in noise."""
 FEWEST = rules().whole("signals.fewest")
-"""Patches that must be left in every shot."""
+"""Smallest number of usable patches in every shot."""
 
 
 @dataclass(frozen=True)
 class Assumption:
-    """A fallback that entered the result, for the report. `code` is a word, `message` a sentence."""
+    """A fallback on which the result relies, for the report. `code` identifies it, `message` is a sentence."""
 
     code: str
     message: str
@@ -40,11 +40,11 @@ class Signals:
 
     Attributes:
         values: (k, n, 3) y, 1.
-        standard_error: (k, n, 3) of y, 1, propagated from the frames' standard errors.
-        chart, white, dark: (k, n, 3) DN: what Eq. (5) divided; fallbacks filled in.
+        standard_error: (k, n, 3) standard error of y, 1, propagated from the frames' standard errors.
+        chart, white, dark: (k, n, 3) DN: the inputs of Eq. (5), with fallbacks filled in.
         used: (k, n) False where a patch must not enter the fit (clipped, lost in noise, or the white itself).
-        white_is_patch: (k,) True where the chart's white patch stood in for the white frame.
-        assumptions: the fallbacks taken.
+        white_is_patch: (k,) True where the chart's white patch replaces the white frame.
+        assumptions: the fallbacks used.
     """
 
     values: Floats
@@ -58,25 +58,25 @@ class Signals:
 
 
 def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:
-    """Divide every patch by the white at its own place: the paper's Eq. (5), y = (C - D) / (W - D).
+    """Divide every patch signal by the white signal at its place: the paper's Eq. (5), y = (C - D) / (W - D).
 
     Standard errors, with b = W - D, from ∂y/∂C = 1/b, ∂y/∂W = -y/b, ∂y/∂D = (y - 1)/b:
     se_y² = (se_C² + y² se_W² + (y - 1)² se_D²) / b². The frames' errors are independent of each other.
 
     Fallbacks, each named in `assumptions`:
     no dark frame: D is the file's black level, se_D = 0;
-    no white frame: the chart's white patch w stands in for all, b = C_w - D_w, its own row is not used, and
-    se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b², since the patch has a dark of its own. `white` is
-    then C_w - D_w + D, so that Eq. (5) holds in the arrays as they stand.
+    no white frame: the chart's white patch w replaces it for all patches, b = C_w - D_w, row w is not used, and
+    se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b², because patch w has its own dark signal. `white` is
+    then C_w - D_w + D, so that Eq. (5) holds for the stored arrays.
 
     Args:
         shots: k shots of one chart, (n, 3) each.
         table: of that chart; `table.white` is its white patch.
 
     Raises:
-        InvalidArgument: no shot, or another number of patches than the table has.
+        InvalidArgument: no shot, or a number of patches that differs from the table's.
         Overexposed: the white is clipped, or clipping leaves fewer than 6 patches.
-        Underexposed: the white lies hardly above the dark, or noise leaves fewer than 6 patches.
+        Underexposed: the white signal is too weak or too noisy, or noise leaves fewer than 6 patches.
         FramesDiffer: the dark frame is brighter than the white frame.
     """
     if not shots:
@@ -96,7 +96,7 @@ def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:
 
 
 def _shot(shot: PatchMeans, table: ChartTable, number: int) -> tuple[NDArray[np.generic], ...]:
-    """y, its standard error, chart, white, dark, used of one shot."""
+    """y, its standard error, chart, white, dark and used of one shot."""
     n, w = len(table.patches), table.white
     C, se_C = shot.chart.mean, shot.chart.standard_error
     if C.shape != (n, 3):
@@ -127,7 +127,7 @@ def _shot(shot: PatchMeans, table: ChartTable, number: int) -> tuple[NDArray[np.
 
 
 def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, number: int) -> None:
-    """Raise unless the white signal b = W - D (n, 3) can divide."""
+    """Raise unless the white signal b = W - D (n, 3) is usable as a divisor."""
     word = "white patch" if shot.white is None else "white frame"
     part = b / (shot.saturation - shot.black)
     if shot.white is not None and shot.dark is not None and 2 * np.count_nonzero(part < -FAINT) > part.size:
@@ -162,7 +162,7 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
 
 
 def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArray[np.bool_], number: int) -> None:
-    """Raise if fewer than 6 patches are left, for the reason that took more of them."""
+    """Raise if fewer than FEWEST patches are usable; the error's class is the more frequent cause."""
     left = int(np.count_nonzero(used))
     if left >= FEWEST:
         return

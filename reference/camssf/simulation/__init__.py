@@ -1,1 +1,1 @@
-"""Photos of a chart by a simulated camera, with their truth and their faults."""
+"""Simulates photos of a chart, with their true values and with faults."""

@@ -1,8 +1,8 @@
-"""The simulated sensor: light on every pixel → samples, as a photon counter gives them.
+"""Simulates the sensor: converts the light on every pixel into samples with photon and read noise.
 
     DN = round(black + light + dark current), clipped at 0 and the white level
 
-Noise is a Poisson number of electrons, `Sensor.full_well` at full scale, plus normal read noise.
+Shot noise is Poisson noise of the electrons (`Sensor.full_well` at full scale); read noise is normal.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
-from camssf.photo.mosaic import CFA_ORDERS
+from camssf.photo.read.dng import CFA_ORDERS
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """How the camera counts, and stores what it counted.
+    """Properties of the sensor and of its files.
 
     Attributes:
         cfa: colours of the 2 × 2 cell at the corner, one of RGGB, GRBG, GBRG, BGGR.
-        black, white_level: DN; the distance between them is full scale.
+        black, white_level: DN; their difference is full scale.
         exposure: the brightest channel's signal of an ideal diffuser, as a share of full scale.
-        gains: of the channels R, G, B, on top of the camera's curves: a colour cast.
-        noise: whether shot and read noise are drawn at all.
+        gains: factors of the channels R, G, B, multiplied with the camera's curves: a colour cast.
+        noise: whether shot and read noise are simulated.
         full_well: electrons at full scale.
         read_noise: standard deviation, electrons.
         dark_current: mean thermal signal in every frame, DN.
-        compression: of the samples in its files: None, or "ljpeg" for lossless JPEG tiles (needs imagecodecs).
+        compression: compression of the files: None, or "ljpeg" for lossless JPEG tiles (needs imagecodecs).
     """
 
     cfa: str = "RGGB"
@@ -46,7 +46,7 @@ class Sensor:
 
 
 def refuse(*rules: tuple[bool, str, str]) -> None:
-    """The first rule (does it hold?, setting, what is wanted) that does not hold, as an error."""
+    """Raise InvalidArgument for the first rule (holds, setting, requirement) that does not hold."""
     for holds, name, wanted in rules:
         if not holds:
             raise InvalidArgument(f"The simulation's {name} is out of range.", f"It must be {wanted}.")
@@ -73,7 +73,7 @@ def check_sensor(sensor: Sensor) -> None:
 
 
 def cell(cfa: str) -> Iterator[tuple[int, int, int]]:
-    """(row, column, colour) of the cell's four positions."""
+    """(row, column, colour) of the four positions of the CFA cell."""
     if cfa not in CFA_ORDERS:
         raise InvalidArgument(f"No Bayer order is called {cfa}.", f"Choose one of {', '.join(CFA_ORDERS)}.")
     for position, letter in enumerate(cfa):
@@ -81,13 +81,13 @@ def cell(cfa: str) -> Iterator[tuple[int, int, int]]:
 
 
 def sites(cfa: str, height: int, width: int) -> Iterator[tuple[slice, slice, int]]:
-    """Slices of the four sub-pictures, with their colours."""
+    """Slices of the four planes of the CFA, with their colours."""
     for row, column, colour in cell(cfa):
         yield slice(row, height, 2), slice(column, width, 2), colour
 
 
 def count(light: NDArray[np.float32], sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Light in DN above black → samples, in strips so that memory stays small."""
+    """Convert light in DN above black into samples, in strips to save memory."""
     samples = np.empty(light.shape, dtype=np.uint16)
     electrons = sensor.full_well / (sensor.white_level - sensor.black)
     step = max(1, (1 << 20) // light.shape[1])

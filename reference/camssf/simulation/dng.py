@@ -1,4 +1,4 @@
-"""Samples → a DNG file, and the camera's true curves → a CSV."""
+"""Writes samples as a DNG file, and the camera's true curves as a CSV file."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.simulation.setup import FileTags
+from camssf.simulation.shot_plan import FileTags
 from camssf.spectra import CameraCurves, colour_science
 
 MAKE = "camssf"
-"""What a simulated photo names as its maker."""
+"""Maker in the tags of a simulated photo."""
 
 
 def write_dng(
@@ -25,10 +25,10 @@ def write_dng(
     neutral: Floats,
     compression: str | None,
 ) -> None:
-    """One DNG 1.4, CFA in IFD0, 16 bits, uncompressed or in lossless JPEG tiles ("ljpeg")."""
+    """Write a DNG 1.4, CFA in IFD0, 16 bits, uncompressed or in lossless JPEG tiles ("ljpeg")."""
     import tifffile
 
-    from camssf import __version__
+    from camssf.version import __version__
 
     height, width = samples.shape
     pattern = bytes("RGB".index(letter) for letter in tags.cfa)
@@ -74,7 +74,7 @@ def write_dng(
 
 
 def write_truth(path: Path, camera: CameraCurves) -> None:
-    """The curves, peak 1 each, as a CSV wavelength_nm,red,green,blue."""
+    """Write the curves, each with peak 1, as a CSV wavelength_nm,red,green,blue."""
     curves = camera.values / camera.values.max(axis=0)
     rows = np.column_stack([WAVELENGTHS, curves])
     lines = [f"{nm:.1f},{r:.9g},{g:.9g},{b:.9g}" for nm, r, g, b in rows.tolist()]
@@ -82,7 +82,7 @@ def write_truth(path: Path, camera: CameraCurves) -> None:
 
 
 def _color_matrix(camera: CameraCurves) -> Floats:
-    """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, its rows scaled to keep white."""
+    """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, rows scaled to keep white."""
     colour = colour_science()
     shape = colour.SpectralShape(380, 720, STEP)
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values

@@ -1,8 +1,8 @@
-"""What goes wrong in front of a camera and behind it: named faults in three severities, as changes of a `Setup`.
+"""Named faults of a shot at three severities, as changes of a `ShotPlan`.
 
-`camssf simulate --fault NAME --severity N` writes them as real DNG files, `python -m benchmarks.faults` counts what
-the verdict makes of them. Each fault is honest physics where it can be (light, samples), and a lie in a file or a
-wrong word of the user where it is that.
+`camssf simulate --fault NAME --severity N` writes them as real DNG files, `python -m benchmarks.faults` counts the
+verdicts on them. Faults of light and samples are simulated physically; the others are false tags in a file or false
+input of the user.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.simulation import light, samples
 from camssf.simulation.inks import ink_jet_copy
-from camssf.simulation.setup import Change, Setup
+from camssf.simulation.shot_plan import Change, ShotPlan
 from camssf.spectra import Lamp, read_chart, read_lamp
 
 SEVERITIES = (1, 2, 3)
@@ -28,31 +28,31 @@ OTHERS = {
     "led": ("LED-B4", "D55", "A"),
     "tube": ("FL7", "LED-B3", "A"),
 }
-"""A lamp of that kind is taken for these: its neighbour, another technique, the opposite colour."""
+"""Wrong lamps for each kind of lamp, by severity: a similar lamp, another technology, the opposite colour."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One way to spoil a shot.
+    """One kind of fault.
 
     Attributes:
-        name: as the command line takes it.
-        what: in words.
-        degrees: what each of the three severities is, in words.
-        change: the setup's change, by setup and severity 1 to 3.
+        name: its name on the command line.
+        what: description of the fault.
+        degrees: description of each of the three severities.
+        change: returns the changed plan for a plan and a severity 1 to 3.
     """
 
     name: str
     what: str
     degrees: tuple[str, str, str]
-    change: Callable[[Setup, int], Setup]
+    change: Callable[[ShotPlan, int], ShotPlan]
 
 
-def strike(name: str, severity: int) -> Change:
-    """The change of a setup that a fault is.
+def apply_fault(name: str, severity: int) -> Change:
+    """The change of a shot plan by a fault.
 
     Raises:
-        InvalidArgument: no such fault, or a severity other than 1, 2, 3.
+        InvalidArgument: an unknown fault, or a severity other than 1, 2, 3.
     """
     fault = FAULTS.get(name)
     if fault is None:
@@ -63,84 +63,82 @@ def strike(name: str, severity: int) -> Change:
     return lambda setup: found(setup, severity)
 
 
-def _glare(setup: Setup, severity: int) -> Setup:
-    return replace(setup, scene=replace(setup.scene, glare=(0.02, 0.06, 0.2)[severity - 1]))
+def _glare(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, scene=replace(plan.scene, glare=(0.02, 0.06, 0.2)[severity - 1]))
 
 
 # exposure, black, frames
 
 
-def _exposure(setup: Setup, share: float) -> Setup:
-    return replace(setup, sensor=replace(setup.sensor, exposure=share))
+def _exposure(plan: ShotPlan, share: float) -> ShotPlan:
+    return replace(plan, sensor=replace(plan.sensor, exposure=share))
 
 
-def _one_channel(setup: Setup, severity: int) -> Setup:
-    """One channel's signal of the white as a share of full scale, the brightest of the others at the setup's own."""
-    power = setup.lamp.values @ setup.camera.values
-    gains = np.array(setup.sensor.gains) * power.max() / power
+def _one_channel(plan: ShotPlan, severity: int) -> ShotPlan:
+    """White overexposed in red, to a share of full scale; green and blue keep the plan's exposure."""
+    power = plan.lamp.values @ plan.camera.values
+    gains = np.array(plan.sensor.gains) * power.max() / power
     wanted = (1.1, 1.8, 4.0)[severity - 1]
-    gains[0] *= wanted / setup.sensor.exposure
-    sensor = replace(setup.sensor, gains=tuple(gains.tolist()), exposure=wanted)
-    return replace(setup, sensor=sensor)
+    gains[0] *= wanted / plan.sensor.exposure
+    sensor = replace(plan.sensor, gains=tuple(gains.tolist()), exposure=wanted)
+    return replace(plan, sensor=sensor)
 
 
-def _ceiling(setup: Setup, severity: int) -> Setup:
-    """Samples stop below the white level that the file names."""
-    share = (0.75, 0.6, 0.35)[severity - 1] * setup.sensor.exposure / 0.8
+def _ceiling(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Clip the samples below the white level in the file."""
+    share = (0.75, 0.6, 0.35)[severity - 1] * plan.sensor.exposure / 0.8
 
-    def stop(samples: NDArray[np.uint16], setup: Setup) -> NDArray[np.uint16]:
-        top = setup.sensor.black + share * (setup.sensor.white_level - setup.sensor.black)
+    def stop(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        top = plan.sensor.black + share * (plan.sensor.white_level - plan.sensor.black)
         return np.minimum(samples, np.uint16(top))
 
-    return replace(setup, samples=stop)
+    return replace(plan, samples=stop)
 
 
-def _range(setup: Setup) -> float:
-    return setup.sensor.white_level - setup.sensor.black
+def _range(plan: ShotPlan) -> float:
+    return plan.sensor.white_level - plan.sensor.black
 
 
-def _tagged(setup: Setup, **changes: Any) -> Setup:
-    tags = {frame: {**setup.tags.get(frame, {}), **changes} for frame in ("chart", "white", "dark")}
-    return replace(setup, tags=tags)
+def _tagged(plan: ShotPlan, **changes: Any) -> ShotPlan:
+    tags = {frame: {**plan.tags.get(frame, {}), **changes} for frame in ("chart", "white", "dark")}
+    return replace(plan, tags=tags)
 
 
-def _without(setup: Setup, *frames: str) -> Setup:
-    return replace(setup, handed_in={**setup.handed_in, **dict.fromkeys(frames)})
+def _without(plan: ShotPlan, *frames: str) -> ShotPlan:
+    return replace(plan, handed_in={**plan.handed_in, **dict.fromkeys(frames)})
 
 
-def _black(setup: Setup, severity: int) -> Setup:
-    off = (0.005, 0.02, 0.08)[severity - 1] * _range(setup)
-    more = setup.sensor.black + off
-    return _without(
-        _tagged(replace(setup, sensor=replace(setup.sensor, black=more)), black=setup.sensor.black), "dark"
-    )
+def _black(plan: ShotPlan, severity: int) -> ShotPlan:
+    off = (0.005, 0.02, 0.08)[severity - 1] * _range(plan)
+    more = plan.sensor.black + off
+    return _without(_tagged(replace(plan, sensor=replace(plan.sensor, black=more)), black=plan.sensor.black), "dark")
 
 
-def _dark_tags(setup: Setup, severity: int) -> Setup:
+def _dark_tags(plan: ShotPlan, severity: int) -> ShotPlan:
     factor = (2.0, 8.0, 32.0)[severity - 1]
-    off = (0.003, 0.01, 0.04)[severity - 1] * _range(setup)
-    tags = {**setup.tags, "dark": {**setup.tags.get("dark", {}), "iso": 100.0 * factor}}
-    return replace(setup, dark_offset=off, tags=tags)
+    off = (0.003, 0.01, 0.04)[severity - 1] * _range(plan)
+    tags = {**plan.tags, "dark": {**plan.tags.get("dark", {}), "iso": 100.0 * factor}}
+    return replace(plan, dark_offset=off, tags=tags)
 
 
-def _dark_leak(setup: Setup, severity: int) -> Setup:
-    return replace(setup, dark_offset=(0.004, 0.015, 0.06)[severity - 1] * _range(setup))
+def _dark_leak(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, dark_offset=(0.004, 0.015, 0.06)[severity - 1] * _range(plan))
 
 
-def _swapped(setup: Setup, severity: int) -> Setup:
+def _swapped(plan: ShotPlan, severity: int) -> ShotPlan:
     order = (("white", "chart", "dark"), ("chart", "dark", "white"), ("dark", "white", "chart"))[severity - 1]
-    return replace(setup, handed_in=dict(zip(("chart", "white", "dark"), order, strict=True)))
+    return replace(plan, handed_in=dict(zip(("chart", "white", "dark"), order, strict=True)))
 
 
-def _white_level(setup: Setup, severity: int) -> Setup:
-    return replace(setup, white_level=setup.white_level * (0.94, 0.8, 0.5)[severity - 1])
+def _white_level(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, white_level=plan.white_level * (0.94, 0.8, 0.5)[severity - 1])
 
 
 # lamps
 
 
 def _mixed(lamp: Lamp, other: Lamp, share: float) -> Lamp:
-    """`share` of the light comes from the other lamp."""
+    """A lamp with `share` of its light from another lamp."""
     values = (1 - share) * lamp.values / lamp.values.mean() + share * other.values / other.values.mean()
     return replace(lamp, values=values, name=f"{lamp.name} + {other.name}")
 
@@ -164,94 +162,90 @@ def _kind(lamp: Lamp) -> str:
     return "daylight" if low > 0.6 * high else "bulb"
 
 
-def _white_lamp(setup: Setup, severity: int) -> Setup:
+def _white_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
     share = (0.2, 0.5, 1.0)[severity - 1]
-    return replace(setup, white_lamp=_mixed(setup.lamp, _opposite(setup.lamp), share))
+    return replace(plan, white_lamp=_mixed(plan.lamp, _opposite(plan.lamp), share))
 
 
-def _wrong_lamp(setup: Setup, severity: int) -> Setup:
-    names = OTHERS[_kind(setup.lamp)]
+def _wrong_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
+    names = OTHERS[_kind(plan.lamp)]
     named = names[severity - 1]
-    return replace(setup, stated_lamp=named if named != setup.stated_lamp else names[severity % 3])
+    return replace(plan, stated_lamp=named if named != plan.stated_lamp else names[severity % 3])
 
 
-def _two_lamps(setup: Setup, severity: int) -> Setup:
-    return replace(setup, lamp=_mixed(setup.lamp, _opposite(setup.lamp), (0.1, 0.35, 0.8)[severity - 1]))
+def _two_lamps(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, lamp=_mixed(plan.lamp, _opposite(plan.lamp), (0.1, 0.35, 0.8)[severity - 1]))
 
 
-def _wall(setup: Setup, severity: int) -> Setup:
-    """A red wall near the chart: white paint stained by a step at 590 nm."""
+def _wall(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Light reflected by a red wall: the lamp's spectrum with a smooth step at 590 nm added."""
     share = (0.1, 0.4, 1.5)[severity - 1]
     stain = 1 + share / (1 + np.exp(-(WAVELENGTHS - 590) / 12))
-    return replace(
-        setup, lamp=replace(setup.lamp, values=setup.lamp.values * stain, name=f"{setup.lamp.name}, red wall")
-    )
+    return replace(plan, lamp=replace(plan.lamp, values=plan.lamp.values * stain, name=f"{plan.lamp.name}, red wall"))
 
 
 # the chart
 
 
-def _staged(setup: Setup, **changes: Any) -> Setup:
-    return replace(setup, scene=replace(setup.scene, **changes))
+def _staged(plan: ShotPlan, **changes: Any) -> ShotPlan:
+    return replace(plan, scene=replace(plan.scene, **changes))
 
 
-def _upside_down(setup: Setup, severity: int) -> Setup:
+def _upside_down(plan: ShotPlan, severity: int) -> ShotPlan:
     turn = (180.0, 90.0, 270.0)[severity - 1]
-    return _staged(
-        setup, rotation=setup.scene.rotation + turn, fill=setup.scene.fill * (1.0 if severity == 1 else 0.7)
-    )
+    return _staged(plan, rotation=plan.scene.rotation + turn, fill=plan.scene.fill * (1.0 if severity == 1 else 0.7))
 
 
-def _mirrored(setup: Setup, severity: int) -> Setup:
+def _mirrored(plan: ShotPlan, severity: int) -> ShotPlan:
     turn = (0.0, 180.0, 90.0)[severity - 1]
-    fill = setup.scene.fill * (0.7 if severity == 3 else 1.0)
-    return _staged(setup, mirrored=True, rotation=setup.scene.rotation + turn, fill=fill)
+    fill = plan.scene.fill * (0.7 if severity == 3 else 1.0)
+    return _staged(plan, mirrored=True, rotation=plan.scene.rotation + turn, fill=fill)
 
 
-def _faded(setup: Setup, severity: int) -> Setup:
-    """Years in the sun: colours bleach towards grey, red and magenta dyes first; white yellows."""
+def _faded(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A chart faded by sunlight: colours bleach towards grey, red and magenta dyes first; white turns yellow."""
     share = (0.05, 0.2, 0.5)[severity - 1]
-    values = setup.table.values
+    values = plan.table.values
     grey = values.mean(axis=1, keepdims=True)
     bleach = share * np.exp(-0.5 * ((WAVELENGTHS - 540) / 70) ** 2)
     yellow = 1 - share * 0.3 / (1 + np.exp((WAVELENGTHS - 440) / 15))
-    return replace(setup, table=replace(setup.table, values=(values + bleach * (grey - values)) * yellow))
+    return replace(plan, table=replace(plan.table, values=(values + bleach * (grey - values)) * yellow))
 
 
-def _vintage(setup: Setup, severity: int) -> Setup:
-    """Another production: as far from the asked table as Ohta's is from BabelColor's, times 1, 2, 4."""
+def _vintage(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A chart of another production: the difference of Ohta's table from BabelColor's is added, times 1, 2, 4."""
     off = read_chart("classic24:ohta").values - read_chart("classic24").values
-    values = np.clip(setup.table.values + (1.0, 2.0, 4.0)[severity - 1] * off, 0.005, 1.0)
-    return replace(setup, table=replace(setup.table, values=values))
+    values = np.clip(plan.table.values + (1.0, 2.0, 4.0)[severity - 1] * off, 0.005, 1.0)
+    return replace(plan, table=replace(plan.table, values=values))
 
 
-def _wrong_type(setup: Setup, severity: int) -> Setup:
-    """Another chart of four rows and six columns: some of its colours stand elsewhere."""
+def _wrong_type(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Another chart of four rows and six columns: some of its colours are at other places."""
     order = np.arange(24)
     swaps = ((2, 7), (0, 11), (4, 16), (5, 13), (1, 14), (3, 12), (9, 15), (6, 17))
     for a, b in swaps[: (1, 3, 8)[severity - 1]]:
         order[[a, b]] = order[[b, a]]
-    return replace(setup, table=replace(setup.table, values=setup.table.values[order]))
+    return replace(plan, table=replace(plan.table, values=plan.table.values[order]))
 
 
-def _printed(setup: Setup, severity: int) -> Setup:
-    """An ink-jet copy, to the eye the same colours under D50 as far as three inks go."""
+def _printed(plan: ShotPlan, severity: int) -> ShotPlan:
+    """An ink-jet copy with the same colours under D50, as closely as three inks allow."""
     share = (0.25, 0.6, 1.0)[severity - 1]
-    values = (1 - share) * setup.table.values + share * ink_jet_copy(setup.table.values)
-    return replace(setup, table=replace(setup.table, values=values))
+    values = (1 - share) * plan.table.values + share * ink_jet_copy(plan.table.values)
+    return replace(plan, table=replace(plan.table, values=values))
 
 
 # the files
 
 
-def _cfa(setup: Setup, severity: int) -> Setup:
-    cfa = setup.sensor.cfa
+def _cfa(plan: ShotPlan, severity: int) -> ShotPlan:
+    cfa = plan.sensor.cfa
     rolled = (cfa[::-1], cfa[1] + cfa[0] + cfa[3] + cfa[2], cfa[2:] + cfa[:2])
-    return _tagged(setup, cfa=rolled[severity - 1])
+    return _tagged(plan, cfa=rolled[severity - 1])
 
 
-def _vignetting(setup: Setup, severity: int) -> Setup:
-    return _without(_staged(setup, vignetting=(0.15, 0.4, 0.75)[severity - 1]), "white")
+def _vignetting(plan: ShotPlan, severity: int) -> ShotPlan:
+    return _without(_staged(plan, vignetting=(0.15, 0.4, 0.75)[severity - 1]), "white")
 
 
 FAULTS: dict[str, Fault] = {
@@ -305,4 +299,4 @@ FAULTS: dict[str, Fault] = {
         Fault("coarse", "samples quantised", ("to 10 bits", "8", "5"), samples.coarse),
     )
 }  # fmt: skip
-"""By name."""
+"""All faults, by name."""

@@ -1,4 +1,4 @@
-"""A camera, lamps and a chart → real DNG files and the truth: the demo's input and the tests' camera."""
+"""Writes simulated shots of a chart as DNG files, with their true values, for the demo and the tests."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ import numpy as np
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import local_folder
 from camssf.grid import Floats
-from camssf.photo.pose import Pose
-from camssf.photo.unit import read_unit
+from camssf.photo.find.pose import Pose
+from camssf.photo.read.unit import read_unit
 from camssf.simulation.camera import Sensor, check_sensor
 from camssf.simulation.dng import MAKE, write_dng, write_truth
 from camssf.simulation.scene import (
@@ -28,8 +28,8 @@ from camssf.simulation.scene import (
     check_scene,
     true_pose,
 )
-from camssf.simulation.setup import Change, Setup
 from camssf.simulation.shot import Frames, take
+from camssf.simulation.shot_plan import Change, ShotPlan
 from camssf.spectra import CameraCurves, CameraLike, ChartLike, Lamp, LampLike, read_camera, read_chart, read_lamp
 from camssf.spectra.objects import is_one
 
@@ -38,7 +38,7 @@ from camssf.spectra.objects import is_one
 class SimulatedShot:
     """The files of one lamp; a fault may leave out the white or the dark frame.
 
-    `lamp` and `stated_chart` are what to calibrate with; `signals` (n, 3) is what Eq. (5) must give.
+    `lamp` and `stated_chart` are the inputs of a calibration; `signals` (n, 3) is the expected result of Eq. (5).
     """
 
     chart: Path
@@ -51,16 +51,16 @@ class SimulatedShot:
 
 @dataclass(frozen=True)
 class Simulation:
-    """What was written, and from what.
+    """The files of a simulation, and its settings.
 
     Attributes:
-        shots: one a lamp, in the order asked for.
+        shots: one for each lamp, in the order of the lamps.
         truth: path of the CSV of the camera's curves, peak 1.
-        corners: path of the JSON of where the chart lies in each chart photo, for `--corners`.
-        pose: where the chart truly lies in every chart photo.
-        camera, chart: by name.
+        corners: path of the JSON of the chart's corners in each chart photo, for `--corners`.
+        pose: true pose of the chart in the chart photos, without a fault.
+        camera, chart: their names.
         scene, sensor: all settings.
-        seed: of the noise.
+        seed: seed of the noise.
     """
 
     shots: tuple[SimulatedShot, ...]
@@ -90,14 +90,14 @@ def simulate(
     One lamp gives `chart.dng white.dng dark.dng`, several `chart-<lamp>.dng` and so on. All files appear, or none.
 
     Args:
-        camera: as `camssf.spectra.read_camera` takes it.
-        lamps: as `read_lamp` takes them, one a shot.
-        out: folder; made where it is missing.
-        chart: as `read_chart` takes it; its layout becomes the scene's.
-        scene: what stands before the camera, and how.
-        sensor: how the camera counts.
-        seed: of the noise; the same seed gives the same bytes.
-        change: what goes wrong with the last lamp's shot (`camssf.simulation.faults`).
+        camera: as `camssf.spectra.read_camera` accepts it.
+        lamps: as `read_lamp` accepts them, one for each shot.
+        out: folder; created if missing.
+        chart: as `read_chart` accepts it; its layout becomes the scene's.
+        scene: geometry and optics.
+        sensor: properties of the sensor and of its files.
+        seed: seed of the noise; the same seed gives the same bytes.
+        change: fault of the last lamp's shot (`camssf.simulation.faults`).
 
     Raises:
         InvalidArgument: a setting is out of range, the chart does not fit into the picture, or a file that no
@@ -129,21 +129,21 @@ def simulate(
             shots = []
             poses: dict[str, Pose] = {}
             for number, (light, tag) in enumerate(zip(lights, _tags(lights), strict=True)):
-                setup = Setup(body, light, table, scene, sensor, light.name, table.name)
+                plan = ShotPlan(body, light, table, scene, sensor, light.name, table.name)
                 if change is not None and number == len(lights) - 1:
-                    setup = change(setup)
-                frames = take(setup, (seed, number))
-                names = _write_frames(Path(aside), tag, setup, frames, body)
-                if setup.handed_in["chart"] == "chart":  # a fault may hand in a frame without one
-                    poses[names["chart"]] = true_pose(setup.scene)
+                    plan = change(plan)
+                frames = take(plan, (seed, number))
+                names = _write_frames(Path(aside), tag, plan, frames, body)
+                if plan.handed_in["chart"] == "chart":  # a fault may hand in a frame without a chart
+                    poses[names["chart"]] = true_pose(plan.scene)
                 paths = {role: folder / name for role, name in names.items()}
                 shots.append(
                     SimulatedShot(
                         paths["chart"],
                         paths.get("white"),
                         paths.get("dark"),
-                        setup.stated_lamp,
-                        setup.stated_chart,
+                        plan.stated_lamp,
+                        plan.stated_chart,
                         frames.signals,
                     )
                 )
@@ -167,7 +167,7 @@ def simulate(
 
 
 def _check_replaced(path: Path) -> None:
-    """Raise where a file that no simulation wrote would be replaced."""
+    """Raise if a file that no simulation wrote would be replaced."""
     if not path.is_file():
         return
     if path.suffix == ".dng":
@@ -180,10 +180,10 @@ def _check_replaced(path: Path) -> None:
 
 
 def corners_json(poses: Mapping[str, Pose]) -> str:
-    """`camssf-corners/1`: of each photo, by its file's name, the corners of the block of patches and the layout.
+    """JSON text `camssf-corners/1`: corners of the block of patches and layout of each photo, by file name.
 
-    Corners are px of the active area, the chart's top left, top right, bottom right, bottom left, as `--corners` and
-    Kotlin's `Corners` have them.
+    Corners are px of the active area, the chart's top left, top right, bottom right, bottom left, as in
+    `--corners` and Kotlin's `Corners`.
     """
     photos = {
         name: {"layout": pose.layout, "corners": pose.corners.tolist(), "quarter_turns": pose.quarter_turns}
@@ -192,23 +192,23 @@ def corners_json(poses: Mapping[str, Pose]) -> str:
     return json.dumps({"format": "camssf-corners/1", "photos": photos}, indent=1) + "\n"
 
 
-def _write_frames(folder: Path, tag: str, setup: Setup, frames: Frames, camera: CameraCurves) -> dict[str, str]:
-    """Write what is handed in; the files' names, by role."""
-    sensor = setup.sensor
+def _write_frames(folder: Path, tag: str, plan: ShotPlan, frames: Frames, camera: CameraCurves) -> dict[str, str]:
+    """Write the frames that are handed in; returns the file names by role."""
+    sensor = plan.sensor
     samples = {"chart": frames.chart, "white": frames.white, "dark": frames.dark}
     neutral = (frames.white_levels - sensor.black - sensor.dark_current) / sensor.exposure
     neutral /= sensor.white_level - sensor.black
     names = {}
-    for role, frame in setup.handed_in.items():
+    for role, frame in plan.handed_in.items():
         if frame is not None:
             names[role] = f"{role}{tag}.dng"
-            tags = setup.file_tags(frame)
+            tags = plan.file_tags(frame)
             write_dng(folder / names[role], samples[frame], tags, camera, neutral, sensor.compression)
     return names
 
 
 def _tags(lamps: list[Lamp]) -> list[str]:
-    """What tells the lamps' files apart: nothing for one lamp."""
+    """Suffixes that distinguish the lamps' files; "" for a single lamp."""
     if len(lamps) == 1:
         return [""]
     tags: list[str] = []

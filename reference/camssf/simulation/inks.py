@@ -1,4 +1,4 @@
-"""Reflectances → those of an ink-jet copy: the same colours under D50, by three inks."""
+"""Simulates the reflectances of an ink-jet copy: the same colours under D50, with three inks."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What happens to the light between the chart and the sensor: highlights, shadows, a hand, shading, motion, defocus.
+"""Faults of the light between chart and sensor: highlights, shadows, a hand, shading, motion, defocus.
 
-Each is a change of a `Setup` in three severities, as `camssf.simulation.faults` lists them.
+Each function changes a `ShotPlan` at one of three severities; `camssf.simulation.faults` lists them.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from camssf.simulation.camera import sites
 from camssf.simulation.scene import ChartProjection
-from camssf.simulation.setup import Light, Setup
+from camssf.simulation.shot_plan import Light, ShotPlan
 
 
-def _through(setup: Setup, frame: str, effect: Light) -> Setup:
-    """The setup with one more effect on a frame's light, after those that it has."""
-    before = setup.light.get(frame)
+def _through(plan: ShotPlan, frame: str, effect: Light) -> ShotPlan:
+    """The plan with one more effect on a frame's light, after its present ones."""
+    before = plan.light.get(frame)
 
     def both(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         return effect(light if before is None else before(light, chart), chart)
 
-    return replace(setup, light={**setup.light, frame: both})
+    return replace(plan, light={**plan.light, frame: both})
 
 
-def specular(setup: Setup, severity: int) -> Setup:
-    """A highlight on one patch."""
+def specular(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Add a highlight on one patch."""
     height = (0.06, 0.4, 3.0)[severity - 1]
     column, row = 2, 2  # red, in the lower half
 
@@ -36,23 +36,23 @@ def specular(setup: Setup, severity: int) -> Setup:
             light[rows, columns] += blob[rows, columns] * np.float32(chart.white[colour])
         return light
 
-    return _through(setup, "chart", spot)
+    return _through(plan, "chart", spot)
 
 
-def shadow(setup: Setup, severity: int) -> Setup:
-    """A shadow with an edge across the chart."""
+def shadow(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Cast a shadow with an edge across the chart."""
     depth = (0.05, 0.2, 0.6)[severity - 1]
 
     def shade(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         edge = 1.0 / (1.0 + np.exp(np.clip((chart.u + 0.5 * chart.v - 3.2) / 0.15, -30, 30)))
         return np.asarray(light * (1 - depth * edge), dtype=np.float32)
 
-    return _through(setup, "chart", shade)
+    return _through(plan, "chart", shade)
 
 
-def covered(setup: Setup, severity: int) -> Setup:
-    """A hand on the chart."""
-    columns = (0.35, 1.5, 3.5)[severity - 1]  # a hand from the right, so many columns in
+def covered(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Cover a part of the chart with a hand."""
+    columns = (0.35, 1.5, 3.5)[severity - 1]  # covered by the hand, from the right
 
     def hand(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         over = (chart.u > 5.5 - columns) & (chart.v > (0.6 if severity < 3 else -0.6)) & (chart.v < 2.4)
@@ -61,11 +61,11 @@ def covered(setup: Setup, severity: int) -> Setup:
             part[over[rows, cols]] = chart.reflected[1, colour]
         return light
 
-    return _through(setup, "chart", hand)
+    return _through(plan, "chart", hand)
 
 
-def shading(setup: Setup, severity: int) -> Setup:
-    """Lens shading corrected in the chart photo, not in the white frame."""
+def shading(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Correct lens shading in the chart photo, but not in the white frame."""
     gain = (0.05, 0.2, 0.6)[severity - 1]
 
     def corrected(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
@@ -76,11 +76,11 @@ def shading(setup: Setup, severity: int) -> Setup:
             light[rows, columns] *= 1 + gain * (1.3, 1.0, 1.1)[colour] * r2[rows, columns]
         return light
 
-    return _through(setup, "chart", corrected)
+    return _through(plan, "chart", corrected)
 
 
-def motion(setup: Setup, severity: int) -> Setup:
-    """The camera moved."""
+def motion(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Blur the chart photo by a movement of the camera."""
     length = (0.1, 0.35, 0.9)[severity - 1]
 
     def moved(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
@@ -92,11 +92,11 @@ def motion(setup: Setup, severity: int) -> Setup:
             light[rows, columns] = uniform_filter1d(light[rows, columns], size, axis=1)
         return light
 
-    return _through(setup, "chart", moved)
+    return _through(plan, "chart", moved)
 
 
-def defocus(setup: Setup, severity: int) -> Setup:
-    """Out of focus."""
+def defocus(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Blur the chart photo as if out of focus."""
     width = (0.05, 0.15, 0.35)[severity - 1]
 
     def soft(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
@@ -107,4 +107,4 @@ def defocus(setup: Setup, severity: int) -> Setup:
             light[rows, columns] = gaussian_filter(light[rows, columns], width * pitch / 2)
         return light
 
-    return _through(setup, "chart", soft)
+    return _through(plan, "chart", soft)

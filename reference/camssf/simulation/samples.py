@@ -1,6 +1,6 @@
-"""What happens to the samples before they are written: tone curves, demosaicing, hot pixels, fewer bits.
+"""Faults of the samples before they are written: tone curves, demosaicing, hot pixels, fewer bits.
 
-Each is a change of a `Setup` in three severities, as `camssf.simulation.faults` lists them.
+Each function changes a `ShotPlan` at one of three severities; `camssf.simulation.faults` lists them.
 """
 
 from __future__ import annotations
@@ -11,76 +11,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.simulation.camera import sites
-from camssf.simulation.setup import Setup
+from camssf.simulation.shot_plan import ShotPlan
 
 _DISPLAY = np.array([[1.9, -0.7, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
-"""From a camera's own colours to a display's, as a converter does it; rows add up to 1."""
+"""Matrix from a camera's colours to a display's, like that of a raw converter; rows add up to 1."""
 
 
-def tone(setup: Setup, severity: int) -> Setup:
-    """A tone curve in the samples."""
+def tone(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Apply a tone curve to the samples."""
     power = (0.96, 0.85, 0.5)[severity - 1]
 
-    def curve(samples: NDArray[np.uint16], setup: Setup) -> NDArray[np.uint16]:
-        black, span = setup.sensor.black, _full_scale(setup)
+    def curve(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        black, span = plan.sensor.black, _full_scale(plan)
         x = (samples - black) / span
         bent = np.sign(x) * np.abs(x) ** power
-        return np.asarray(np.clip(np.rint(black + span * bent), 0, setup.sensor.white_level), np.uint16)
+        return np.asarray(np.clip(np.rint(black + span * bent), 0, plan.sensor.white_level), np.uint16)
 
-    return replace(setup, samples=curve)
+    return replace(plan, samples=curve)
 
 
-def demosaiced(setup: Setup, severity: int) -> Setup:
-    """Bilinear demosaicing, so much of the way to display colours, and back into a mosaic."""
+def demosaiced(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Demosaic bilinearly, convert to display colours by 0, 40 or 100 %, and sample a mosaic again."""
     mix = np.eye(3) + (0.0, 0.4, 1.0)[severity - 1] * (_DISPLAY - np.eye(3))
 
-    def cook(samples: NDArray[np.uint16], setup: Setup) -> NDArray[np.uint16]:
+    def cook(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         from scipy.ndimage import convolve
 
-        black = setup.sensor.black
+        black = plan.sensor.black
         kernel = np.array([[0.25, 0.5, 0.25], [0.5, 1, 0.5], [0.25, 0.5, 0.25]])
         light = samples.astype(np.float64) - black
-        power = setup.lamp.values @ setup.camera.values * setup.sensor.gains
-        balance = power.max() / power  # a converter balances white before it mixes
+        power = plan.lamp.values @ plan.camera.values * plan.sensor.gains
+        balance = power.max() / power  # a converter balances white before its matrix
         full = []
         for c in range(3):
             known, mask = np.zeros_like(light), np.zeros_like(light)
-            for rows, columns, colour in sites(setup.sensor.cfa, *light.shape):
+            for rows, columns, colour in sites(plan.sensor.cfa, *light.shape):
                 if colour == c:
                     known[rows, columns], mask[rows, columns] = light[rows, columns], 1
             between = convolve(known, kernel, mode="mirror") / convolve(mask, kernel, mode="mirror")
             full.append(np.where(mask > 0, known, between) * balance[c])
         mixed = np.stack([sum(mix[c, d] * full[d] for d in range(3)) / balance[c] for c in range(3)])
-        for rows, columns, colour in sites(setup.sensor.cfa, *light.shape):
+        for rows, columns, colour in sites(plan.sensor.cfa, *light.shape):
             light[rows, columns] = mixed[colour][rows, columns]
-        return np.asarray(np.clip(np.rint(light + black), 0, setup.sensor.white_level), np.uint16)
+        return np.asarray(np.clip(np.rint(light + black), 0, plan.sensor.white_level), np.uint16)
 
-    return replace(setup, samples=cook)
+    return replace(plan, samples=cook)
 
 
-def hot(setup: Setup, severity: int) -> Setup:
-    """Hot pixels in all frames."""
+def hot(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Add hot pixels to all frames."""
     share = (0.002, 0.02, 0.12)[severity - 1]
 
-    def burn(samples: NDArray[np.uint16], setup: Setup) -> NDArray[np.uint16]:
+    def burn(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         rng = np.random.default_rng(severity)  # the same pixels in every frame
         hot = rng.random(samples.shape) < share
-        glow = rng.exponential(0.25 * _full_scale(setup), samples.shape)
-        return np.asarray(np.minimum(samples + np.where(hot, glow, 0), setup.sensor.white_level), np.uint16)
+        glow = rng.exponential(0.25 * _full_scale(plan), samples.shape)
+        return np.asarray(np.minimum(samples + np.where(hot, glow, 0), plan.sensor.white_level), np.uint16)
 
-    return replace(setup, samples=burn)
+    return replace(plan, samples=burn)
 
 
-def coarse(setup: Setup, severity: int) -> Setup:
-    """Samples quantised."""
+def coarse(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Quantise the samples to fewer bits."""
     bits = (10, 8, 5)[severity - 1]
 
-    def round_down(samples: NDArray[np.uint16], setup: Setup) -> NDArray[np.uint16]:
-        step = (setup.sensor.white_level + 1) / 2**bits
+    def round_down(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        step = (plan.sensor.white_level + 1) / 2**bits
         return np.asarray(np.floor(samples / step) * step, np.uint16)
 
-    return replace(setup, samples=round_down)
+    return replace(plan, samples=round_down)
 
 
-def _full_scale(setup: Setup) -> float:
-    return setup.sensor.white_level - setup.sensor.black
+def _full_scale(plan: ShotPlan) -> float:
+    return plan.sensor.white_level - plan.sensor.black

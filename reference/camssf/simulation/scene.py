@@ -1,4 +1,4 @@
-"""What stands before the camera, and the light that falls from it on every pixel: geometry, falloff, blur, glare."""
+"""Simulates the light of a scene with a chart on every pixel: geometry, falloff, blur, glare."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.layouts import LAYOUTS, ChartLayout, block_corners, map_points, patch_corners
-from camssf.photo.pose import Pose
+from camssf.photo.find.layouts import LAYOUTS, ChartLayout, block_corners, map_points, patch_corners
+from camssf.photo.find.pose import Pose
 from camssf.simulation.camera import cell, refuse, sites
 
 SURROUNDS = {"white": 0.90, "grey": 0.20, "black": 0.02}
-"""Flat reflectance of what the chart lies on."""
+"""Spectrally flat reflectance of the surface on which the chart lies."""
 
 FRAME = 0.04
 """Reflectance of the chart's black frame, which also fills the gaps between the patches."""
 
 FRAME_WIDTH = 0.30
-"""How far the frame reaches beyond the block of patches, in pitches."""
+"""Width of the frame around the block of patches, in pitches."""
 
 FOCAL = 1.0
-"""Focal length in picture widths (36 mm on a full-frame camera): it sets how much a tilt converges."""
+"""Focal length in picture widths (36 mm on a full-frame camera): it sets the perspective of a tilted chart."""
 
 LARGEST = 200_000_000
-"""Pixels of the largest picture: more than any camera's, and what a computer's memory holds."""
+"""Largest number of pixels of a picture: more than any camera has, and small enough for a computer's memory."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What lies before the camera, and how.
+    """Geometry and optics of a simulated photo.
 
     Attributes:
-        layout: key of `camssf.photo.layouts.LAYOUTS`.
+        layout: key of `camssf.photo.find.layouts.LAYOUTS`.
         size: (width, height) of the picture, px.
         fill: width of the block of patches, before rotation and tilt, as a share of the picture's width.
-        rotation: of the chart in its plane, degrees clockwise as seen in the picture.
-        tilt: of the chart about the picture's vertical axis, degrees; positive moves the right side away.
-        centre: where the chart's middle lies, as shares of the picture's width and height.
-        mirrored: the chart as seen in a mirror (left and right exchanged before the rotation).
+        rotation: rotation of the chart in its plane, degrees clockwise as seen in the picture.
+        tilt: rotation of the chart about the picture's vertical axis, degrees; positive moves the right side away.
+        centre: position of the chart's centre, as shares of the picture's width and height.
+        mirrored: True for a chart seen in a mirror (left and right exchanged before the rotation).
         surround: "white", "grey" or "black".
         vignetting: light lost in the picture's corners, as a share: cos⁴-like, (1 + a r²)⁻².
         blur: standard deviation of the lens' Gaussian blur, px.
-        glare: veil over the chart photo alone, as a share of the white signal.
+        glare: veiling glare in the chart photo only, as a share of the white signal.
     """
 
     layout: str = "classic24"
@@ -62,12 +62,13 @@ class Scene:
 
 @dataclass(frozen=True)
 class ChartProjection:
-    """The chart as the lens throws it on the sensor, for what changes the light on its way: `Setup.light`.
+    """The chart as projected onto the sensor, for the changes of the light in `ShotPlan.light`.
 
     Attributes:
         u, v: (h, w) float32, the pixel's place on the chart in patch pitches; patch (column, row) is centred there.
-        reflected: (n, 3) light of every patch, white: (3,) of an ideal diffuser, DN above black.
-        cfa: of the sensor.
+        reflected: (n, 3) light of every patch, DN above black.
+        white: (3,) light of an ideal diffuser, DN above black.
+        cfa: colours of the sensor's 2 × 2 cell.
     """
 
     u: NDArray[np.float32]
@@ -117,7 +118,7 @@ def homography(scene: Scene) -> Floats:
 
 
 def true_pose(scene: Scene) -> Pose:
-    """Where the chart of `scene` lies."""
+    """The true pose of the chart in `scene`."""
     layout = _layout(scene)
     to_pixels = homography(scene)
     patches = patch_corners(to_pixels, layout, layout.side)
@@ -141,7 +142,7 @@ def render_mosaic(scene: Scene, patches: Floats, white: Floats, cfa: str = "RGGB
         (h, w) in the unit of `patches`.
 
     Raises:
-        InvalidArgument: `patches` has another count than the layout, or a name is unknown.
+        InvalidArgument: the number of patches differs from the layout's, or a name is unknown.
     """
     layout = _layout(scene)
     if patches.shape != (layout.columns * layout.rows, 3):
@@ -190,7 +191,7 @@ def fall_off(light: NDArray[np.float32], vignetting: float) -> NDArray[np.float3
 
 
 def project(scene: Scene, reflected: Floats, white: Floats, cfa: str) -> ChartProjection:
-    """Where on the chart every pixel looks."""
+    """Position on the chart of every pixel."""
     width, height = scene.size
     y, x = np.mgrid[:height, :width].astype(np.float32)
     g = np.linalg.inv(homography(scene))

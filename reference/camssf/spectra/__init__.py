@@ -1,4 +1,4 @@
-"""Ground floor: spectra by name or by file. Lamps, chart tables, measured cameras."""
+"""Reads spectra by name, by file or from objects: lamps, chart tables, measured cameras."""
 
 from camssf.spectra.cameras import (
     CameraCurves,

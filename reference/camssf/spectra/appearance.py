@@ -1,5 +1,7 @@
-"""XYZ → how it looks: Lab, sRGB under D65, and CIEDE2000. Published formulas, so that a calibration loads no library
-for them; tests/test_appearance.py holds each against colour-science.
+"""Converts XYZ to Lab and to sRGB under D65, and computes CIEDE2000.
+
+The published formulas are implemented here, so that a calibration loads no library for them;
+tests/test_appearance.py compares each with colour-science.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ SRGB: Floats = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], 
 for _table in (D65, CAT02, SRGB):
     _table.setflags(write=False)
 BEND, SLOPE = 216.0 / 24389.0, 24389.0 / 27.0
-"""Where the cube root of Lab becomes a straight line, and how steep that is (CIE 15)."""
+"""Lab's transition from cube root to straight line, and the slope of that line (CIE 15)."""
 
 
 def lab(xyz: Floats, white: Floats) -> Floats:
@@ -30,20 +32,20 @@ def lab(xyz: Floats, white: Floats) -> Floats:
 
 
 def under_d65(xyz: Floats, white: Floats) -> Floats:
-    """XYZ (..., 3) seen under a white (3,), as it looks the same under D65: von Kries by CAT02, adapted wholly."""
+    """Adapt XYZ (..., 3) from a white (3,) to D65: von Kries with CAT02, complete adaptation."""
     scale = (CAT02 @ D65) / (CAT02 @ white)
     return np.asarray(xyz @ (np.linalg.inv(CAT02) @ (scale[:, None] * CAT02)).T)
 
 
 def srgb(xyz: Floats) -> Floats:
-    """sRGB (..., 3), 0 to 1 where a display can show it, of XYZ (..., 3) under D65."""
+    """sRGB (..., 3) of XYZ (..., 3) under D65; 0 to 1 inside the display's gamut."""
     linear = np.asarray(xyz) @ SRGB.T
     curved = 1.055 * np.maximum(linear, 0.0031308) ** (1.0 / 2.4) - 0.055
     return np.where(linear <= 0.0031308, 12.92 * linear, curved)
 
 
 def delta_e00(one: Floats, other: Floats) -> Floats:
-    """CIEDE2000 (...) of Lab (..., 3) and Lab (..., 3): CIE 142, as Sharma, Wu and Dalal write it (2005)."""
+    """CIEDE2000 (...) of Lab (..., 3) and Lab (..., 3): CIE 142, in the form of Sharma, Wu and Dalal (2005)."""
     (l1, a1, b1), (l2, a2, b2) = (np.moveaxis(np.asarray(each, dtype=np.float64), -1, 0) for each in (one, other))
     mean_c7 = ((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2.0) ** 7
     g = 0.5 * (1.0 - np.sqrt(mean_c7 / (mean_c7 + 25.0**7)))

@@ -1,7 +1,7 @@
-"""The bundled table of lamps and charts, CIE's formulae, and the two ways onto the grid; the same as in Kotlin.
+"""The bundled tables of lamps and charts, CIE's formulas, and both interpolations to the grid; the same as in Kotlin.
 
-data/spectra.json is what `python -m camssf.tools.tabulate` takes from colour-science. docs/tables.md gives every
-formula and the order of its operations, so that another language repeats the numbers to the last bit or two.
+`python -m tools.tabulate` writes data/spectra.json from colour-science. docs/tables.md gives every formula and the
+order of its operations, so that another language reproduces the numbers to the last bit or two.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FORMAT = "camssf-spectra/1"
 C2 = 1.4388e-2
 """Planck's second constant, m K (CIE 15, ITS-90)."""
 _OUTER = ((884, -1960, 3033, -2648, 1080, -180), (508, -540, 488, -367, 144, -24))
-"""Sprague: the points two and one beyond an end, over 209, from the six at that end, the outermost first."""
+"""Sprague: coefficients, times 209, of the two points beyond an end (outermost first) from the six at that end."""
 _INNER = (
     (2, -16, 0, 16, -2, 0),
     (-1, 16, -30, 16, -1, 0),
@@ -27,19 +27,19 @@ _INNER = (
     (13, -64, 126, -124, 61, -12),
     (-5, 25, -50, 50, -25, 5),
 )
-"""Sprague: coefficients of X to X⁵, over 24, from the points i - 2 to i + 3."""
+"""Sprague: coefficients of X to X⁵, times 24, from the points i - 2 to i + 3."""
 
 
 @cache
 def bundled() -> dict[str, Any]:
-    """The whole of data/spectra.json."""
+    """The content of data/spectra.json."""
     table: dict[str, Any] = json.loads((files("camssf") / "data" / "spectra.json").read_text("utf-8"))
     return table
 
 
 @cache
 def illuminant(name: str) -> Floats:
-    """A CIE illuminant on the grid as tabulated, (681,); straight between its nodes."""
+    """A tabulated CIE illuminant on the grid, (681,); linear between its nodes."""
     return _shared(linear(bundled()["lamps"][name]))
 
 
@@ -76,16 +76,17 @@ def daylight(kelvin: float) -> Floats:
 
 
 def linear(table: dict[str, Any]) -> Floats:
-    """Even nodes → the grid, (681,): straight between, constant outside."""
+    """Interpolate even nodes linearly to the grid, (681,); constant outside."""
     nodes = table["start"] + table["step"] * np.arange(len(table["values"]))
     return np.asarray(np.interp(WAVELENGTHS, nodes, table["values"]))
 
 
 def sprague(start: float, step: float, values: Floats) -> Floats:
-    """Even nodes (at least 6) → the grid, (681,): Sprague's polynomials (CIE 167:2005), constant outside.
+    """Interpolate at least 6 even nodes to the grid, (681,), by Sprague's polynomials (CIE 167:2005); constant
+    outside.
 
-    With i the node at or below λ (the last but one at most) and X = (λ - λ_i) / step:
-    r_i + X (a₁ + X (a₂ + X (a₃ + X (a₄ + X a₅)))), the sums that make each a running from i - 2 to i + 3.
+    With i the node at or below λ (at most the last but one) and X = (λ - λ_i) / step:
+    r_i + X (a₁ + X (a₂ + X (a₃ + X (a₄ + X a₅)))), where each a is a sum from i - 2 to i + 3, in this order.
     """
     last = len(values) - 1
     left = [_weighted(row, values[:6]) / 209.0 for row in _OUTER]

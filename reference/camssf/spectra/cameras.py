@@ -1,7 +1,7 @@
-"""Measured cameras by name, by file, or as an object of colour-science.
+"""Reads measured cameras by name, by file, or from an object of colour-science.
 
-Known by name are the 52 of rawtoaces-data that the basis `cameras` was learned from, and colour-science's two. Curves
-are smooth: Sprague's interpolation, as for reflectances.
+The names are the 52 cameras of rawtoaces-data that the basis `cameras` was learned from, and the two of
+colour-science. Curves are interpolated smoothly, with Sprague's method, as reflectances are.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class CameraCurves:
     Attributes:
         name: of the camera.
         values: (681, 3) red, green, blue on the grid, in the units of the source; 0 outside its range.
-        source: in words for the report.
+        source: description for the report.
     """
 
     name: str
@@ -40,7 +40,7 @@ class CameraCurves:
 
 
 class MeasuredCurves(Protocol):
-    """What colour-science's RGB_CameraSensitivities and MultiSpectralDistributions have; others serve likewise."""
+    """Curves with the attributes of colour-science's RGB_CameraSensitivities or MultiSpectralDistributions."""
 
     @property
     def wavelengths(self) -> Any:
@@ -52,23 +52,23 @@ class MeasuredCurves(Protocol):
 
     @property
     def labels(self) -> Any:
-        """Of the columns: red, green, blue or R, G, B, in any order."""
+        """Names of the columns: red, green, blue or R, G, B, in any order."""
 
 
 CameraLike: TypeAlias = Name | CameraCurves | MeasuredCurves | Pair
-"""What `read_camera` takes: a name or a file; CameraCurves; colour-science's RGB_CameraSensitivities or whatever has
-`wavelengths`, `values` and `labels`; or a pair of arrays, wavelengths (w,) in nm and curves (w, 3), R, G, B."""
+"""What `read_camera` accepts: a name or a file; CameraCurves; colour-science's RGB_CameraSensitivities or any object
+with `wavelengths`, `values` and `labels`; or a pair of arrays, wavelengths (w,) in nm and curves (w, 3), R, G, B."""
 
 SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
-"""Of the curves in data/cameras.npz; data/README.md has the file's hash."""
+"""Source of the curves in data/cameras.npz; data/README.md has the file's hash."""
 
 
 LIBRARY = ("Nikon 5100 (NPL)", "Sigma SDMerill (NPL)")
-"""The cameras of colour-science, by its names: it is loaded only where one of them is asked for."""
+"""The cameras of colour-science, which is loaded only if one of them is requested."""
 
 
 def camera_names() -> tuple[str, ...]:
-    """Names that `read_camera` knows, besides files."""
+    """Names that `read_camera` accepts."""
     return (*shipped_cameras(), *LIBRARY)
 
 
@@ -81,18 +81,17 @@ def shipped_cameras() -> dict[str, Floats]:
 
 
 def read_camera(spec: CameraLike | None) -> CameraCurves:
-    """Measured sensitivities of a camera, by name, by file or as an object; 0 outside the measured range.
+    """Read the measured sensitivities of a camera by name, by file or from an object; 0 outside the measured range.
 
     Names are those of `camera_names`. A file is a CSV with the header `wavelength_nm,red,green,blue` (or `R,G,B`;
-    further columns are ignored), or without a header and with just these four columns, or one of many cameras with a
-    column `camera` more, of which `cameras.csv:Canon EOS 5D` names one; or a camera file of rawtoaces or DCamProf,
-    SPECTACLE's spectral_response.csv, Argyll's .cmf, or the list camspec_database.txt,
-    `camspec_database.txt:Nikon D40` for one of it. An object has `wavelengths`,
-    `values` and `labels`, as colour-science's RGB_CameraSensitivities; a pair of arrays has wavelengths (w,) and
-    values (w, 3), red, green, blue.
+    other columns are ignored), or a CSV of these four columns without a header; a camera file of rawtoaces or
+    DCamProf; SPECTACLE's spectral_response.csv; Argyll's .cmf; or the list camspec_database.txt. A CSV of several
+    cameras has a column `camera`; one of several is chosen as in `cameras.csv:Canon EOS 5D` or
+    `camspec_database.txt:Nikon D40`. An object has `wavelengths`, `values` and `labels`, as colour-science's
+    RGB_CameraSensitivities. A pair of arrays is wavelengths (w,) and values (w, 3), red, green, blue.
 
     Raises:
-        InvalidArgument: unknown name, or a file or object that is no such table of finite, positive curves.
+        InvalidArgument: unknown name, or a file or object that is not such a table of finite, positive curves.
 
     Example:
         >>> from camssf.spectra import read_camera
@@ -183,9 +182,9 @@ def _checked(wavelengths: Floats, curves: Floats, path: Path) -> Floats:
 
 
 def _on_grid(wavelengths: Floats, curves: Floats) -> Floats:
-    """Curves (w, 3) → (681, 3): smooth, 0 outside, and not below zero where the measurement is not."""
+    """Interpolate curves (w, 3) to (681, 3): smooth, 0 outside, and ≥ 0 if the measurement is."""
     values = np.stack([smooth(wavelengths, curve) for curve in curves.T], axis=1)
     if curves.min() >= 0:
-        values = np.maximum(values, 0.0)  # beside a steep edge a smooth interpolation dips
+        values = np.maximum(values, 0.0)  # smooth interpolation undershoots next to steep edges
     values[(wavelengths[0] > WAVELENGTHS) | (wavelengths[-1] < WAVELENGTHS)] = 0.0
     return frozen(values)

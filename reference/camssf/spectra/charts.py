@@ -1,7 +1,7 @@
-"""Chart tables by name or by file.
+"""Reads chart tables by name, by file or from objects.
 
-Those known by name come from data/spectra.json, taken from colour-science. Reflectances are smooth: Sprague's
-interpolation, which CIE 167:2005 recommends for even steps (a cubic spline where a file's steps are uneven).
+Tables known by name are in data/spectra.json, taken from colour-science. Reflectances are interpolated by Sprague's
+method, which CIE 167:2005 recommends for even steps (by a cubic spline if a file's steps are uneven).
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ class ChartTable:
     """The measured reflectances of a chart.
 
     Attributes:
-        name: of the chart as asked for, for example "classic24".
+        name: of the chart as given, for example "classic24".
         table: name of the table, for example "BabelColor Average".
-        layout: geometry it is printed in, a key of `camssf.photo.layouts.LAYOUTS`.
+        layout: printed geometry, a key of `camssf.photo.find.layouts.LAYOUTS`.
         patches: (n) names in reading order from the chart's top left.
         values: (n, 681) reflectance on the grid, 0 to 1.
-        tolerance: (n,) one standard deviation of the table's relative error for a chart somebody owns, 1.
+        tolerance: (n,) one standard deviation of the table's relative error for an individual chart, dimensionless.
         white: index of the white patch.
-        source: in words for the report.
+        source: description for the report.
     """
 
     name: str
@@ -50,16 +50,17 @@ class ChartTable:
 
 
 ChartLike: TypeAlias = Name | ChartTable | Spectra | Mapping[str, Spectrum] | Pair
-"""What `read_chart` takes: a name or a file; a ChartTable; colour-science's MultiSpectralDistributions, or a mapping
-of patch names to SpectralDistributions; or a pair of arrays, wavelengths (w,) in nm and reflectances (n, w)."""
+"""What `read_chart` accepts: a name or a file; a ChartTable; colour-science's MultiSpectralDistributions, or a
+mapping of patch names to SpectralDistributions; or a pair of arrays, wavelengths (w,) in nm and reflectances
+(n, w)."""
 
 
 PUBLIC_CHART = 0.03
-"""Measured tables of one and the same product differ by 1 to 3 % RMS; so does somebody's chart."""
+"""Tolerance of a public table: measured tables of the same product differ by 1 to 3 % RMS."""
 
 
 MEASURED_CHART = 0.01
-"""A spectrophotometer on the chart itself leaves its own accuracy and the fading since."""
+"""Tolerance of a measurement of the user's own chart: accuracy of the instrument, and fading since then."""
 
 
 _CHART_MENU = (
@@ -72,31 +73,30 @@ _COUNTS = {24: "classic24", 140: "sg140"}
 
 
 def chart_names() -> tuple[str, ...]:
-    """Names that `read_chart` knows, besides files."""
+    """Names that `read_chart` accepts."""
     charts = bundled()["charts"]
     _first, *others = charts["tables"]
     return (*charts["names"], *(f"{chart}:{table}" for table in others for chart in charts["names"]))
 
 
 def read_chart(spec: ChartLike) -> ChartTable:
-    """Reflectances of a chart, by name, by file or as an object.
+    """Read the reflectances of a chart by name, by file or from an object.
 
     `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts,
     or Ohta's table with `:ohta`. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
-    them by position (A1 ...); `nano24:mine.csv` names its layout. Values above 2 are taken for percent. Outside a
-    file's wavelengths reflectance is held constant, which `source` says; it must cover 400 to 700 nm in steps of
-    20 nm at most.
+    them by position (A1 ...); `nano24:mine.csv` states its layout. If a value exceeds 2, all are read as percent. A
+    file must cover 400 to 700 nm in steps of 20 nm at most; reflectance is constant outside, which `source` states.
 
-    An object or a pair of arrays is read as a file is, its patches by their names or in reading order.
+    An object or a pair of arrays is read like a file, with its patches by their names or in reading order.
 
-    The tolerance is 3 % for a public table, because measured tables of one chart differ by 1 to 3 %, and 1 % for
-    a file or an object, which is taken for a measurement of the user's own chart. White is "white 9.5 (.05 D)" of the
-    public tables; of a file, E5 of an SG, else the brightest neutral patch.
+    The tolerance is 3 % for a public table and 1 % for a file or an object, which is assumed to be a measurement of
+    the user's own chart. The white patch is "white 9.5 (.05 D)" of the public tables; in a file, it is the brightest
+    neutral patch, or E5 of an SG if no patch is clearly brighter.
 
     Raises:
-        InvalidArgument: unknown name, a file that is no such table, or another number of patches.
+        InvalidArgument: unknown name, a file that is not such a table, or another number of patches.
         ChartUnfit: too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or the 24
-            colours in another order than reading order.
+            colours not in reading order.
 
     Example:
         >>> from camssf.spectra import read_chart
@@ -134,7 +134,7 @@ def read_chart(spec: ChartLike) -> ChartTable:
 
 
 def _given_chart(given: Spectra | Mapping[str, Spectrum] | Pair) -> ChartTable:
-    """A chart of objects or of arrays: as one of a file."""
+    """A chart from objects or from arrays, treated like a measured file."""
     found = sampled(
         given,
         "chart",
@@ -151,7 +151,7 @@ def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
 def _measured(
     name: str, path: Path, spectra: tuple[tuple[str, ...], Floats, Floats], layout: str | None, source: str
 ) -> ChartTable:
-    """A table of names, wavelengths and reflectances (n, w), once it is checked; `path` is what messages call it."""
+    """Check names, wavelengths and reflectances (n, w) and make a table; `path` is its name in messages."""
     names, wavelengths, table = spectra
     count = len(table)
     if count not in _COUNTS or (layout and (layout == "sg140") != (count == 140)):
@@ -189,9 +189,9 @@ def _measured(
 
 
 def _reading_order(names: tuple[str, ...]) -> list[int]:
-    """The file's rows in reading order where their names are positions, else as they stand.
+    """Indices of the file's rows in reading order if their names are positions, else in the file's order.
 
-    Letters are columns on the SG (A1 to N10) and on 24 patches A1 to F4; rows on 24 patches A1 to D6.
+    Letters are columns for the SG (A1 to N10) and for 24 patches A1 to F4; they are rows for 24 patches A1 to D6.
     """
     stand = list(range(len(names)))
     places = [re.fullmatch(r"([A-N])(\d{1,2})", name.upper()) for name in names]
@@ -204,7 +204,7 @@ def _reading_order(names: tuple[str, ...]) -> list[int]:
 
 
 def _check_order(values: Floats, path: Path) -> None:
-    """Refuse the 24 known colours upside down or column by column: every later number would be wrong."""
+    """Raise if the 24 known colours are listed upside down or by columns; all results would be wrong."""
     known = reflectances("BabelColor Average")
     cells = np.arange(24).reshape(4, 6)  # position in the file of each patch of the chart, if in reading order
     by_columns = np.arange(24).reshape(6, 4).T
@@ -225,7 +225,7 @@ def _rms(values: Floats) -> float:
 
 
 def _white(values: Floats, path: Path) -> int:
-    """The brightest neutral patch; E5 of an SG if none is plainly brighter (its border repeats the white)."""
+    """The brightest neutral patch, or E5 of an SG if none is clearly brighter (its border repeats the white)."""
     visible = values[:, (WAVELENGTHS >= 430) & (WAVELENGTHS <= 700)]
     level = visible.mean(axis=1)
     brightness = np.where(visible.std(axis=1) <= 0.08 * level, level, 0.0)

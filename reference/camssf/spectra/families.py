@@ -1,10 +1,10 @@
-"""Lamps that are known only by kind: a mean and modes, the directions in which L may be off, relative to the mean.
+"""Lamps of which only the kind is known: a mean spectrum and modes, the directions of its relative error.
 
-Daylight and bulbs have a formula: the family is its colour temperature, known to so many kelvin; its one mode is
-the change of ln L over one standard deviation, taken at the family's centre; nothing is searched. White LEDs and
-fluorescent lamps have tables: the modes are the principal components of the table's lamps, of power and not of its
-logarithm, since signals are sums of power, and of one mean power, since a scale of L is no evidence.
-`python -m benchmarks.lamps` prints how much of a lamp left out its family explains.
+Daylight and bulbs have a formula with one parameter, the colour temperature, with a mean and a standard deviation.
+Their one mode is the change of ln L over one standard deviation at the family's centre. White LEDs and fluorescent
+lamps have tables: the modes are the principal components of the table's lamps. Power is used, not its logarithm,
+because signals are sums of power; all lamps have the same mean power, because the scale of L carries no information.
+`python -m benchmarks.lamps` prints how much of a left-out lamp its family explains.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import numpy as np
 from camssf.grid import Floats
 
 DIMMEST = 1e-3
-"""Where a lamp has less than this share of its peak, it counts as having this: no logarithm, no ratio without end."""
+"""Smallest power in parts of the peak; smaller values are raised to it, for finite logarithms and ratios."""
 
 
 @dataclass(frozen=True)
 class Temperature:
-    """A family with a formula: centre and one standard deviation, K."""
+    """A family with a formula: centre and one standard deviation of its colour temperature, K."""
 
     centre: float
     spread: float
 
 
 @dataclass(frozen=True)
-class Kind:
-    """A family of tables: the CIE illuminants it is made of, how many components are kept, and what these leave.
+class LampKind:
+    """A family of tables: its CIE illuminants, the number of components, and the residual.
 
-    `left` is what the modes of the others leave of a lamp left out, RMS relative to the mean lamp from 400 to 700 nm,
-    as `python -m benchmarks.lamps` measures it: the family's smooth tolerance.
+    `left` is the residual of a left-out lamp after fitting the modes of the others, RMS relative to the mean lamp
+    from 400 to 700 nm, as `python -m benchmarks.lamps` measures it. It is the family's smooth tolerance.
     """
 
     members: tuple[str, ...]
@@ -41,32 +41,32 @@ class Kind:
     left: float
 
 
-FAMILIES: dict[str, Temperature | Kind] = {
+FAMILIES: dict[str, Temperature | LampKind] = {
     "daylight": Temperature(5800.0, 900.0),
     "bulb": Temperature(2700.0, 250.0),
-    "white-led": Kind((*(f"LED-B{i}" for i in range(1, 6)), "LED-BH1", "LED-V1", "LED-V2"), 5, 0.17),
-    "fluorescent": Kind((*(f"FL{i}" for i in range(1, 13)), *(f"FL3.{i}" for i in range(1, 16))), 8, 0.06),
+    "white-led": LampKind((*(f"LED-B{i}" for i in range(1, 6)), "LED-BH1", "LED-V1", "LED-V2"), 5, 0.17),
+    "fluorescent": LampKind((*(f"FL{i}" for i in range(1, 13)), *(f"FL3.{i}" for i in range(1, 16))), 8, 0.06),
 }
-"""The prior of a temperature is what outdoor light and sold bulbs span; LED-RGB1 is no white LED of a lamp shop."""
+"""The priors of temperature cover outdoor light and common bulbs. LED-RGB1 is not a common white LED."""
 
 
 def logarithm(power: Floats) -> Floats:
-    """ln L about its mean over the grid, (..., 681)."""
+    """ln L minus its mean over the grid, (..., 681)."""
     level = np.log(np.maximum(power, DIMMEST * power.max(axis=-1, keepdims=True)))
     return np.asarray(level - level.mean(axis=-1, keepdims=True))
 
 
 def temperature_mode(formula: Callable[[float], Floats], centre: float, spread: float) -> Floats:
-    """Change of ln L over one standard deviation of its temperature, (1, 681): a central difference."""
+    """Change of ln L over one standard deviation of the temperature, (1, 681), by a central difference."""
     rise = logarithm(formula(centre + spread)) - logarithm(formula(centre - spread))
     return np.asarray(0.5 * rise[None])
 
 
 def principal_modes(lamps: Sequence[Floats], components: int) -> tuple[Floats, Floats]:
-    """Mean power (681,) and modes (q, 681) of lamps (681,), all taken at the same mean power.
+    """Mean power (681,) and modes (q, 681) of lamps (681,), all scaled to the same mean power.
 
-    Modes are one standard deviation of a further lamp long. A spread estimated from n lamps falls short of that by
-    (n + 1) (n - 1) / (n (n - 3)) in squared length, the variance of Student's predictive distribution.
+    The length of a mode is one standard deviation of a new lamp. The variance estimated from n lamps is multiplied by
+    (n + 1) (n - 1) / (n (n - 3)) for this, the variance of Student's predictive distribution.
 
     Args:
         lamps: at least four.
@@ -75,7 +75,7 @@ def principal_modes(lamps: Sequence[Floats], components: int) -> tuple[Floats, F
     shapes = np.stack(lamps)
     shapes = shapes / shapes.mean(axis=1, keepdims=True)
     mean = shapes.mean(axis=0)
-    weights = np.linalg.svd(shapes - mean, full_matrices=False)[0].T  # of the lamps in each component
+    weights = np.linalg.svd(shapes - mean, full_matrices=False)[0].T  # of each lamp in each component
     n, q = len(shapes), min(components, len(shapes) - 1)
     modes = np.sqrt((n + 1) / (n * (n - 3))) * (weights[:q] @ (shapes - mean))
     return mean, modes / np.maximum(mean, DIMMEST * mean.max())

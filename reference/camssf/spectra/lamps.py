@@ -1,7 +1,7 @@
-"""Lamps by name, by temperature, by kind or by file.
+"""Reads lamps by name, by temperature, by kind, by file or from objects.
 
-Those known by name come from data/spectra.json, taken from colour-science. They are interpolated linearly: their
-tables have lines, and a smoother curve would overshoot beside each.
+Lamps known by name are in data/spectra.json, taken from colour-science. They are interpolated linearly, because
+smooth interpolation would overshoot at their spectral lines.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ import numpy as np
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, daylight, illuminant, planck
-from camssf.spectra.families import FAMILIES, Kind, Temperature, principal_modes, temperature_mode
+from camssf.spectra.families import FAMILIES, LampKind, Temperature, principal_modes, temperature_mode
+from camssf.spectra.lamp_aliases import lamp_aliases, resolve_lamp_alias
 from camssf.spectra.objects import Name, Pair, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
-from camssf.spectra.spoken import spoken, understood
 from camssf.spectra.tables import read_spectrum
 from camssf.spectra.text import looks_like_file, nearest, plain
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """The relative spectral power of a shot's light.
+    """The relative spectral power distribution of a shot's light.
 
     Attributes:
-        name: as asked for.
+        name: as given.
         values: (681,) on the grid, any scale, ≥ 0.
-        tolerance: one standard deviation of its smooth relative error, 1 (0.02 = 2 %).
-        modes: (q, 681) directions in which L may be off, relative to it, each one standard deviation long.
-        source: table, formula or file it came from, in words for the report.
+        tolerance: one standard deviation of its smooth relative error, dimensionless (0.02 = 2 %).
+        modes: (q, 681) directions of the relative error of L, each one standard deviation long.
+        source: its table, formula or file, in words for the report.
     """
 
     name: str
@@ -46,17 +46,17 @@ class Lamp:
 
 
 AUTO = "auto"
-"""A light that nobody named."""
+"""Name of an unnamed light."""
 
 
 @dataclass(frozen=True)
 class Unnamed:
-    """A light that nobody named: it has no spectrum yet, only the kinds that it may be of.
+    """An unnamed light: it has no spectrum yet, only its possible kinds.
 
     Attributes:
         name: "auto".
-        kinds: what it may be, each a lamp known only by kind.
-        source: in words for the report.
+        kinds: the possible kinds, each as a lamp.
+        source: description for the report.
     """
 
     name: str = AUTO
@@ -65,24 +65,24 @@ class Unnamed:
 
 
 Light: TypeAlias = Lamp | Unnamed
-"""What a shot was taken under, as it was told."""
+"""The light of a shot, as given."""
 LampLike: TypeAlias = Name | Lamp | Spectrum | Pair
-"""What `read_lamp` takes: a name, a formula or a file; a Lamp; colour-science's SpectralDistribution or whatever has
-`wavelengths` and `values`; or a pair of arrays, wavelengths in nm and power."""
+"""What `read_lamp` accepts: a name, a formula or a file; a Lamp; colour-science's SpectralDistribution or any object
+with `wavelengths` and `values`; or a pair of arrays, wavelengths in nm and power."""
 LightLike: TypeAlias = LampLike | Unnamed
-"""What `read_light` takes: that, or a light that nobody named."""
+"""What `read_light` accepts: a LampLike or an unnamed light."""
 
 
 NAMED_LAMP = 0.02
-"""A real lamp is never the table of its name: batches, age, voltage, dimmers, the walls of the room."""
+"""Tolerance of a lamp given by name: real lamps differ from the table by batch, age, voltage, dimmer and room."""
 
 
 MEASURED_LAMP = 0.01
-"""A spectrometer in the chart's own light leaves its calibration and its noise."""
+"""Tolerance of a measured lamp: calibration error and noise of the spectrometer."""
 
 
 NOISE_BELOW_ZERO = 0.005
-"""Dark-corrected spectrometers dip below zero by noise: this share of the peak is forgiven."""
+"""Negative power down to this share of the peak is accepted as noise of a dark-corrected spectrometer."""
 
 _LAMP_MENU = (
     "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
@@ -95,31 +95,29 @@ _LAMP_MENU = (
 
 
 def lamp_names() -> tuple[str, ...]:
-    """Names that `read_lamp` knows, besides `<T>K`, `D:<T>` and files."""
+    """Names that `read_lamp` accepts, in addition to `<T>K`, `D:<T>` and files."""
     return (*bundled()["lamps"], "equal-energy", *FAMILIES)
 
 
 def read_lamp(spec: LampLike) -> Lamp:
-    """Spectral power of the light, by name, formula, file or object, scaled to a mean of 1 on the grid.
+    """Read the spectral power of a lamp by name, formula, file or object, scaled to a mean of 1 on the grid.
 
     - A CIE illuminant: `A`, `D55`, `FL2` or `F2`, `LED-B3` ...; case, blanks and hyphens do not matter.
     - `2856K`: Planck's law with c₂ = 1.4388e-2 m K (CIE 15, ITS-90), 1000 to 20,000 K.
-    - `D:5500`: CIE daylight of that correlated colour temperature (CIE 15), 4000 to 25,000 K, taken as it stands.
+    - `D:5500`: CIE daylight of that correlated colour temperature (CIE 15), 4000 to 25,000 K, without correction.
       The D illuminants were named when c₂ was 1.4380e-2: D55 is `D:5503`, D65 is `D:6504`.
     - `equal-energy`: exactly 1 with tolerance 0, the paper's own assumption.
-    - A family whose member is not known: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and
-      modes in which it may be off.
-    - What people call it: `halogen`, `TL84`, `sun` ... (data/lamp-names.json); the lamp has the name that it is read
-      as, and `source` says what was asked for. Names that leave it open, as `flash`, are refused with what to say.
+    - A kind of lamp: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and modes of its error.
+    - A common name: `halogen`, `TL84`, `sun` ... (data/lamp-names.json). The lamp has the standard name, and `source`
+      states the given one. Ambiguous names, such as `flash`, are refused with advice.
     - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most: two
-      columns, CGATS (Argyll's .sp), IES TM-27 (.spdx), Sekonic's CSV or UPRtek's text, known by their content.
-      Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
-      grid's, power is averaged over each step of the grid, so that no narrow line is lost. Noise below zero, down
-      to 0.5 % of the peak, becomes 0.
-    - An object with `wavelengths` and `values`, or a pair of arrays, as a file; a Lamp as it is.
+      columns, CGATS (Argyll's .sp), IES TM-27 (.spdx), Sekonic's CSV or UPRtek's text, recognised by their content.
+      Outside its range the power is held constant, which `source` states. If its steps are finer than the grid's,
+      power is averaged over each step of the grid, so that no narrow line is lost. Negative noise, down to 0.5 % of
+      the peak, is set to 0.
+    - An object with `wavelengths` and `values`, or a pair of arrays, like a file; a Lamp is returned unchanged.
 
-    The tolerance is 2 % for a name or formula (a real lamp is never its table), 1 % for a file or an object, and for
-    a family of tables what its modes leave of a lamp left out.
+    The tolerance is 2 % for a name or formula, 1 % for a file or an object, `LampKind.left` for a family of tables.
 
     Example:
         >>> from camssf.spectra import read_lamp
@@ -130,8 +128,8 @@ def read_lamp(spec: LampLike) -> Lamp:
         camssf.errors.LampUnfit: lamp (given) has a gap of 150 nm: ...
 
     Raises:
-        InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is no such table.
-        LampUnfit: power that is negative, not finite or all zero, or a file that covers too little.
+        InvalidArgument: no lamp, unknown name, temperature out of range, or a file that is not such a table.
+        LampUnfit: power that is negative, not finite or all zero, or a file with too small a range or too large gaps.
     """
     if isinstance(spec, Lamp):
         return spec
@@ -164,7 +162,7 @@ def read_lamp(spec: LampLike) -> Lamp:
     elif looks_like_file(text):
         power, source = _measured_lamp(Path(text))
         tolerance = MEASURED_LAMP
-    elif meant := understood(text):
+    elif meant := resolve_lamp_alias(text):
         lamp = read_lamp(meant)
         return replace(lamp, source=f"{lamp.source}; {text!r} was asked for")
     else:
@@ -173,14 +171,14 @@ def read_lamp(spec: LampLike) -> Lamp:
                 f"The lamp {text!r} could be of two kinds.", f"Write {key}K for a bulb, D:{key} for daylight."
             )
         daylight = re.fullmatch(r"d(\d{2})", key)
-        names = (*lamp_names(), *(name for each in spoken() for name in each.names))
+        names = (*lamp_names(), *(name for each in lamp_aliases() for name in each.names))
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, names)
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
 
 
 def read_light(spec: LightLike) -> Light:
-    """`read_lamp`, or for `auto` a light that nobody named.
+    """Read a lamp with `read_lamp`; `auto` gives an unnamed light.
 
     Raises:
         InvalidArgument, LampUnfit: as `read_lamp`.
@@ -191,13 +189,13 @@ def read_light(spec: LightLike) -> Light:
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:
-    """The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
+    """Return the lamp with another tolerance: `2%`, `300K`, or both, `300K,1%`.
 
-    A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
+    A percentage replaces the lamp's smooth tolerance. A temperature adds a mode: the change of ln L over that many
     kelvin at the lamp's own temperature. Both are one standard deviation.
 
     Raises:
-        InvalidArgument: other text, or a temperature for a lamp that has none.
+        InvalidArgument: invalid text, or a temperature for a lamp without a colour temperature.
     """
     for part in filter(None, (p.strip() for p in text.split(","))):
         number = re.fullmatch(r"(\d+(?:\.\d+)?) ?(%|k)", part.casefold())
@@ -221,7 +219,7 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
 
 
 def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
-    """Formula and colour temperature of a lamp that has them."""
+    """Formula and colour temperature of a lamp; raises if it has none."""
     key = name.casefold().strip()
     if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
         return _planck, float(match[1])
@@ -245,7 +243,7 @@ def _family(name: str) -> Lamp:
     else:
         power, modes = principal_modes([illuminant(member) for member in family.members], family.components)
         source = f"mean and {len(modes)} principal components of {len(family.members)} CIE lamps"
-    tolerance = family.left if isinstance(family, Kind) else NAMED_LAMP
+    tolerance = family.left if isinstance(family, LampKind) else NAMED_LAMP
     return Lamp(name, frozen(power / power.mean()), tolerance, frozen(modes), source)
 
 
@@ -276,7 +274,7 @@ def _measured_lamp(path: Path) -> tuple[Floats, str]:
 
 
 def _given_lamp(given: Spectrum | Pair, modes: Floats) -> Lamp:
-    """A lamp of an object or of arrays: as one of a file."""
+    """A lamp from an object or from arrays, treated like a measured file."""
     found = sampled(
         given, "lamp", f"Give a name, a Lamp, an object with wavelengths and values, or both as arrays. {_LAMP_MENU}"
     )
@@ -288,7 +286,7 @@ def _given_lamp(given: Spectrum | Pair, modes: Floats) -> Lamp:
 
 
 def _power(wavelengths: Floats, power: Floats, path: Path) -> Floats:
-    """Measured power (w,) on the grid, (681,), once it is checked; `path` is what messages call it."""
+    """Check measured power (w,) and convert it to the grid, (681,); `path` is its name in messages."""
     check_wavelengths(wavelengths, path, LampUnfit)
     advice = "Measure it again, or name a lamp that is like it."
     peak = float(power.max())
@@ -313,10 +311,10 @@ def _power(wavelengths: Floats, power: Floats, path: Path) -> Floats:
 
 
 def _step_means(wavelengths: Floats, power: Floats) -> Floats:
-    """Mean over each step of the grid of the polygon through the samples, from its exact integral, (681,)."""
+    """Mean over each step of the grid, (681,), by exact integration of the linear interpolant of the samples."""
     edges = np.append(WAVELENGTHS - STEP / 2, WAVELENGTHS[-1] + STEP / 2)
     knots = np.union1d(wavelengths, edges)
     heights = np.interp(knots, wavelengths, power)
     area = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (heights[1:] + heights[:-1]) / 2)])
     means: Floats = np.diff(area[np.searchsorted(knots, edges)]) / STEP
-    return np.maximum(means, 0.0)  # a difference of sums may round below zero
+    return np.maximum(means, 0.0)  # rounding may make a difference of sums negative

@@ -1,4 +1,4 @@
-"""Objects and arrays that are spectra → wavelengths and values. Knows no library, only what its objects have."""
+"""Reads wavelengths and values from objects and arrays. It needs no library, only the objects' attributes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from camssf.grid import Floats
 
 
 class Spectrum(Protocol):
-    """One spectrum, as colour-science's SpectralDistribution; other objects that have these serve likewise."""
+    """One spectrum, such as colour-science's SpectralDistribution or any object with these attributes."""
 
     @property
     def wavelengths(self) -> Any:
@@ -27,7 +27,7 @@ class Spectrum(Protocol):
 
 
 class Spectra(Protocol):
-    """Several spectra, as colour-science's MultiSpectralDistributions."""
+    """Several spectra, such as colour-science's MultiSpectralDistributions."""
 
     @property
     def wavelengths(self) -> Any:
@@ -39,13 +39,13 @@ class Spectra(Protocol):
 
     @property
     def labels(self) -> Any:
-        """(n,) of the columns."""
+        """(n,) names of the columns."""
 
 
 Pair: TypeAlias = tuple[ArrayLike, ArrayLike]
-"""Wavelengths, nm, and values at them."""
+"""Wavelengths, nm, and the values there."""
 Name: TypeAlias = str | PathLike[str]
-"""What is known by name, or a file."""
+"""A known name, or a file's path."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class Sampled:
     """n spectra at the same wavelengths.
 
     Attributes:
-        name: what messages and results call them; no name that a table has.
-        source: in words for the report.
-        labels: (n,) of the spectra, empty where they have none.
+        name: for messages and results; differs from all names of tables.
+        source: description for the report.
+        labels: (n,) names of the spectra; empty if they have none.
         wavelengths: (w,) nm.
         values: (n, w).
     """
@@ -68,20 +68,20 @@ class Sampled:
 
 
 def is_one(given: Any) -> bool:
-    """Whether this is one spectrum or one set of spectra, not a list of such."""
+    """Whether this is one spectrum or one set of spectra, not a list of them."""
     return hasattr(given, "wavelengths") or isinstance(given, Mapping) or _is_pair(given)
 
 
 def sampled(given: Any, kind: str, advice: str) -> Sampled:
-    """The spectra that an object, a mapping of names to objects, or a pair of arrays holds.
+    """Read the spectra of an object, of a mapping from names to objects, or of a pair of arrays.
 
     Args:
-        given: not yet known to be any of these.
-        kind: what was asked for, "lamp".
-        advice: what to give instead.
+        given: any value; it is checked.
+        kind: the expected kind for messages, for example "lamp".
+        advice: advice for messages.
 
     Raises:
-        InvalidArgument: it is none of these, or its arrays do not fit together.
+        InvalidArgument: it is none of these, or the shapes of its arrays do not match.
     """
     if isinstance(given, Mapping) and given:
         parts = [sampled(each, kind, advice) for each in given.values()]
@@ -93,7 +93,7 @@ def sampled(given: Any, kind: str, advice: str) -> Sampled:
     if hasattr(given, "wavelengths") and hasattr(given, "values"):
         name, source = _name(given, kind), f"given as an object, {type(given).__name__}"
         pair, labels = (given.wavelengths, given.values), tuple(str(each) for each in getattr(given, "labels", ()))
-        turned = True  # a column a spectrum
+        turned = True  # one spectrum per column
     elif _is_pair(given):
         name, source, pair, labels = f"{kind} (given)", "given as arrays", tuple(given), ()
         turned = False
@@ -112,13 +112,13 @@ def sampled(given: Any, kind: str, advice: str) -> Sampled:
 
 
 def _name(given: Any, kind: str) -> str:
-    """The object's own name, marked: a result that says D65 must mean the table, not somebody's spectrum."""
+    """The object's own name, marked as given, so that D65 in a result always means the table."""
     words = " ".join(str(getattr(given, "name", "") or kind).replace("/", " ").replace("\\", " ").split())
     return f"{words[:80]} (given)"
 
 
 def _is_pair(given: Any) -> bool:
-    """Two numeric arrays, so not two names, two lamps or two such pairs."""
+    """Whether this is a pair of numeric arrays, not two names, two lamps or two such pairs."""
     if isinstance(given, str | bytes) or not hasattr(given, "__len__") or len(given) != 2:
         return False
     try:

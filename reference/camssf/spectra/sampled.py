@@ -1,4 +1,4 @@
-"""What the tables of lamps, charts and cameras share: which wavelengths will do, and how they come onto the grid."""
+"""Shared functions for tables of lamps, charts and cameras: checks of wavelengths, interpolation to the grid."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import sprague
 
-# A table must cover these, and leave no larger gap, nm.
+# A table must cover this range without a larger gap, nm.
 _FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
 
 
 @cache
 def colour_science() -> Any:
-    """The library, imported late and silently: it warns of optional packages that camssf does not use."""
+    """Import colour-science on first use, without its warnings about optional packages that camssf does not use."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -37,7 +37,7 @@ def colour_science() -> Any:
 
 
 def smooth(wavelengths: Floats, values: Floats) -> Floats:
-    """Sprague (CIE 167:2005) for even steps, else a cubic spline, to the grid; held constant outside. (681,)."""
+    """Interpolate to the grid, (681,): Sprague (CIE 167:2005) for even steps, else cubic spline; constant outside."""
     first, last = float(wavelengths[0]), float(wavelengths[-1])
     step = (last - first) / (len(wavelengths) - 1)
     if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=1e-3):
@@ -48,7 +48,11 @@ def smooth(wavelengths: Floats, values: Floats) -> Floats:
 
 
 def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
-    """Increasing, in nm, without gaps in the grid; `whole`: covering 400 to 700 nm. Too little raises `unfit`."""
+    """Check wavelengths: increasing, in nm, at least 6, no gap on the grid; with `whole`, covering 400 to 700 nm.
+
+    Raises:
+        InvalidArgument: they do not increase or are not in nm. Any other fault raises `unfit`.
+    """
     steps = np.diff(wavelengths)
     if len(wavelengths) < 2 or not np.isfinite(wavelengths).all() or steps.min() < 1e-3:
         raise InvalidArgument(f"The wavelengths in {path} do not increase.", "Sort them, in nm, each once.")
@@ -77,17 +81,17 @@ def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationEr
 
 
 def held(wavelengths: Floats) -> str:
-    """What to say of a table that does not cover the grid; nothing where it does."""
+    """A note for `source` if a table does not cover the grid; else an empty text."""
     if wavelengths[0] <= WAVELENGTHS[0] and wavelengths[-1] >= WAVELENGTHS[-1]:
         return ""
     return f", held constant outside {wavelengths[0]:g} to {wavelengths[-1]:g} nm"
 
 
 def text_of(spec: str | PathLike[str] | None) -> str:
-    """What was asked for, without spaces around it.
+    """The given name or path without surrounding spaces.
 
     Raises:
-        InvalidArgument: it is a URL, or holds one as in `nano24:https://...`.
+        InvalidArgument: it is a URL, or contains one as in `nano24:https://...`.
     """
     if spec is None:
         return ""
@@ -98,7 +102,7 @@ def text_of(spec: str | PathLike[str] | None) -> str:
 
 
 def frozen(values: Floats) -> Floats:
-    """A copy that nobody can change."""
+    """A read-only copy."""
     values = np.array(values, dtype=np.float64)
     values.setflags(write=False)
     return values

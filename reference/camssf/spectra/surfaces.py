@@ -1,4 +1,4 @@
-"""Real surfaces and standard observers on the grid, of data/colour.json (`camssf.tools.surfaces` writes it)."""
+"""Real surfaces and standard observers on the grid, from data/colour.json, which `tools.surfaces` writes."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ OBSERVERS = ("1931", "1964")
 
 @cache
 def surfaces() -> Floats:
-    """190 reflectances of real surfaces, (190, 681): rawtoaces' training data, straight between 5-nm nodes."""
+    """190 reflectances of real surfaces, (190, 681): rawtoaces' training data, linear between 5-nm nodes."""
     return _rows(_table()["surfaces"])
 
 
 @cache
 def observer(name: str) -> Floats:
-    """Colour-matching functions x̄ ȳ z̄, (681, 3): CIE 1931 (2°) or CIE 1964 (10°), straight between 1-nm nodes.
+    """Colour-matching functions x̄ ȳ z̄, (681, 3): CIE 1931 (2°) or CIE 1964 (10°), linear between 1-nm nodes.
 
     Raises:
-        InvalidArgument: another name.
+        InvalidArgument: unknown name.
     """
     if name not in OBSERVERS:
         raise InvalidArgument(f"No observer is called {name!r}.", f"Take {' or '.join(OBSERVERS)}.")

@@ -1,6 +1,6 @@
-"""Files of spectra → numbers: CSV, CGATS text and CxF here, each other format in `formats`.
+"""Reads files of spectra as numbers: CSV, CGATS text and CxF here, each other format in `readers`.
 
-Which format it is, the content says. Knows formats, not physics: `spectra` judges the values.
+The format is recognised by the content. The callers check the values.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.spectra.formats import CURVES, LAMPS
-from camssf.spectra.formats.cgats import exact_wavelengths, shows_light
+from camssf.spectra.readers import CURVES, LAMPS
+from camssf.spectra.readers.cgats import exact_wavelengths, shows_light
 from camssf.spectra.text import nearest, numbers_of, read_bytes, read_text, rows_of, tokens_of, wavelength_of
 
 DEVIATIONS = {"std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty"}
-"""Words by which a column is a standard deviation."""
+"""Words in a header that mark a column as a standard deviation."""
 LARGEST_DEVIATION = 0.2
-"""A third column without a name is the power's standard deviation up to this part of the largest power."""
+"""A third column without a header is a standard deviation if it stays below this part of the largest power."""
 
 
-class Spectra(NamedTuple):
-    """Named spectra on common wavelengths, as the file has them.
+class SpectraTable(NamedTuple):
+    """Named spectra at common wavelengths, as in the file.
 
     Attributes:
         names: (n) of the patches, or their numbers.
@@ -39,13 +39,13 @@ class Spectra(NamedTuple):
 
 
 def read_spectrum(path: Path) -> tuple[Floats, Floats]:
-    """Wavelengths and values, (w,) each, of a file with one spectrum.
+    """Read wavelengths and values, (w,) each, from a file with one spectrum.
 
-    Two columns, or three with the power's standard deviation, which is dropped; CGATS with one set, as Argyll's
-    `.sp`; one of `formats.LAMPS`.
+    The file has two columns, or three with the power's standard deviation, which is dropped; or is CGATS with one
+    set, as Argyll's `.sp`; or has one of the formats in `readers.LAMPS`.
 
     Raises:
-        InvalidArgument: the file cannot be read, or is no such table.
+        InvalidArgument: the file cannot be read, or is not such a table.
     """
     text = read_text(path)
     for each in LAMPS:
@@ -80,20 +80,20 @@ def read_spectrum(path: Path) -> tuple[Floats, Floats]:
 
 
 def _is_deviation(header: list[str], table: Floats) -> bool:
-    """Whether the third column is the power's standard deviation: its name says so, or, without one, its size."""
+    """Whether the third column is the power's standard deviation, by its header or, without one, by its size."""
     if len(header) == 3:
         return not DEVIATIONS.isdisjoint(re.findall("[a-zσ]+", header[2].casefold()))
     return bool((table[:, 2] >= 0).all() and table[:, 2].max() <= LARGEST_DEVIATION * table[:, 1].max())
 
 
-def read_spectra(path: Path) -> Spectra:
-    """The spectra of a chart's patches, in the file's order.
+def read_spectra(path: Path) -> SpectraTable:
+    """Read the spectra of a chart's patches, in the file's order.
 
-    CSV with a line of wavelengths (`380`, `nm380`, `SPECTRAL_NM380` ...) over a line for each patch, or with a
-    line for each wavelength; CGATS.17 text with spectral fields; CxF3 (`.cxf`).
+    Formats: CSV with a line of wavelengths (`380`, `nm380`, `SPECTRAL_NM380` ...) and then a line for each patch, or
+    with a line for each wavelength; CGATS.17 text with spectral fields; CxF3 (`.cxf`).
 
     Raises:
-        InvalidArgument: the file cannot be read, or is no such table.
+        InvalidArgument: the file cannot be read, or is not such a table.
     """
     text = read_text(path)
     if path.suffix.casefold() == ".cxf" or text.lstrip().startswith("<"):
@@ -102,14 +102,14 @@ def read_spectra(path: Path) -> Spectra:
 
 
 def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
-    """Camera's name, wavelengths (w,) nm and curves (w, 3) of a file.
+    """Read a camera's name, wavelengths (w,) in nm and curves (w, 3) from a file.
 
-    A CSV whose header names its columns, or of four columns without a header: wavelength, red, green, blue; CGATS
-    with three sets in that order, as Argyll's `.cmf`; or one of `formats.CURVES`. The name is the column `camera`,
-    else what the file says, else the file's own; `name` picks one of several cameras.
+    Formats: CSV whose header names its columns, or with four columns without a header: wavelength, red, green, blue;
+    CGATS with three sets in that order, as Argyll's `.cmf`; one of `readers.CURVES`. The name is from the column
+    `camera`, else from the file's content, else the file's own name; `name` selects one of several cameras.
 
     Raises:
-        InvalidArgument: the file cannot be read or is no such table; no camera of that name, or several.
+        InvalidArgument: the file cannot be read or is not such a table; no camera has that name; several and no name.
     """
     text = read_text(path)
     for each in CURVES:
@@ -159,16 +159,16 @@ def _three_sets(text: str, path: Path) -> tuple[Floats, Floats]:
 
 
 def pick(cameras: dict[str, tuple[Floats, Floats]], path: Path, name: str | None) -> tuple[str, Floats, Floats]:
-    """One of a file's cameras; errors as `one_of`."""
+    """Select one of a file's cameras; errors as in `one_of`."""
     label = one_of(tuple(cameras), path, name)
     return label, *cameras[label]
 
 
 def one_of(names: tuple[str, ...], path: Path, name: str | None) -> str:
-    """The camera of that name, or the only one.
+    """Select the camera of that name, or the only one.
 
     Raises:
-        InvalidArgument: there is none of that name, or there are several and none was named.
+        InvalidArgument: there is none of that name, or there are several and no name was given.
     """
     wish = (name or (names[0] if len(names) == 1 else "")).casefold()
     label = next((known for known in names if known.casefold() == wish), "")
@@ -188,7 +188,7 @@ def _no_chart(path: Path) -> InvalidArgument:
     )
 
 
-def _csv(text: str, path: Path) -> Spectra:
+def _csv(text: str, path: Path) -> SpectraTable:
     rows = rows_of(text)
     for i, row in enumerate(rows[:40]):  # instruments write a preamble
         if sum(wavelength_of(field) is not None for field in row) >= 10:
@@ -201,11 +201,11 @@ def _csv(text: str, path: Path) -> Spectra:
     count = table.shape[1] - 1
     header = rows[start - 1][1:] if start else []
     names = header if len(header) == count else [str(i + 1) for i in range(count)]
-    return Spectra(tuple(names), table[:, 0], table[:, 1:].T)
+    return SpectraTable(tuple(names), table[:, 0], table[:, 1:].T)
 
 
-def _under_wavelengths(header: list[str], body: list[list[str]], path: Path) -> Spectra:
-    """Rows of patches under a header of which some fields are wavelengths, others names."""
+def _under_wavelengths(header: list[str], body: list[list[str]], path: Path) -> SpectraTable:
+    """Read rows of patches under a header with wavelengths and other fields."""
     nm = {i: w for i, field in enumerate(header) if (w := wavelength_of(field)) is not None}
     if not body or any(len(row) != len(header) for row in body):
         raise _no_chart(path)
@@ -216,13 +216,13 @@ def _under_wavelengths(header: list[str], body: list[list[str]], path: Path) -> 
     known = ("sampleloc", "samplename", "patchname", "patch", "name", "sampleid", "id")
     columns = [words.index(word) for word in known if word in words] or [i for i in (0,) if i not in nm]
     named = [tuple(row[i] for row in body) for i in columns] + [tuple(str(i + 1) for i in range(len(body)))]
-    # A column of positions (A1 ...) orders the patches; without one, the first column of names.
+    # The patches' names are positions (A1 ...) if there is such a column, else the first column of names.
     positions = [names for names in named if all(re.fullmatch(r"[A-Na-n]\d{1,2}", name) for name in names)]
-    return Spectra((positions + named)[0], np.array(list(nm.values())), np.array(values, dtype=np.float64))
+    return SpectraTable((positions + named)[0], np.array(list(nm.values())), np.array(values, dtype=np.float64))
 
 
-def _cgats(text: str, path: Path) -> Spectra:
-    """The first table with spectral fields of a CGATS.17 file (Argyll's .ti3 and .sp are such files)."""
+def _cgats(text: str, path: Path) -> SpectraTable:
+    """Read the first table with spectral fields of a CGATS.17 file, such as Argyll's .ti3 and .sp."""
     clean = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("#"))
     for part in clean.split("BEGIN_DATA_FORMAT")[1:]:
         fields, _, rest = part.partition("END_DATA_FORMAT")
@@ -235,7 +235,7 @@ def _cgats(text: str, path: Path) -> Spectra:
         body = [
             [field.strip().strip('"') for field in line.split("\t")] for line in data.splitlines() if line.strip()
         ]
-        if any(len(row) != len(header) for row in body):  # not one set a line between tabs: blanks count, too
+        if any(len(row) != len(header) for row in body):  # not one tab-separated set per line: split at blanks
             words = tokens_of(data)
             body = [words[i : i + len(header)] for i in range(0, len(words), len(header))]
         found = _under_wavelengths(header, body, path)
@@ -245,8 +245,8 @@ def _cgats(text: str, path: Path) -> Spectra:
     )
 
 
-def _cxf(data: bytes, path: Path) -> Spectra:
-    """The reflectance spectra of a CxF3 file (ISO 17972-1), read by colour-cxf (BSD-3-Clause)."""
+def _cxf(data: bytes, path: Path) -> SpectraTable:
+    """Read the reflectance spectra of a CxF3 file (ISO 17972-1) with colour-cxf (BSD-3-Clause)."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -277,11 +277,11 @@ def _cxf(data: bytes, path: Path) -> Spectra:
         values = np.array([spectrum.value for _, spectrum, _ in found], dtype=np.float64)
     except InvalidArgument:
         raise
-    except Exception:  # the XML parsers behind it, and gaps in the tree, raise many kinds
+    except Exception:  # its XML parsers and missing elements raise many kinds
         found = []
     if not found or not all(np.array_equal(grid, grids[0]) for grid in grids):
         raise InvalidArgument(
             f"{path} is no CxF3 file with reflectance spectra on one set of wavelengths.",
             "Export it again; its ColorSpecification needs a WavelengthRange with StartWL and Increment.",
         )
-    return Spectra(tuple(name for name, _, _ in found), grids[0], values)
+    return SpectraTable(tuple(name for name, _, _ in found), grids[0], values)

@@ -1,4 +1,4 @@
-"""Files → text → rows: what every reader of spectra shares. Knows no format."""
+"""Reads text files and splits them into rows; shared by all readers of spectra."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ LARGEST_FILE = 20_000_000
 SUFFIXES = (
     "csv", "tsv", "txt", "spd", "sp", "cxf", "cgats", "ti3", "cie", "dat", "json", "spdx", "xls", "cmf",
 )  # fmt: skip
-"""Endings by which a name reads like a file that is not there. What a file holds is seen from its content."""
+"""Suffixes by which a text is taken for a file name. Formats are recognised by content, not by suffix."""
 
 
 def looks_like_file(text: str) -> bool:
-    """True for a path of a file that is there, or that reads like one."""
+    """Whether a text is the path of an existing file, or looks like a path."""
     if not text or "\0" in text:
         return False
     return bool(re.search(rf"\.({'|'.join(SUFFIXES)})$|[/\\]", text, re.IGNORECASE)) or is_file(text)
 
 
 def is_file(text: str) -> bool:
-    """True for a file that is there; a path too long to exist is none."""
+    """Whether the file exists; False also for a path that is too long."""
     try:
         return Path(text).is_file()
     except (OSError, ValueError):
@@ -37,7 +37,7 @@ def plain(name: str) -> str:
 
 
 def nearest(text: str, names: tuple[str, ...]) -> str:
-    """'Did you mean ...? ', or nothing where no name is near."""
+    """'Did you mean ...? ', or an empty text if no name is similar."""
     import difflib
 
     known = {plain(name): name for name in names}
@@ -46,10 +46,10 @@ def nearest(text: str, names: tuple[str, ...]) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's content.
+    """Read a file's content.
 
     Raises:
-        InvalidArgument: it is not there, too large, or cannot be read.
+        InvalidArgument: it does not exist, is too large, or cannot be read.
     """
     if not is_file(str(path)):
         raise InvalidArgument(f"There is no file {path}.", "Check the path.")
@@ -62,7 +62,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The file's text: UTF-8 or UTF-16 where it says so or is, else Latin-1; errors as `read_bytes`."""
+    """Read a file's text: UTF-16 with a byte order mark, else UTF-8, else Latin-1; errors as in `read_bytes`."""
     data = read_bytes(path)
     if data.startswith(PHOTO):
         raise InvalidArgument(f"{path} is {kind_of(data)}, not a table.", "Give a file of numbers, or a name.")
@@ -75,7 +75,7 @@ def read_text(path: Path) -> str:
 
 
 def rows_of(text: str) -> list[list[str]]:
-    """Fields of every line that is neither empty nor a comment; between them ; or tab or comma or blanks."""
+    """Split each line that is neither empty nor a comment into fields at semicolons, tabs, commas or blanks."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     separator = next((mark for mark in ";\t," if lines and mark in lines[-1]), None)
     if separator is None:
@@ -91,7 +91,7 @@ def rows_of(text: str) -> list[list[str]]:
 
 
 def numbers_of(fields: list[str]) -> list[float] | None:
-    """The fields as numbers, or None. A comma that is left is a decimal comma: half of Europe writes it."""
+    """The fields as numbers, or None. A comma inside a field is a decimal comma."""
     try:
         return [float(field.replace(",", ".")) for field in fields]
     except ValueError:
@@ -99,7 +99,7 @@ def numbers_of(fields: list[str]) -> list[float] | None:
 
 
 def wavelength_of(field: str) -> float | None:
-    """380 of 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380, SPECTRAL_NM_380 ...; None of anything else."""
+    """380 from 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380, SPECTRAL_NM_380 ...; None for anything else."""
     match = re.fullmatch(
         r"(?:spectral_?|spec_?|reflectance_?|r_?)?(?:nm_?)?(\d{3,4}(?:[.,]\d+)?) ?(?:nm)?", field.casefold()
     )
@@ -108,5 +108,5 @@ def wavelength_of(field: str) -> float | None:
 
 
 def tokens_of(text: str) -> list[str]:
-    """Words between blanks, as CGATS has them; what stands between quotes is one."""
+    """Split CGATS text at blanks; text in quotes is one word."""
     return [token.strip('"') for token in re.findall(r'"[^"\n]*"|[^\s"]+', text)]

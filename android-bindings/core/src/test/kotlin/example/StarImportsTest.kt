@@ -4,11 +4,12 @@ package example
 
 import org.camssf.*
 import org.camssf.colour.*
-import org.camssf.curves.*
-import org.camssf.evidence.*
+import org.camssf.fit.*
 import org.camssf.photo.*
 import org.camssf.photo.dng.*
+import org.camssf.recovery.*
 import org.camssf.spectra.*
+import org.camssf.verdict.*
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Test
 import java.io.File

@@ -1,11 +1,11 @@
 package org.camssf
 
-import org.camssf.curves.FoundLight
-import org.camssf.curves.Ssf
 import org.camssf.photo.Assumption
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
+import org.camssf.recovery.EstimatedLamp
+import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
 
 /** What an answer takes for granted, in words. */
@@ -67,7 +67,7 @@ internal object Assumptions {
             "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s)."
 
     /** A light that nobody named, in words. */
-    private fun unnamed(light: FoundLight): String {
+    private fun unnamed(light: EstimatedLamp): String {
         val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }
         return "nobody named the light; the signals of a chart and a phone say what it was: $kinds, " +

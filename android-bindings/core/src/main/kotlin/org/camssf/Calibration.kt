@@ -1,15 +1,15 @@
 package org.camssf
 
-import org.camssf.curves.Ssf
 import org.camssf.documents.CurvesCsv
 import org.camssf.documents.ResultJson
 import org.camssf.documents.Solution
-import org.camssf.evidence.Scores
-import org.camssf.evidence.Verdict
+import org.camssf.fit.Scores
 import org.camssf.photo.Assumption
 import org.camssf.photo.Begun
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
+import org.camssf.recovery.Ssf
+import org.camssf.verdict.Verdict
 
 /**
  * How to solve; null takes the default.

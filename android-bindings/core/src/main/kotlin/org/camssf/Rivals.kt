@@ -1,9 +1,9 @@
 package org.camssf
 
-import org.camssf.curves.Ssf
-import org.camssf.evidence.Light
-import org.camssf.evidence.Rival
+import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Light
+import org.camssf.verdict.Rival
 
 /** Other lamps in the place of those that were named: what rule 4 of the verdict weighs. */
 internal object Rivals {
@@ -21,20 +21,20 @@ internal object Rivals {
      * @param used (k, n) patches that entered it.
      * @param tell called before each run of the model.
      */
-    fun of(fit: Fit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
+    fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_RIVALLED) return emptyList()
-        fun evidence(lamps: List<Lamp>): Double {
+        fun observation(lamps: List<Lamp>): Double {
             tell()
             return fit.logEvidence(used, lamps, Light.NARROW * ssf.priorScale)
         }
         val named = fit.lamps.indices.filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()
         val lamps = if (named.size < fit.lamps.size) fit.under(ssf.kinds).lamps else fit.lamps
-        val given = evidence(lamps)
+        val given = observation(lamps)
         return named.flatMap { j ->
             Light.RIVALS.map { name ->
                 val others = lamps.toMutableList().also { it[j] = lamp(name) }
-                Rival(j, name, evidence(others) - given)
+                Rival(j, name, observation(others) - given)
             }
         }
     }

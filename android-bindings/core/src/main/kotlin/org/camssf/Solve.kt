@@ -1,19 +1,19 @@
 package org.camssf
 
-import org.camssf.curves.Engine
-import org.camssf.curves.Ssf
 import org.camssf.documents.Predictions
 import org.camssf.documents.Share
 import org.camssf.documents.Solution
 import org.camssf.documents.Uncertainty
-import org.camssf.evidence.Case
-import org.camssf.evidence.Foretold
-import org.camssf.evidence.Judge
-import org.camssf.evidence.Scores
-import org.camssf.evidence.Told
+import org.camssf.fit.Scores
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
 import org.camssf.photo.Signals
+import org.camssf.recovery.Engine
+import org.camssf.recovery.Ssf
+import org.camssf.verdict.Case
+import org.camssf.verdict.Foretold
+import org.camssf.verdict.Judge
+import org.camssf.verdict.VerdictInputs
 import kotlin.math.max
 
 /** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
@@ -36,7 +36,7 @@ internal class Solve(
         val asked = asked()
         val signals =
             Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(asked)
-        val asking = Fit(engines, capture, signals, settings)
+        val asking = CaptureFit(engines, capture, signals, settings)
         if (asking.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
                 "the basis has no prior, so it has no place for light that differs from patch to patch.",
@@ -54,7 +54,7 @@ internal class Solve(
             val own = BooleanArray(k * n) { signals.sharedUsed[it] && it / n == shot }
             curves(fit, VALIDATING, own, gamma)
         }
-        val told = Told(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
+        val told = VerdictInputs(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = asking.believed.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = asking.lamps.map { it.unnamed }
         val verdict = Judge.judge(
@@ -70,7 +70,7 @@ internal class Solve(
     }
 
     /** Null on a basis without a prior, which has no band. */
-    private fun uncertainty(fit: Fit, signals: Signals, ssf: Ssf, alone: List<Ssf>): Uncertainty? {
+    private fun uncertainty(fit: CaptureFit, signals: Signals, ssf: Ssf, alone: List<Ssf>): Uncertainty? {
         val shares = fit.shares(signals.sharedUsed, ssf) ?: return null
         val used = signals.sharedUsed
         val noise = (0 until 3 * k * n).filter { used[it / 3] }.map {
@@ -98,7 +98,7 @@ internal class Solve(
         return Uncertainty(ssf.halfWidth, alone.map { it.halfWidth }, budget)
     }
 
-    private fun evenness(fit: Fit): String {
+    private fun evenness(fit: CaptureFit): String {
         settings.lightPerPatch?.let { return "${percent(it, 1)} from patch to patch, the same for all channels" }
         if (fit.gains.modes.values.isEmpty()) return "none: a white frame was taken"
         val (plane, bowl) = listOf("plane", "bowl").map { percent(Rules.shipped.number("gains.$it"), 0) }
@@ -127,7 +127,7 @@ internal class Solve(
 
     /** A fit, told first: a chance to cancel. */
     private fun curves(
-        fit: Fit,
+        fit: CaptureFit,
         stage: Pair<String, Double>,
         used: BooleanArray,
         gamma: DoubleArray?,
@@ -142,7 +142,13 @@ internal class Solve(
      */
     private class Unseen(val values: DoubleArray, val std: DoubleArray?, val how: String)
 
-    private fun unseen(fit: Fit, signals: Signals, asked: BooleanArray, ssf: Ssf, bands: DoubleArray?): Unseen {
+    private fun unseen(
+        fit: CaptureFit,
+        signals: Signals,
+        asked: BooleanArray,
+        ssf: Ssf,
+        bands: DoubleArray?,
+    ): Unseen {
         val values = DoubleArray(3 * k * n) { Double.NaN }
         val std = bands?.let { DoubleArray(3 * k * n) { Double.NaN } }
         fun take(from: Ssf, band: DoubleArray?, shot: Int, patch: Int) {
@@ -182,7 +188,7 @@ internal class Solve(
         return Unseen(values, std, "each of ${taken.size} patches, by a fit that left its quarter of the chart out")
     }
 
-    private fun scores(fit: Fit, signals: Signals, ssf: Ssf, unseen: Unseen): Scores {
+    private fun scores(fit: CaptureFit, signals: Signals, ssf: Ssf, unseen: Unseen): Scores {
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen.values[3 * i + it].isFinite() } }
         val predicted =
             DoubleArray(unseen.values.size) { if (counts[it / 3]) unseen.values[it] else ssf.sharedPredicted[it] }

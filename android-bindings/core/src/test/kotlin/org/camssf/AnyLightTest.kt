@@ -6,12 +6,12 @@ import kotlinx.serialization.json.double
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.curves.LampPosterior
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
+import org.camssf.recovery.LampPosterior
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertArrayEquals

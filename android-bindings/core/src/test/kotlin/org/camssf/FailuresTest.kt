@@ -1,10 +1,5 @@
 package org.camssf
 
-import org.camssf.curves.Frames
-import org.camssf.curves.Known
-import org.camssf.curves.ModelInputs
-import org.camssf.curves.OnnxEngine
-import org.camssf.curves.Tensor
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
@@ -12,6 +7,11 @@ import org.camssf.photo.Region
 import org.camssf.photo.Shot
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
+import org.camssf.recovery.Frames
+import org.camssf.recovery.Known
+import org.camssf.recovery.ModelInputs
+import org.camssf.recovery.OnnxEngine
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals

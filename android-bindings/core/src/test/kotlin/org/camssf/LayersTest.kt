@@ -48,10 +48,10 @@ class LayersTest {
     }
 
     @Test
-    fun `the rooms are a ladder, and photo and curves do not know each other`() {
+    fun `the rooms are a ladder, and photo and recovery do not know each other`() {
         val order = ALLOWED.keys.toList()
         for ((room, below) in ALLOWED) assertTrue(below.all { order.indexOf(it) < order.indexOf(room) }, room)
-        assertTrue("curves" !in ALLOWED.getValue("photo") && "photo" !in ALLOWED.getValue("curves"))
+        assertTrue("recovery" !in ALLOWED.getValue("photo") && "photo" !in ALLOWED.getValue("recovery"))
     }
 
     @Test
@@ -74,11 +74,12 @@ class LayersTest {
             "ground" to emptySet(),
             "spectra" to setOf("ground"),
             "photo" to setOf("ground", "spectra"),
-            "curves" to setOf("ground", "spectra"),
-            "evidence" to setOf("ground", "spectra", "photo", "curves"),
-            "colour" to setOf("ground", "spectra", "photo", "curves", "evidence"),
-            "documents" to setOf("ground", "spectra", "photo", "curves", "evidence"),
-            "face" to setOf("ground", "spectra", "photo", "curves", "evidence", "colour", "documents"),
+            "recovery" to setOf("ground", "spectra"),
+            "fit" to setOf("ground", "spectra", "photo", "recovery"),
+            "verdict" to setOf("ground", "spectra", "photo", "recovery", "fit"),
+            "colour" to setOf("ground", "spectra", "photo", "recovery", "fit"),
+            "documents" to setOf("ground", "spectra", "photo", "recovery", "fit", "verdict"),
+            "face" to setOf("ground", "spectra", "photo", "recovery", "fit", "verdict", "colour", "documents"),
         )
     }
 }

@@ -1,9 +1,9 @@
 package org.camssf
 
-import org.camssf.curves.Choice
-import org.camssf.evidence.Light
 import org.camssf.model.Models
+import org.camssf.recovery.Choice
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Light
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue

@@ -13,8 +13,6 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.documents.ResultJson
-import org.camssf.evidence.Light
-import org.camssf.evidence.Status
 import org.camssf.photo.Capture
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
@@ -25,6 +23,8 @@ import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Light
+import org.camssf.verdict.Status
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull

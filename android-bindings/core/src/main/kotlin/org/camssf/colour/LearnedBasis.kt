@@ -1,7 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.Nodes
-import org.camssf.curves.BasisConstants
+import org.camssf.recovery.BasisConstants
 
 /**
  * A learned basis on the grid.

@@ -3,7 +3,7 @@ package org.camssf.colour
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
-import org.camssf.evidence.Colour
+import org.camssf.fit.Colour
 import kotlin.math.max
 import kotlin.math.sqrt
 

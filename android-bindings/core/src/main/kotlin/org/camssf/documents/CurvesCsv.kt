@@ -1,7 +1,7 @@
 package org.camssf.documents
 
 import org.camssf.Grid
-import org.camssf.curves.Ssf
+import org.camssf.recovery.Ssf
 import org.camssf.short
 
 /** Curves → CSV: wavelength_nm,red,green,blue at peak 1, then the standard deviations where known. */

@@ -9,17 +9,17 @@ import kotlinx.serialization.json.JsonObjectBuilder
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
-import org.camssf.curves.FoundLight
-import org.camssf.curves.Weight
-import org.camssf.evidence.Check
-import org.camssf.evidence.Colour
-import org.camssf.evidence.Reason
-import org.camssf.evidence.Verdict
+import org.camssf.fit.Colour
 import org.camssf.flatten
 import org.camssf.photo.Assumption
 import org.camssf.photo.Begun
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.EstimatedLamp
+import org.camssf.recovery.Hypothesis
+import org.camssf.verdict.Check
+import org.camssf.verdict.Reason
+import org.camssf.verdict.Verdict
 import kotlin.math.roundToInt
 import kotlin.math.sqrt
 
@@ -71,9 +71,9 @@ internal object ResultJson {
     }
 
     /** What the fit knows of each shot's light, where nobody named it, and of each patch by shot and number. */
-    private class Fit(val lights: List<FoundLight?>, val patch: (Int, Int) -> Fitted)
+    private class Fit(val lights: List<EstimatedLamp?>, val patch: (Int, Int) -> Fitted)
 
-    private fun weight(of: Weight): JsonObject = buildJsonObject {
+    private fun weight(of: Hypothesis): JsonObject = buildJsonObject {
         text("basis", of.basis)
         put("prior_scale", JsonPrimitive(of.priorScale))
         put("log_evidence", JsonPrimitive(of.logEvidence))

@@ -7,13 +7,13 @@ import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import org.camssf.Grid
-import org.camssf.curves.FoundLight
 import org.camssf.mean
 import org.camssf.photo.ChartPose
 import org.camssf.photo.InWork
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.EstimatedLamp
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
@@ -49,7 +49,7 @@ internal object ShotJson {
         signals: Signals?,
         table: ChartTable,
         colours: DoubleArray,
-        light: FoundLight?,
+        light: EstimatedLamp?,
         fitted: (Int) -> Fitted,
     ): JsonObject {
         val means = shot.means
@@ -142,7 +142,7 @@ internal object ShotJson {
         return DoubleArray(Grid.SIZE) { lamp.sharedValues[it] / mean }
     }
 
-    private fun found(light: FoundLight): JsonObject = buildJsonObject {
+    private fun found(light: EstimatedLamp): JsonObject = buildJsonObject {
         put("kinds", JsonObject(light.kinds.mapValues { JsonPrimitive(it.value) }))
         put("wavelength_nm", array(Grid.WAVELENGTHS))
         put("power", array(light.sharedPower))

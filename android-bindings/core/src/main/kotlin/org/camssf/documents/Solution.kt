@@ -1,11 +1,11 @@
 package org.camssf.documents
 
-import org.camssf.curves.Ssf
-import org.camssf.evidence.Scores
-import org.camssf.evidence.Verdict
+import org.camssf.fit.Scores
 import org.camssf.photo.Assumption
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
+import org.camssf.recovery.Ssf
+import org.camssf.verdict.Verdict
 
 /** A source's share (3) in the variance of the curves, and its size in words. */
 internal class Share(val source: String, val size: String, val share: DoubleArray)

@@ -105,7 +105,7 @@ public class Lamp internal constructor(
 
         /**
          * A light that nobody named: the signals tell its kind (daylight, bulb, white LED or fluorescent), for phones; what
-         * they told is in [org.camssf.curves.Ssf.lights]. A camera that may be no phone is refused with what to name. Of
+         * they told is in [org.camssf.recovery.Ssf.lights]. A camera that may be no phone is refused with what to name. Of
          * at most two shots of a capture; the runs of a model are four times as many for one of them, 16 times for two.
          */
         @JvmStatic

@@ -7,7 +7,7 @@ import kotlin.math.min
 
 /**
  * Finds the chart in a small picture: its corners, which way up, and how sure that is. The same rule as Python's
- * `camssf.photo.finder`; docs/finder.md says it in words.
+ * `camssf.photo.find`; docs/finder.md says it in words.
  *
  * Keeps its buffers from picture to picture: one finder for each thread that searches.
  */

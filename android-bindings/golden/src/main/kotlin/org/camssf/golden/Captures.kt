@@ -9,17 +9,12 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.Fit
+import org.camssf.CaptureFit
 import org.camssf.Grid
 import org.camssf.Rivals
 import org.camssf.Settings
 import org.camssf.Solve
 import org.camssf.Tell
-import org.camssf.curves.Engine
-import org.camssf.curves.FoundLight
-import org.camssf.curves.Tensor
-import org.camssf.evidence.Reasons
-import org.camssf.evidence.Status
 import org.camssf.photo.ChartPose
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
@@ -27,8 +22,13 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Normalise
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.Engine
+import org.camssf.recovery.EstimatedLamp
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Reasons
+import org.camssf.verdict.Status
 
 /** The stages that begin with the patch statistics of a whole capture: what a phone does after measuring. */
 internal class Captures(private val forms: Forms, private val frames: Statistics) {
@@ -66,7 +66,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val reasons = done.verdict.reasons
         fun words(of: List<String>) = JsonArray(of.map { JsonPrimitive(it) })
         fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
-        fun powers(of: (FoundLight) -> DoubleArray): Tensor {
+        fun powers(of: (EstimatedLamp) -> DoubleArray): Tensor {
             val all = lights.flatMap { light -> of(light).filterIndexed { at, _ -> at % 10 == 0 } }
             return Tensor(all.toDoubleArray(), lights.size, NODES)
         }
@@ -105,7 +105,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val capture = capture(case)
         val table = capture.chart
         val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
-        val fit = Fit(engines, capture, signals, settings(case))
+        val fit = CaptureFit(engines, capture, signals, settings(case))
         val ssf = fit.curves(signals.used, settings(case).gamma?.let { doubleArrayOf(it) })
         val found = Rivals.of(fit, ssf, signals.used) { }
         val k = capture.shots.size

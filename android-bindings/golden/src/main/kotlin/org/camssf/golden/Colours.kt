@@ -20,9 +20,9 @@ import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
 import org.camssf.colour.View
-import org.camssf.curves.Tensor
 import org.camssf.photo.LensShading
 import org.camssf.photo.Region
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.Lamp
 
 /** The stages colour, from a result document on, and regions, from a DNG on. */

@@ -6,7 +6,7 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.doubleOrNull
-import org.camssf.curves.Tensor
+import org.camssf.recovery.Tensor
 
 /** Equality of shapes and all values; 47 and 47.0 are one number. */
 internal object Exact {

@@ -2,12 +2,12 @@ package org.camssf.golden
 
 import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonPrimitive
-import org.camssf.curves.Tensor
 import org.camssf.finder.ChartFinder
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
 import org.camssf.flatten
 import org.camssf.photo.Mosaic
+import org.camssf.recovery.Tensor
 import kotlin.math.max
 import kotlin.math.sqrt
 

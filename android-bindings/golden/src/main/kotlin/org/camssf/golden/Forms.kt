@@ -10,7 +10,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
-import org.camssf.curves.Tensor
+import org.camssf.recovery.Tensor
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.max

@@ -12,19 +12,19 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.Grid
-import org.camssf.curves.Choice
-import org.camssf.curves.Engine
-import org.camssf.curves.Evidence
-import org.camssf.curves.Frames
-import org.camssf.curves.Known
-import org.camssf.curves.ModelInputs
-import org.camssf.curves.ModelOutputs
-import org.camssf.curves.OnnxEngine
-import org.camssf.curves.Penalties
-import org.camssf.curves.Recover
-import org.camssf.curves.Tensor
-import org.camssf.curves.Weight
 import org.camssf.photo.Normalise
+import org.camssf.recovery.Choice
+import org.camssf.recovery.Engine
+import org.camssf.recovery.Frames
+import org.camssf.recovery.Hypothesis
+import org.camssf.recovery.Known
+import org.camssf.recovery.ModelInputs
+import org.camssf.recovery.ModelOutputs
+import org.camssf.recovery.Observation
+import org.camssf.recovery.OnnxEngine
+import org.camssf.recovery.Penalties
+import org.camssf.recovery.Recover
+import org.camssf.recovery.Tensor
 import java.io.Closeable
 import java.io.File
 import java.security.MessageDigest
@@ -243,17 +243,17 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
 
     /** Cases that expect an error must be refused by the checks around the model. */
     private fun recover(case: GoldenCase): Map<String, Any?> {
-        Recover.recover(engine(case), evidence(case), null, penalties(case), priorScale(case))
+        Recover.recover(engine(case), observation(case), null, penalties(case), priorScale(case))
         return emptyMap()
     }
 
-    private fun evidence(case: GoldenCase): Evidence {
+    private fun observation(case: GoldenCase): Observation {
         fun given(name: String) = forms.resolve(case.inputs.getValue(name))
         val (chart, white, dark) = listOf("chart", "white", "dark").map { given(it) }
         val y = DoubleArray(chart.values.size) {
             (chart.values[it] - dark.values[it]) / (white.values[it] - dark.values[it])
         }
-        return Evidence(Tensor(y, *chart.shape), given("standard_error"), known(case))
+        return Observation(Tensor(y, *chart.shape), given("standard_error"), known(case))
     }
 
     private fun penalties(case: GoldenCase): Penalties {
@@ -264,11 +264,11 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
 
     /** What is weighed, and the answer; curves and bands on the 5-nm nodes, at peak 1. */
     private fun choice(case: GoldenCase): Map<String, Any?> {
-        val evidence = evidence(case)
+        val observation = observation(case)
         val (chart, white, dark) = listOf("chart", "white", "dark").map { forms.resolve(case.inputs.getValue(it)) }
         val prior = case.inputs.getValue("prior").jsonObject.mapValues { number(it.value)!! }
-        val ssf = Choice.recover(engines(case), evidence, Frames(chart, white, dark), penalties(case), prior)
-        fun weighed(of: (Weight) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
+        val ssf = Choice.recover(engines(case), observation, Frames(chart, white, dark), penalties(case), prior)
+        fun weighed(of: (Hypothesis) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
         val bases = ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale))) }
         return mapOf(
             "weighed" to JsonArray(bases),

@@ -1,7 +1,7 @@
 package org.camssf.golden
 
 import org.camssf.Grid
-import org.camssf.curves.Tensor
+import org.camssf.recovery.Tensor
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt

@@ -5,7 +5,6 @@ import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.curves.Tensor
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
 import org.camssf.photo.FrameMeans
@@ -16,6 +15,7 @@ import org.camssf.photo.PatchMeans
 import org.camssf.photo.Region
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
 import java.security.MessageDigest
 

@@ -13,22 +13,22 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
-import org.camssf.curves.Gains
-import org.camssf.curves.Ssf
-import org.camssf.curves.Tensor
-import org.camssf.curves.Weight
-import org.camssf.evidence.Case
-import org.camssf.evidence.Foretold
-import org.camssf.evidence.Judge
-import org.camssf.evidence.Rival
-import org.camssf.evidence.Told
 import org.camssf.photo.ChartPose
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.Gains
+import org.camssf.recovery.Hypothesis
+import org.camssf.recovery.Ssf
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Case
+import org.camssf.verdict.Foretold
+import org.camssf.verdict.Judge
+import org.camssf.verdict.Rival
+import org.camssf.verdict.VerdictInputs
 
 /** Gain modes of a case; null where it has none. */
 internal fun gains(inputs: JsonObject, forms: Forms): Gains? {
@@ -70,7 +70,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), null)
         val choice = (inputs["choice"] as? JsonArray).orEmpty().map { entry ->
             val (basis, scale, probability) = entry.jsonArray.map { it.jsonPrimitive }
-            Weight(basis.content, scale.double, 0.0, probability.double)
+            Hypothesis(basis.content, scale.double, 0.0, probability.double)
         }
         val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
         val variance = inputs["code_variance"]?.let { forms.resolve(it).values }
@@ -82,7 +82,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             val curves = Ssf.Curves(told("ssf"), std, told("code"), spread, told("predicted"), lamp.values)
             return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
         }
-        val told = Told(
+        val told = VerdictInputs(
             signals,
             table,
             lamps,
@@ -147,7 +147,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
             "named" to JsonArray(
                 each.map { one ->
-                    val suspect = one.accused()
+                    val suspect = one.bestExplanation()
                     val patch = suspect?.patch?.let { " $it" }.orEmpty()
                     JsonPrimitive(suspect?.let { it.cause.word + patch })
                 },
@@ -156,7 +156,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             "prior" to Tensor.scalar(joint.prior),
             "count" to joint.count,
             "z" to numbers(listOf(joint.z) + each.map { it.z }),
-            "gains" to numbers(each.flatMap { one -> one.suspects.map { it.gain } }),
+            "gains" to numbers(each.flatMap { one -> one.explanations.map { it.gain } }),
         )
     }
 

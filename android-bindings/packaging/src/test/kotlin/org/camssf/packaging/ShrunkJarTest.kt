@@ -38,7 +38,7 @@ class ShrunkJarTest {
     fun `golden vectors pass and results are the same with the rules that are shipped`() {
         val jar = shrink((ours + others).flatMap(::rules))
         val names = ZipFile(jar).use { zip -> zip.entries().toList().map { it.name } }
-        assertTrue(names.none { it == "org/camssf/curves/Recover.class" }, "nothing was renamed")
+        assertTrue(names.none { it == "org/camssf/recovery/Recover.class" }, "nothing was renamed")
         for (basis in listOf("phones", "cameras", "gaussian")) {
             assertTrue("org/camssf/model/camssf-$basis.onnx" in names, "the model of $basis is gone")
         }

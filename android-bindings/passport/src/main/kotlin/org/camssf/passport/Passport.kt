@@ -151,9 +151,9 @@ public class Passport internal constructor(
          */
         @JvmStatic
         @JvmOverloads
-        public fun drawUp(
+        public fun create(
             result: ByteArray,
-            said: Said = Said(),
+            said: PassportRequest = PassportRequest(),
             now: Instant = Clock.System.now(),
             photos: List<Photo> = emptyList(),
         ): Passport {

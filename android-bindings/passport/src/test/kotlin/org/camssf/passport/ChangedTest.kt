@@ -113,7 +113,7 @@ class ChangedTest {
     @Test
     fun `a foreign signature`() {
         val keys = Fixtures.pair()
-        val foreign = Passport.drawUp(Fixtures.SMALL.toByteArray(), now = Fixtures.LATER).sign(keys)
+        val foreign = Passport.create(Fixtures.SMALL.toByteArray(), now = Fixtures.LATER).sign(keys)
         refused(foreign, Fixtures.SIGNER, "not trusted")
         refused(small, keys.public, "not trusted")
         val both = listOf(Fixtures.SIGNER, keys.public)

@@ -40,12 +40,12 @@ class PhotosTest {
 
     @Test
     fun `unit and time are the photo's`() {
-        val found = Passport.drawUp(result, Said(CameraUnit(cameraId = "2")), now, listOf(photo))
+        val found = Passport.create(result, PassportRequest(CameraUnit(cameraId = "2")), now, listOf(photo))
         assertEquals(whole.copy(cameraId = "2"), found.unit)
         assertEquals("2026-11-20T09:15:00+01:00", found.captured)
-        val said = Said(captured = "2026-11-21T00:00")
-        assertEquals("2026-11-21T00:00:00", Passport.drawUp(result, said, now, listOf(photo)).captured)
-        val alone = Passport.drawUp(result, now = now)
+        val said = PassportRequest(captured = "2026-11-21T00:00")
+        assertEquals("2026-11-21T00:00:00", Passport.create(result, said, now, listOf(photo)).captured)
+        val alone = Passport.create(result, now = now)
         assertEquals(CameraUnit("Maker", "Model 1") to "", alone.unit to alone.captured)
         val claims = found.claims().toMap()
         assertEquals(
@@ -60,21 +60,24 @@ class PhotosTest {
     fun `of several shots the first that knows the time tells it`() {
         val silent = photo("silent.dng", "0000:00:00 00:00:00")
         val later = photo("later.dng", "2026:11:20 09:20:00")
-        val found = Passport.drawUp(result(silent, later, photo), now = now, photos = listOf(silent, later, photo))
+        val found = Passport.create(result(silent, later, photo), now = now, photos = listOf(silent, later, photo))
         assertEquals("2026-11-20T09:20:00+01:00" to whole, found.captured to found.unit)
     }
 
     @Test
     fun `what does not agree is refused, in Python's words`() {
-        fun refused(said: Said, photos: List<Photo>): String =
-            assertThrows<InvalidArgument> { Passport.drawUp(result, said, now, photos) }.message
-        val words = refused(Said(CameraUnit(serial = "x")), listOf(photo))
+        fun refused(said: PassportRequest, photos: List<Photo>): String =
+            assertThrows<InvalidArgument> { Passport.create(result, said, now, photos) }.message
+        val words = refused(PassportRequest(CameraUnit(serial = "x")), listOf(photo))
         assertEquals("Another camera by what a.dng says: serial is 'body 9' there, not 'x'.", words)
-        val sizes = refused(Said(CameraUnit(focalLength = 50.0)), listOf(photo))
+        val sizes = refused(PassportRequest(CameraUnit(focalLength = 50.0)), listOf(photo))
         assertEquals("Another camera by what a.dng says: focal_length is 24.7 there, not 50.0.", sizes)
         val other = photo("other.dng", "2026:11:20 09:16:00")
-        assertEquals("The result was not made from other.dng.", refused(Said(), listOf(other)))
-        assertTrue("what the result says: model is 'Model 1'" in refused(Said(CameraUnit(model = "2")), emptyList()))
+        assertEquals("The result was not made from other.dng.", refused(PassportRequest(), listOf(other)))
+        assertTrue(
+            "what the result says: model is 'Model 1'" in
+                refused(PassportRequest(CameraUnit(model = "2")), emptyList()),
+        )
     }
 
     private companion object {

@@ -101,16 +101,16 @@ class PythonsTest {
         val unit = CameraUnit("", "", "rear \uD800 wide", "Ä \"1\"\u0000\n\uD83D\uDE00", "24 mm", 5.4, 1.8)
         val whole = String(Fixtures.RESULT)
         val sayings = listOf(
-            Said() to whole,
-            Said(unit, "2026-11-20 10:00Z", "7\u2028", listOf("lamp\\3"), 90.5) to Fixtures.SMALL,
-            Said(
+            PassportRequest() to whole,
+            PassportRequest(unit, "2026-11-20 10:00Z", "7\u2028", listOf("lamp\\3"), 90.5) to Fixtures.SMALL,
+            PassportRequest(
                 captured = "2026-11-20T10:00:00.25+01:00", days = 36500.0, begins = Fixtures.LATER - 1.days,
             ) to Fixtures.SMALL,
         )
         val body = Base64.getMimeEncoder(64, "\n".toByteArray()).encodeToString(keys.public.encoded)
         val pem = "-----BEGIN PUBLIC KEY-----\n$body\n-----END PUBLIC KEY-----\n"
         val passports = sayings.map { (said, result) ->
-            val data = Passport.drawUp(result.toByteArray(), said, Fixtures.LATER - 2.days).sign(keys)
+            val data = Passport.create(result.toByteArray(), said, Fixtures.LATER - 2.days).sign(keys)
             val shown = Json.parseToJsonElement(Passport.show(data).toJson())
             val texts = mapOf("data" to String(data), "result" to result).mapValues { JsonPrimitive(it.value) }
             JsonObject(texts + ("shown" to shown))

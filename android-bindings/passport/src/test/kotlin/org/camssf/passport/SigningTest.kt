@@ -34,8 +34,8 @@ class SigningTest {
     @Test
     fun `a result goes in and comes out`() {
         val unit = CameraUnit(serial = "A1", lens = "35 mm", focalLength = 35.0)
-        val said = Said(unit, "2026-11-20", "chart 7", listOf("lamp 3"), days = 90.0)
-        val drawn = Passport.drawUp(result, said, now)
+        val said = PassportRequest(unit, "2026-11-20", "chart 7", listOf("lamp 3"), days = 90.0)
+        val drawn = Passport.create(result, said, now)
         val found = Passport.verify(drawn.sign(keys), listOf(keys.public), now = now + 1.days, result = result)
         assertEquals(drawn.toJson(), found.toJson())
         assertEquals(CameraUnit("Maker", "Model A", "", "A1", "35 mm", 35.0), found.unit)
@@ -47,14 +47,14 @@ class SigningTest {
         for (list in listOf(found.lampSerials, said.lampSerials)) {
             assertThrows<UnsupportedOperationException> { (list as MutableList<String>).add("another") }
         }
-        assertNotEquals(drawn.id, Passport.drawUp(result, said, now).id)
+        assertNotEquals(drawn.id, Passport.create(result, said, now).id)
         assertTrue(found.toString().startsWith("passport ${found.id} of CameraUnit(make=Maker"))
     }
 
     /** Half of a provider's signatures have the larger s; numbers of 31 bytes and of 33: all become 64 bytes. */
     @Test
     fun `a hundred signatures`() {
-        val drawn = Passport.drawUp(result, now = now)
+        val drawn = Passport.create(result, now = now)
         var high = 0
         repeat(100) {
             val data = drawn.sign(keys.public) { text ->
@@ -71,8 +71,13 @@ class SigningTest {
 
     @Test
     fun `what cannot be signed`() {
-        fun refused(words: String, data: String = Fixtures.SMALL, said: Said = Said(), at: Instant = now) {
-            val error = assertThrows<InvalidArgument> { Passport.drawUp(data.toByteArray(), said, at) }
+        fun refused(
+            words: String,
+            data: String = Fixtures.SMALL,
+            said: PassportRequest = PassportRequest(),
+            at: Instant = now,
+        ) {
+            val error = assertThrows<InvalidArgument> { Passport.create(data.toByteArray(), said, at) }
             assertTrue(words in error.message, error.message)
         }
         refused("not sound JSON", "{")
@@ -85,26 +90,26 @@ class SigningTest {
         refused("was refused", Fixtures.SMALL.replace("\"doubtful\"", "\"refused\""))
         refused("breaks its form", Fixtures.SMALL.replace("\"channel_gain\"", "\"no\""))
         refused("the excerpt", Fixtures.SMALL.replaceFirst("{", "{\"excerpt\": {}, "))
-        val long = Passport.drawUp(result, Said(chartSerial = "x".repeat(4097)), now)
+        val long = Passport.create(result, PassportRequest(chartSerial = "x".repeat(4097)), now)
         assertTrue("serials" in assertThrows<InvalidArgument> { long.sign(keys) }.message)
-        refused("2 serials of lamps for 1 shots", said = Said(lampSerials = listOf("a", "b")))
+        refused("2 serials of lamps for 1 shots", said = PassportRequest(lampSerials = listOf("a", "b")))
         for (days in listOf(0.0, -1.0, Double.NaN, Double.POSITIVE_INFINITY, 36501.0)) {
-            refused("days", said = Said(days = days))
+            refused("days", said = PassportRequest(days = days))
         }
-        refused("'Model A' there, not 'Other'", said = Said(CameraUnit(model = "Other")))
-        refused("focal_length", said = Said(CameraUnit(focalLength = Double.POSITIVE_INFINITY)))
-        refused("aperture", said = Said(CameraUnit(aperture = 0.0)))
-        refused("calendar", said = Said(begins = Instant.parse("9999-12-01T00:00:00Z")))
-        refused("calendar", said = Said(begins = Instant.parse("1969-12-01T00:00:00Z")))
-        refused("issued at", said = Said(begins = now), at = Instant.parse("1969-12-01T00:00:00Z"))
+        refused("'Model A' there, not 'Other'", said = PassportRequest(CameraUnit(model = "Other")))
+        refused("focal_length", said = PassportRequest(CameraUnit(focalLength = Double.POSITIVE_INFINITY)))
+        refused("aperture", said = PassportRequest(CameraUnit(aperture = 0.0)))
+        refused("calendar", said = PassportRequest(begins = Instant.parse("9999-12-01T00:00:00Z")))
+        refused("calendar", said = PassportRequest(begins = Instant.parse("1969-12-01T00:00:00Z")))
+        refused("issued at", said = PassportRequest(begins = now), at = Instant.parse("1969-12-01T00:00:00Z"))
         for (time in listOf("yesterday", "2026-02-29", "2026-13-01", "2026-01-01T24:00", "2026-01-01T10:00+25:00")) {
-            refused("is not a time", said = Said(captured = time))
+            refused("is not a time", said = PassportRequest(captured = time))
         }
     }
 
     @Test
     fun `its time`() {
-        val drawn = Passport.drawUp(result, Said(begins = now + 1.days, days = 1e-9), now)
+        val drawn = Passport.create(result, PassportRequest(begins = now + 1.days, days = 1e-9), now)
         val data = drawn.sign(keys)
         assertEquals(1.seconds, drawn.ends - drawn.begins)
         fun at(time: Instant) = Passport.verify(data, listOf(keys.public), now = time)
@@ -116,9 +121,10 @@ class SigningTest {
         )) {
             assertTrue(words in assertThrows<PassportInvalid> { at(time) }.message)
         }
-        val of2000 = Passport.drawUp(result, Said(begins = Instant.parse("2000-01-01T00:00:00Z")), now).sign(keys)
+        val begins = Instant.parse("2000-01-01T00:00:00Z")
+        val of2000 = Passport.create(result, PassportRequest(begins = begins), now).sign(keys)
         assertThrows<PassportInvalid> { Passport.verify(of2000, listOf(keys.public)) } // the clock's unless given
-        val ofNow = Passport.drawUp(result, Said(begins = Clock.System.now() - 1.days)).sign(keys)
+        val ofNow = Passport.create(result, PassportRequest(begins = Clock.System.now() - 1.days)).sign(keys)
         assertTrue(Passport.verify(ofNow, listOf(keys.public)).lampSerials == listOf(""))
     }
 
@@ -142,9 +148,9 @@ class SigningTest {
 
     @Test
     fun `the excerpt is what the signed result holds`() {
-        val drawn = Passport.drawUp(result, now = now)
+        val drawn = Passport.create(result, now = now)
         assertTrue(drawn.sign(keys).size < 100_000)
-        val other = Passport.drawUp(Fixtures.SMALL.replace("Model A", "Model B").toByteArray(), now = now)
+        val other = Passport.create(Fixtures.SMALL.replace("Model A", "Model B").toByteArray(), now = now)
         val claims = other.toJson().replace(other.resultSha256, drawn.resultSha256)
         val text = Base64Url.encode(Parts.header(PassportKeys.name(keys.public)).toByteArray()) + "." +
             Base64Url.encode(claims.toByteArray())
@@ -166,7 +172,7 @@ class SigningTest {
                 "P-256" in
                     assertThrows<InvalidArgument> { PassportKeys.readPublic(pem(other.public.encoded)) }.message,
             )
-            assertThrows<InvalidArgument> { Passport.drawUp(result).sign(other) }
+            assertThrows<InvalidArgument> { Passport.create(result).sign(other) }
             assertThrows<InvalidArgument> { Passport.verify(ByteArray(0), listOf(other.public)) }
         }
         val off = keys.public.encoded.also { it[it.size - 1] = (it.last() + 1).toByte() }
@@ -189,7 +195,7 @@ class SigningTest {
 
     @Test
     fun `two that are no pair, and signers that err`() {
-        val drawn = Passport.drawUp(result, now = now)
+        val drawn = Passport.create(result, now = now)
         assertThrows<InvalidArgument> { drawn.sign(KeyPair(keys.public, Fixtures.pair().private)) }
         val der = Fixtures.ecdsa(keys, ByteArray(1))
         for (wrong in listOf(ByteArray(0), ByteArray(64) { 1 }, der, der + 0, der.copyOf(der.size - 1))) {
@@ -204,7 +210,7 @@ class SigningTest {
     @Test
     fun `the private key is nowhere`() {
         val number = (keys.private as ECPrivateKey).s
-        val drawn = Passport.drawUp(result, now = now)
+        val drawn = Passport.create(result, now = now)
         val talking = object : PrivateKey {
             override fun getAlgorithm(): String = throw java.security.ProviderException("the key is $number")
             override fun getFormat(): String = "$number"
@@ -224,7 +230,7 @@ class SigningTest {
 
     @Test
     fun `a key of which only the interface is known verifies`() {
-        val drawn = Passport.drawUp(result, now = now)
+        val drawn = Passport.create(result, now = now)
         val own = keys.public as java.security.interfaces.ECPublicKey
         val foreign: PublicKey = object : java.security.interfaces.ECPublicKey by own {
             override fun getEncoded(): ByteArray? = null
@@ -234,7 +240,7 @@ class SigningTest {
 
     @Test
     fun `the version is the project's`() {
-        val text = File(System.getProperty("camssf.root"), "reference/camssf/__init__.py").readText()
-        assertTrue("\"${Passport.drawUp(result).software}\"" in text)
+        val text = File(System.getProperty("camssf.root"), "reference/camssf/version.py").readText()
+        assertTrue("\"${Passport.create(result).software}\"" in text)
     }
 }

@@ -7,7 +7,7 @@ import android.graphics.Paint
 import android.graphics.Path
 import android.view.View
 import org.camssf.Grid
-import org.camssf.curves.Ssf
+import org.camssf.recovery.Ssf
 
 /** Three curves over 380 to 720 nm, each of peak 1, with their 95 % bands. */
 internal class CurvesView(context: Context) : View(context) {

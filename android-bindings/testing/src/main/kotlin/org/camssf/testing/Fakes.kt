@@ -6,20 +6,20 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
 import org.camssf.Refused
-import org.camssf.curves.BasisConstants
-import org.camssf.curves.Ssf
-import org.camssf.curves.respond
 import org.camssf.documents.Predictions
 import org.camssf.documents.Solution
 import org.camssf.documents.Uncertainty
-import org.camssf.evidence.Reason
-import org.camssf.evidence.Scores
-import org.camssf.evidence.Status
-import org.camssf.evidence.Verdict
+import org.camssf.fit.Scores
 import org.camssf.photo.Assumption
 import org.camssf.photo.Begun
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
+import org.camssf.recovery.BasisConstants
+import org.camssf.recovery.Ssf
+import org.camssf.recovery.predictSignals
+import org.camssf.verdict.Reason
+import org.camssf.verdict.Status
+import org.camssf.verdict.Verdict
 
 /**
  * Results without a calibration, for an app's own tests: what its screens and files make of an answer, of a doubtful one
@@ -49,7 +49,7 @@ public object Fakes {
         val white = table.reflectance(table.white)
         val lamp = shot.lamp.values
         val values = scaled(curves ?: mean(), DoubleArray(Grid.SIZE) { white[it] * lamp[it] * Grid.STEP })
-        val predicted = respond(values, table.values, lamp, white)
+        val predicted = predictSignals(values, table.values, lamp, white)
         val r = BasisConstants.of(BASIS)!!.atoms
         val peaks = List(3) { c -> (0 until Grid.SIZE).maxOf { values[3 * it + c] } }
         val ssf = Ssf(

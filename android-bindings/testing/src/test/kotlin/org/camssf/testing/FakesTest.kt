@@ -7,8 +7,8 @@ import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Calibration
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
-import org.camssf.evidence.Status
 import org.camssf.photo.MeasuredShot
+import org.camssf.verdict.Status
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertThrows

@@ -1,0 +1,216 @@
+package org.camssf
+
+import org.camssf.fit.GainModes
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.Signals
+import org.camssf.recovery.AnyLight
+import org.camssf.recovery.Atoms
+import org.camssf.recovery.Budget
+import org.camssf.recovery.Choice
+import org.camssf.recovery.Engine
+import org.camssf.recovery.Frames
+import org.camssf.recovery.Gains
+import org.camssf.recovery.Known
+import org.camssf.recovery.LampGuess
+import org.camssf.recovery.Observation
+import org.camssf.recovery.OnnxEngine
+import org.camssf.recovery.Penalties
+import org.camssf.recovery.Recover
+import org.camssf.recovery.Ssf
+import org.camssf.recovery.Tensor
+import org.camssf.recovery.predictSignals
+import org.camssf.spectra.Lamp
+import kotlin.math.exp
+import kotlin.math.ln
+
+/**
+ * One capture's rows to curves, by the model, again and again: with some patches left out, with another lamp, by one shot
+ * alone.
+ *
+ * @param engines the models to choose from, or the one that was asked for.
+ * @param priorScale how much wider than its basis the prior of that one is taken.
+ */
+internal class CaptureFit(
+    private val engines: List<Engine>,
+    private val capture: MeasuredCapture,
+    private val signals: Signals,
+    private val settings: Settings,
+    private val priorScale: Double = 1.0,
+) {
+    private val table = capture.chart
+    private val n = table.patches.size
+    private val k = capture.shots.size
+
+    /** The paper's basis, which knows of no error in the chart and has no prior. */
+    val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
+
+    /** What the file's own words for maker and model say of the basis beforehand: odds by basis. */
+    val believed: Map<String, Double> = capture.shots[0].photo.let { Choice.believed(it.make, it.model) }
+
+    /** How the light on the patches may be off. */
+    val gains: Gains = if (paper) GainModes.none(capture) else GainModes.of(capture, settings.lightPerPatch)
+
+    /** Whether the shots have white frames. */
+    val framed: Boolean = capture.shots[0].means.white != null
+
+    /** Of the shots, as given. */
+    val lamps: List<Lamp> = capture.shots.map { it.lamp }
+
+    /** Reflectance (681) of what stood for white: the white frame's card, or the chart's own white patch. */
+    val white: DoubleArray
+
+    /** One standard deviation of its relative error, 1. */
+    val whiteTolerance: Double
+
+    init {
+        val share = capture.whiteReflectance ?: 1.0
+        white = if (framed) DoubleArray(Grid.SIZE) { share } else table.reflectance(table.white)
+        whiteTolerance = if (framed) WHITE_TOLERANCE else table.sharedTolerance[table.white]
+    }
+
+    /** The same on the basis, and in the light, that gave the answer: parts of it are held against these. */
+    fun settled(ssf: Ssf): CaptureFit {
+        if (ssf.choice.isEmpty()) return this
+        val lit = if (ssf.kinds.isEmpty()) capture else lit(ssf.kinds)
+        return CaptureFit(engines.filter { it.basis == ssf.basis }, lit, signals, settings, ssf.priorScale)
+    }
+
+    /** 1 - ĥ (k, n): times this, signals are what the answer says that even light would have given. */
+    fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
+
+    /** The same with every light of that kind; "" leaves the lamp that was named. */
+    fun under(kinds: List<String>): CaptureFit = CaptureFit(engines, lit(kinds), signals, settings, priorScale)
+
+    private fun lit(kinds: List<String>): MeasuredCapture {
+        val shots = capture.shots.mapIndexed { j, shot -> shot.under(light(shot.lamp, kinds[j])) }
+        return MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
+    }
+
+    private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
+
+    /** Patches, 0-based, that enter the fit of some shot, of `used` (k, n). */
+    fun taken(used: BooleanArray): IntArray =
+        (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
+
+    /**
+     * The curves of the `used` (k, n) patches; they predict all of them.
+     *
+     * @param gamma (1) or (3) the l1 penalty; null takes the settings' or the basis'.
+     * @param tell called before runs of a model that are many.
+     * @throws InvalidArgument more lights than can be told were not named.
+     * @throws LampUnfit a lamp without power on the grid.
+     * @throws NotConverged there is no proof.
+     */
+    fun curves(used: BooleanArray, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
+        val taken = taken(used)
+        val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, taken) }
+        val shown = Frames(frames[0], frames[1], frames[2])
+        val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
+        if (lamps.any { it.unnamed }) {
+            val asked = engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
+                ?: Choice.asked(engines, believed)
+            return AnyLight(asked, shown, penalties, tell).recover(guesses(used), table.sharedValues)
+        }
+        val given = observation(used, lamps)
+        val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
+            ?: Choice.recover(engines, given, shown, penalties, believed)
+        return found.predicting(predictSignals(found.sharedValues, table.sharedValues, found.sharedLamp, white))
+    }
+
+    /** All that the unnamed lights may be. */
+    private fun guesses(used: BooleanArray): List<LampGuess> {
+        val unnamed = lamps.count { it.unnamed }
+        if (unnamed > AnyLight.MOST) {
+            throw InvalidArgument(
+                "The light of $unnamed shots was not named; at most ${AnyLight.MOST} can be told at once.",
+                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
+            )
+        }
+        val kinds = lamps.fold(listOf(emptyList<String>())) { all, lamp ->
+            val own = if (lamp.unnamed) lamp.kinds.map { it.name } else listOf("")
+            all.flatMap { before -> own.map { before + it } }
+        }
+        return kinds.map { each ->
+            LampGuess(each, observation(used, lamps.mapIndexed { j, lamp -> light(lamp, each[j]) }))
+        }
+    }
+
+    /**
+     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, each basis with its prior so many times
+     * as wide. Where there are several it is that of the mixture, by the maker's odds but for their common sum.
+     */
+    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double {
+        val given = observation(used, lamps)
+        val each = engines.map { Recover.logEvidence(it, given, scale) }
+        if (each.size == 1) return each[0]
+        val weighed = engines.mapIndexed { i, engine -> each[i] + ln(believed[engine.basis] ?: 1.0) }
+        val most = weighed.max()
+        return most + ln(weighed.sumOf { exp(it - most) })
+    }
+
+    /**
+     * Where the band of an answer to the `used` (k, n) patches comes from: each source's share (3); null where there is no
+     * band.
+     */
+    fun shares(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
+        atoms(ssf)?.let { Budget.explain(observation(used, lamps), it) }
+
+    /** (k, n, 3) how far every patch's true signal may lie from what an answer to the `used` ones predicts; or null. */
+    fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? = atoms(ssf)?.let {
+        val all = BooleanArray(k * n) { true }
+        val level = level(ssf)
+        val shown = DoubleArray(3 * k * n) { at ->
+            // What was not used, as it would have been measured in this light.
+            if (used[at / 3]) signals.sharedValues[at] else ssf.sharedPredicted[at] / level[at / 3]
+        }
+        val errors = DoubleArray(3 * k * n) { at -> if (used[at / 3]) signals.sharedError[at] else HIDDEN }
+        val known = observation(all, lamps).known
+        Budget.bands(Observation(Tensor(shown, k, n, 3), Tensor(errors, k, n, 3), known), ssf, it)
+    }
+
+    private fun atoms(ssf: Ssf): Atoms? = if (ssf.sharedStd == null) null else Atoms.of(ssf.basis, ssf.priorScale)
+
+    /** Of values (k, n, 3) those of the taken patches. */
+    private fun rows(values: DoubleArray, taken: IntArray): Tensor {
+        val t = taken.size
+        val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + taken[at / 3 % t]) + at % 3] }
+        return Tensor(own, k, t, 3)
+    }
+
+    private fun observation(used: BooleanArray, lamps: List<Lamp>): Observation {
+        val taken = taken(used)
+        val t = taken.size
+        val unused = HIDDEN
+        val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else unused }
+        return Observation(
+            rows(signals.sharedValues, taken),
+            rows(hidden, taken),
+            Known(
+                Tensor(taken.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
+                Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[taken[it]] }, t),
+                Tensor(white, Grid.SIZE),
+                whiteTolerance,
+                Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
+                Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
+                modes(lamps),
+                gains.takeUnless { it.modes.values.isEmpty() }?.of(taken),
+            ),
+        )
+    }
+
+    /** (k, q, 681), filled up with zeros where a lamp has fewer. */
+    private fun modes(lamps: List<Lamp>): Tensor {
+        val q = lamps.maxOf { it.sharedModes.size }
+        val modes = DoubleArray(k * q * Grid.SIZE)
+        for ((j, lamp) in lamps.withIndex()) {
+            lamp.sharedModes.forEachIndexed { i, mode -> mode.copyInto(modes, (j * q + i) * Grid.SIZE) }
+        }
+        return Tensor(modes, k, q, Grid.SIZE)
+    }
+
+    private companion object {
+        /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
+        val HIDDEN get() = Rules.shipped.number("calibration.hidden")
+        val WHITE_TOLERANCE get() = Rules.shipped.number("calibration.white_tolerance")
+    }
+}

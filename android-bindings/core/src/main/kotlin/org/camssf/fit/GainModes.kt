@@ -1,0 +1,110 @@
+package org.camssf.fit
+
+import org.camssf.InvalidArgument
+import org.camssf.Rules
+import org.camssf.photo.ChartPose
+import org.camssf.photo.MeasuredCapture
+import org.camssf.recovery.Gains
+import org.camssf.recovery.Tensor
+import org.camssf.spectra.ChartLayout
+import kotlin.math.max
+
+/**
+ * Poses → gain modes: how the light on the patches may be off where no white frame says so. Python's
+ * camssf.fit.gain_modes, in its order.
+ */
+internal object GainModes {
+    /** Least share of the light that a level may leave. */
+    private const val DARKEST = 0.02
+
+    /**
+     * Gain modes (k, g, n) of a capture's patches. With a white frame the light on every patch is known: none. Without one
+     * the chart's white patch stands in for all, so that the light is told relative to it: X and Y, X², XY and Y², and a
+     * level of its own, each less its value there.
+     *
+     * @param perPatch how much the light on one patch may differ from that on any other, where each was photographed for
+     *   itself; null where they stood in one photo.
+     * @throws InvalidArgument light that differs by nothing, or by more than all of it.
+     */
+    fun of(capture: MeasuredCapture, perPatch: Double?): Gains {
+        val white = capture.chart.white
+        val n = capture.chart.patches.size
+        val k = capture.shots.size
+        val framed = capture.shots[0].means.white != null
+        val (each, own) = when {
+            perPatch != null -> {
+                if (!(perPatch > 0 && perPatch <= 1)) {
+                    throw InvalidArgument(
+                        "light cannot differ by $perPatch from patch to patch.",
+                        "Write 8 % as 0.08.",
+                    )
+                }
+                val ways = List(k) { onePerPatch(n, perPatch, white.takeUnless { framed }) }
+                ways to 0.0
+            }
+
+            framed -> List(k) { emptyList<DoubleArray>() } to 0.0
+
+            else -> capture.shots.map { smooth(it.pose, white, n) } to Rules.shipped.number("gains.own")
+        }
+        val g = each[0].size
+        val modes = DoubleArray(k * g * n) { each[it / (g * n)][it / n % g][it % n] }
+        return Gains(Tensor(modes, k, g, n), own)
+    }
+
+    /** No modes: on a basis without a prior, which has no place for them. */
+    fun none(capture: MeasuredCapture): Gains {
+        val (k, n) = capture.shots.size to capture.chart.patches.size
+        return Gains(Tensor(DoubleArray(0), k, 0, n), 0.0)
+    }
+
+    /** A mode a patch; the white's own gain, where it stands in, is in all others. */
+    private fun onePerPatch(n: Int, size: Double, white: Int?): List<DoubleArray> {
+        val alone = (0 until n).filter { it != white }.map { i -> DoubleArray(n) { if (it == i) size else 0.0 } }
+        return if (white == null) alone else alone + DoubleArray(n) { if (it == white) 0.0 else size }
+    }
+
+    /** Plane, bowl and the white's own level over the patches of one photo, relative to patch `white`. */
+    private fun smooth(pose: ChartPose, white: Int, n: Int): List<DoubleArray> {
+        val (x, y) = places(pose, n)
+        val plane = Rules.shipped.number("gains.plane")
+        val bowl = Rules.shipped.number("gains.bowl")
+        val corner = Rules.shipped.number("gains.corner")
+        val bent = listOf<(Int) -> Double>(
+            { plane * x[it] },
+            { plane * y[it] },
+            { bowl * x[it] * x[it] },
+            { bowl * x[it] * y[it] },
+            { bowl * y[it] * y[it] },
+        )
+        // A level of its own only where the white stands at the chart's edge: in the middle a bowl knows its light.
+        val layout = ChartLayout.of(pose.layout)
+        val edge = layout == null ||
+            white % layout.columns in setOf(0, layout.columns - 1) ||
+            white / layout.columns in setOf(0, layout.rows - 1)
+        val ways = if (edge) bent + { if (it == white) -corner else 0.0 } else bent
+        return ways.map { way -> DoubleArray(n) { way(it) - way(white) } }
+    }
+
+    /** Where the patches stand in the photo: 0 in their middle, from -1 to 1 along the longer side. */
+    private fun places(pose: ChartPose, n: Int): List<DoubleArray> {
+        val centres = List(2) { axis ->
+            DoubleArray(n) { i -> (0..3).sumOf { pose.sharedQuads[8 * i + 2 * it + axis] } / 4 }
+        }
+        val size = max(centres.maxOf { it.max() - it.min() }, 1.0)
+        return centres.map { axis ->
+            val ends = axis.min() + axis.max()
+            DoubleArray(n) { (2.0 * axis[it] - ends) / size }
+        }
+    }
+
+    /** 1 - ĥ (k, n) of v̂ (k, g): times this, signals are what the answer says that even light would have given. */
+    fun level(gains: Gains, code: DoubleArray): DoubleArray {
+        val (k, g, n) = gains.modes.shape
+        if (code.isEmpty()) return DoubleArray(k * n) { 1.0 }
+        return DoubleArray(k * n) { at ->
+            val (j, i) = at / n to at % n
+            max(1.0 - (0 until g).sumOf { code[j * g + it] * gains.modes.values[(j * g + it) * n + i] }, DARKEST)
+        }
+    }
+}

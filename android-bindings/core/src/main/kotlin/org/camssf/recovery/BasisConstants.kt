@@ -1,0 +1,96 @@
+package org.camssf.recovery
+
+import org.camssf.Nodes
+import org.camssf.model.Models
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+
+/**
+ * A learned basis on the nodes: the constants `mean` and `dictionary` of its model, the very numbers that the curves were
+ * found with, so that no table of them ships beside it.
+ *
+ * @property mean μ, (3, 69).
+ * @property dictionary Ψ, (3, 69, r).
+ */
+internal class BasisConstants private constructor(val mean: DoubleArray, val dictionary: DoubleArray) {
+    /** r. */
+    val atoms: Int get() = dictionary.size / mean.size
+
+    companion object {
+        private val NAMES = listOf("phones", "cameras")
+        private val made = HashMap<String, BasisConstants>()
+
+        /** Of the shipped model of this name; null for any other name. */
+        fun of(name: String): BasisConstants? = if (name in NAMES) {
+            synchronized(made) { made.getOrPut(name) { read(Models.read("camssf-$name.onnx")) } }
+        } else {
+            null
+        }
+
+        private fun read(model: ByteArray): BasisConstants {
+            val tensors = Message(ByteBuffer.wrap(model)).all(GRAPH)
+                .flatMap { Message(it).all(INITIALIZER) }.map { Constant(it) }
+            val mean = tensors.single { it.name == "mean" }.values
+            val atoms = tensors.single { it.name == "dictionary" }.values
+            check(mean.size == 3 * Nodes.SIZE && atoms.isNotEmpty() && atoms.size % mean.size == 0) {
+                "another model"
+            }
+            return BasisConstants(mean, atoms)
+        }
+
+        private const val GRAPH = 7
+        private const val INITIALIZER = 5
+        private const val NAME = 8
+        private const val RAW_DATA = 9
+    }
+
+    /** TensorProto, float64. */
+    private class Constant(content: ByteBuffer) {
+        private val message = Message(content)
+        val name: String = message.all(NAME).single().let { each ->
+            ByteArray(each.remaining()).also { each.get(it) }.decodeToString()
+        }
+
+        /** Only of the two that are wanted: others have other types. */
+        val values: DoubleArray by lazy {
+            val raw = message.all(RAW_DATA).single().order(ByteOrder.LITTLE_ENDIAN).asDoubleBuffer()
+            DoubleArray(raw.remaining()).also { raw.get(it) }
+        }
+    }
+
+    /** A message of protocol buffers: fields of a length, found by number; all others are passed over. */
+    private class Message(private val content: ByteBuffer) {
+        fun all(field: Int): List<ByteBuffer> {
+            val at = content.duplicate()
+            val found = ArrayList<ByteBuffer>()
+            while (at.hasRemaining()) {
+                val key = whole(at).toInt()
+                when (key and 7) {
+                    0 -> whole(at)
+
+                    1 -> at.position(at.position() + 8)
+
+                    2 -> {
+                        val size = whole(at).toInt()
+                        if (key shr 3 == field) found += at.slice().apply { limit(size) }
+                        at.position(at.position() + size)
+                    }
+
+                    else -> at.position(at.position() + 4)
+                }
+            }
+            return found
+        }
+
+        private fun whole(at: ByteBuffer): Long {
+            var value = 0L
+            var shift = 0
+            while (true) {
+                val byte = at.get().toLong()
+                value = value or (byte and 127 shl shift)
+                if (byte >= 0) return value
+                shift += 7
+            }
+        }
+    }
+}

@@ -1,0 +1,79 @@
+package org.camssf.recovery
+
+import org.camssf.Grid
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/**
+ * Answers to the same signals, each with its share of 1, by the law of total variance.
+ *
+ * Curves of peak 1 are mixed, s̄ = Σ w s, and their variance is Σ w (σ² + (s - s̄)²).
+ *
+ * @param weights of any sum.
+ */
+internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
+    val shares: List<Double> = weights.map { it / weights.sum() }
+    private val parts = answers.indices.map { Part(answers[it], shares[it]) }
+
+    /** The likeliest, by its place. */
+    val best: Int = shares.indices.maxByOrNull { shares[it] }!!
+
+    /** (681, 3) mean curves of peak 1. */
+    private val mean = DoubleArray(3 * Grid.SIZE) { at -> parts.sumOf { it.share * it.curves[at] } }
+
+    /**
+     * The mixture; all that belongs to one basis or one lamp is the likeliest answer's.
+     *
+     * @param known what that answer was told, whose first lamp fixes the scale.
+     * @param lamp (k, 681) of the mixture.
+     * @param predicted (k, n, 3); null where the mean curves shall predict.
+     */
+    fun ssf(known: Known, lamp: DoubleArray, predicted: DoubleArray? = null): Ssf {
+        val white = known.whiteReflectance.values
+        val scale = DoubleArray(3) { c ->
+            (0 until Grid.SIZE).sumOf { white[it] * known.lamp.values[it] * Grid.STEP * mean[3 * it + c] }
+        }
+        val values = DoubleArray(mean.size) { mean[it] / scale[it % 3] }
+        val likeliest = answers[best]
+        val std = likeliest.sharedStd?.let {
+            DoubleArray(mean.size) { at ->
+                val variance = parts.sumOf { part ->
+                    val off = part.curves[at] - mean[at]
+                    part.share * (part.bands!![at] * part.bands[at] + off * off)
+                }
+                sqrt(variance) / scale[at % 3]
+            }
+        }
+        val steps = answers.map { it.sharedFinishSteps }
+            .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
+        val proof =
+            Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, likeliest.logEvidence)
+        val seen = predicted ?: predictSignals(values, known.reflectance.values, lamp, white)
+        return likeliest.mixed(values, std, seen, lamp, mean { it.sharedGainCode }, proof)
+    }
+
+    /** (3) share of each channel's variance that stands between the answers. */
+    fun between(): DoubleArray = DoubleArray(3) { c ->
+        val (apart, own) = listOf<(Part, Int) -> Double>(
+            { part, at -> (part.curves[at] - mean[at]).let { it * it } },
+            { part, at -> part.bands!![at] * part.bands[at] },
+        ).map { square -> (0 until Grid.SIZE).sumOf { m -> parts.sumOf { it.share * square(it, 3 * m + c) } } }
+        apart / (apart + own)
+    }
+
+    /** Σ w v of what each answer has. */
+    fun mean(of: (Ssf) -> DoubleArray): DoubleArray {
+        val each = answers.map(of)
+        return DoubleArray(each[0].size) { at -> each.indices.sumOf { shares[it] * each[it][at] } }
+    }
+
+    private fun largest(of: (Ssf) -> DoubleArray): DoubleArray =
+        answers.map(of).reduce { a, b -> DoubleArray(a.size) { max(a[it], b[it]) } }
+
+    /** An answer at peak 1, and its weight. */
+    private class Part(of: Ssf, val share: Double) {
+        private val peak = DoubleArray(3) { c -> (0 until Grid.SIZE).maxOf { of.sharedValues[3 * it + c] } }
+        val curves = DoubleArray(3 * Grid.SIZE) { of.sharedValues[it] / peak[it % 3] }
+        val bands = of.sharedStd?.let { std -> DoubleArray(std.size) { std[it] / peak[it % 3] } }
+    }
+}

@@ -1,0 +1,162 @@
+package org.camssf.recovery
+
+import ai.onnxruntime.OnnxTensor
+import ai.onnxruntime.OrtException
+import ai.onnxruntime.OrtLoggingLevel
+import ai.onnxruntime.OrtSession
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.model.Models
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import java.nio.DoubleBuffer
+
+/** ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same. */
+internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
+    private val environment = OnnxLibrary.environment()
+    private val options = OrtSession.SessionOptions()
+    private val session: OrtSession
+    private var open = true
+
+    override val sha256: String = Models.sha256(content)
+    override val metadata: Map<String, String>
+
+    init {
+        try {
+            options.setIntraOpNumThreads(1)
+            options.setInterOpNumThreads(1)
+            options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
+            // The graph that was checked is the graph that runs; it also loads in half the time.
+            options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
+            options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
+            options.addConfigEntry("session.intra_op.allow_spinning", "0")
+            options.addConfigEntry("mlas.disable_kleidiai", "1")
+            session = environment.createSession(content, options)
+        } catch (error: Throwable) {
+            options.close()
+            throw error
+        }
+        metadata = try {
+            session.metadata.customMetadata
+        } catch (error: Throwable) {
+            close()
+            throw error
+        }
+    }
+
+    @Synchronized
+    override fun run(inputs: ModelInputs): ModelOutputs {
+        check(open) { "This SsfCalibrator was closed. Open another." }
+        try {
+            return answer(inputs)
+        } catch (error: OrtException) {
+            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
+        }
+    }
+
+    private fun answer(inputs: ModelInputs): ModelOutputs {
+        val known = inputs.known
+        val modes = known.lampModes
+        val given = linkedMapOf(
+            "chart" to inputs.frames.chart,
+            "white" to inputs.frames.white,
+            "dark" to inputs.frames.dark,
+            "standard_error" to inputs.standardError,
+            "reflectance" to known.reflectance,
+            "chart_tolerance" to known.chartTolerance,
+            "white_reflectance" to known.whiteReflectance,
+            "white_tolerance" to Tensor.scalar(known.whiteTolerance),
+            "lamp" to known.lamp,
+            "lamp_tolerance" to known.lampTolerance,
+            // The model takes at least one; one that is nowhere is none.
+            "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
+            "gain_modes" to gainModes(inputs),
+            "gain_own" to Tensor.scalar(known.gains?.own ?: 0.0),
+            "l2" to Tensor.scalar(inputs.l2),
+            "gamma" to Tensor.scalar(inputs.gamma),
+            "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
+            "prior_scale" to Tensor.scalar(inputs.priorScale),
+        )
+        val tensors = LinkedHashMap<String, OnnxTensor>()
+        try {
+            given.mapValuesTo(tensors) { tensor(it.value) }
+            session.run(tensors).use { result ->
+                return ModelOutputs { name ->
+                    val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
+                    DoubleArray(buffer.remaining()).also { buffer.get(it) }
+                }
+            }
+        } finally {
+            tensors.values.forEach { it.close() }
+        }
+    }
+
+    private fun gainModes(inputs: ModelInputs): Tensor {
+        val modes = inputs.known.gains?.modes
+        if (modes != null && modes.values.isNotEmpty()) return modes
+        val shape = inputs.frames.chart.shape
+        return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })
+    }
+
+    private fun tensor(value: Tensor): OnnxTensor {
+        val bytes = ByteBuffer.allocateDirect(8 * value.values.size).order(ByteOrder.nativeOrder())
+        val buffer: DoubleBuffer = bytes.asDoubleBuffer()
+        buffer.put(value.values)
+        buffer.rewind()
+        return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
+    }
+
+    /** A second call does nothing; the process's environment stays. Options outlive their session. */
+    @Synchronized
+    override fun close() {
+        if (!open) return
+        open = false
+        session.close()
+        options.close()
+    }
+
+    companion object {
+        const val PAPER = "gaussian"
+        private const val VOCABULARY = "1"
+        private const val GRID = "380 to 720 nm every 0.5 nm"
+        private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
+
+        /**
+         * The shipped model of a basis; its file's hash, basis, grid and vocabulary are checked.
+         *
+         * @throws InvalidArgument if there is no such model, or it is not the one that this version belongs to.
+         */
+        fun load(basis: String): OnnxEngine {
+            if (basis !in SHIPPED_BASES) {
+                val known = listOf(Choice.AUTO) + SHIPPED_BASES
+                throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
+            }
+            val name = "camssf-$basis.onnx"
+            val content = try {
+                Models.read(name)
+            } catch (error: IllegalStateException) {
+                throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            }
+            return open(basis, name, content)
+        }
+
+        internal fun open(basis: String, name: String, content: ByteArray): OnnxEngine {
+            val engine = try {
+                OnnxEngine(basis, content)
+            } catch (error: OrtException) {
+                throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+            }
+            val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
+            val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }.keys +
+                ModelOutputs.NAMES.filter { it !in engine.session.outputNames }
+            if (differs.isNotEmpty()) {
+                engine.close()
+                throw InvalidArgument(
+                    "The model $name differs from this version in ${differs.joinToString()}.",
+                    ADVICE,
+                )
+            }
+            return engine
+        }
+    }
+}

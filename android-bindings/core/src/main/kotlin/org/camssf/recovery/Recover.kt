@@ -1,0 +1,337 @@
+package org.camssf.recovery
+
+import org.camssf.Grid
+import org.camssf.InvalidArgument
+import org.camssf.LampUnfit
+import org.camssf.NotConverged
+import org.camssf.Rules
+import org.camssf.scientific
+import kotlin.math.abs
+import kotlin.math.exp
+import kotlin.math.ln
+import kotlin.math.max
+import kotlin.math.roundToInt
+
+/** Penalties and sign of a fit; null takes the basis' default. */
+internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegative: Boolean?)
+
+/** Chart, white and dark, each (k, n, 3) DN, that the signals came from. */
+internal class Frames(val chart: Tensor, val white: Tensor, val dark: Tensor)
+
+/**
+ * How the light on the patches may be off: modes (k, g, n), each one standard deviation long, and what part of them each
+ * channel has for itself. y (1 - Σ v φ) is what even light would have given.
+ */
+internal class Gains(val modes: Tensor, val own: Double) {
+    /** Of shot j alone. */
+    fun only(j: Int): Gains {
+        val (_, g, n) = modes.shape
+        return Gains(Tensor(modes.values.copyOfRange(j * g * n, (j + 1) * g * n), 1, g, n), own)
+    }
+
+    /** Of some patches. */
+    fun of(patches: IntArray): Gains {
+        val (k, g, n) = modes.shape
+        val t = patches.size
+        return Gains(Tensor(DoubleArray(k * g * t) { modes.values[it / t * n + patches[it % t]] }, k, g, t), own)
+    }
+}
+
+/**
+ * What is known beside the signals: reflectance (n, 681), chart tolerance (n), white reflectance (681) and its tolerance,
+ * lamp (k, 681), its tolerance (k) and its modes (k, q, 681), gain modes; null for none.
+ */
+internal class Known(
+    val reflectance: Tensor,
+    val chartTolerance: Tensor,
+    val whiteReflectance: Tensor,
+    val whiteTolerance: Double,
+    val lamp: Tensor,
+    val lampTolerance: Tensor,
+    val lampModes: Tensor,
+    val gains: Gains? = null,
+)
+
+/** What a fit takes: signals (k, n, 3), their standard error, and what is known beside them. */
+internal class Observation(val signals: Tensor, val standardError: Tensor, val known: Known)
+
+/** Signals → curves, by the model, with the checks of the Python reference before and after it. */
+internal object Recover {
+    /** The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser. */
+    val L2 get() = Rules.shipped.number("calibration.l2")
+    val GAMMA get() = Rules.shipped.number("calibration.gamma")
+
+    /** Relative duality gap above which there is no answer. */
+    const val LARGEST_GAP = 1e-9
+
+    /**
+     * One answer of the model that nobody has believed yet: weighing needs no proof.
+     *
+     * @property logEvidence ln of the marginal likelihood but for a constant; NaN where the basis has no prior.
+     */
+    class Attempt internal constructor(
+        private val found: ModelOutputs,
+        private val gains: Gains?,
+        private val penalties: Penalties,
+        private val basis: String,
+        private val priorScale: Double,
+    ) {
+        val logEvidence: Double get() = found["evidence"][0]
+
+        /**
+         * The curves.
+         *
+         * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
+         */
+        fun checkConverged(): Ssf {
+            believe(found["gap"])
+            checkRespondsToWhite(found["ssf"])
+            val answer = curves(found, penalties, basis, priorScale)
+            return if (gains == null) answer.gaining(DoubleArray(0)) else answer
+        }
+    }
+
+    /**
+     * The curves that explain the signals.
+     *
+     * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
+     *
+     * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
+     * @param priorScale how many times as wide the cameras spread as those that the basis was learned from; 1 on the paper's.
+     * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
+     * @throws LampUnfit a lamp without power on the grid.
+     * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
+     */
+    fun recover(
+        engine: Engine,
+        observation: Observation,
+        frames: Frames?,
+        penalties: Penalties,
+        priorScale: Double = 1.0,
+    ): Ssf = attempt(engine, observation, frames, penalties, priorScale).checkConverged()
+
+    /** [recover], its proof not yet asked for. */
+    fun attempt(
+        engine: Engine,
+        observation: Observation,
+        frames: Frames?,
+        penalties: Penalties,
+        priorScale: Double,
+    ): Attempt {
+        check(observation, engine.basis)
+        checkScale(priorScale, engine.basis)
+        val paper = engine.basis == OnnxEngine.PAPER
+        val y = observation.signals
+        if (frames != null) {
+            for (frame in listOf(frames.chart, frames.white, frames.dark)) fits("frames", frame, *y.shape)
+        }
+        val positive = penalties.nonnegative ?: paper
+        val weight = penalties.l2 ?: if (paper) 0.0 else L2
+        val shown = frames ?: bare(y)
+        fun run(gamma: Double): ModelOutputs = engine.run(
+            ModelInputs(shown, observation.standardError, observation.known, weight, gamma, positive, priorScale),
+        )
+        checkPenalties(weight, penalties.gamma, engine.basis)
+        val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
+            ?: if (paper) Discrepancy(observation, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
+        checkPenalties(weight, gamma, engine.basis)
+        // The model takes one γ a call; the paper's channels that differ in it take a call each.
+        val answers = gamma.distinct().associateWith { run(it) }
+        val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
+        return Attempt(found, observation.known.gains, Penalties(weight, gamma, positive), engine.basis, priorScale)
+    }
+
+    /**
+     * ln of the marginal likelihood of the signals alone, nats, but for a constant; on a basis with a prior. No penalty has a
+     * part in it, and it needs no proof: it is a closed form.
+     *
+     * @throws InvalidArgument shapes or values that do not fit.
+     * @throws LampUnfit a lamp without power on the grid.
+     */
+    fun logEvidence(engine: Engine, observation: Observation, priorScale: Double): Double =
+        plain(engine, observation, priorScale)["evidence"][0]
+
+    /** What the signals say of the lamps' modes: mean (k q) and covariance (k q, k q); likewise. */
+    fun modes(engine: Engine, observation: Observation, priorScale: Double): Pair<DoubleArray, DoubleArray> {
+        val found = plain(engine, observation, priorScale)
+        return found["mode_estimate"] to found["mode_covariance"]
+    }
+
+    private fun plain(engine: Engine, observation: Observation, priorScale: Double): ModelOutputs {
+        check(observation, engine.basis)
+        checkScale(priorScale, engine.basis)
+        val shown = bare(observation.signals)
+        val known = observation.known
+        return engine.run(ModelInputs(shown, observation.standardError, known, L2, GAMMA, false, priorScale))
+    }
+
+    /** Frames of a sensor without black level whose white is 1. */
+    private fun bare(y: Tensor) = Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
+
+    private fun checkScale(scale: Double, basis: String) {
+        if (scale == 1.0 || (scale > 0 && scale.isFinite() && basis != OnnxEngine.PAPER)) return
+        throw InvalidArgument(
+            "a prior cannot be $scale times as wide on the $basis basis.",
+            "Give a number above 0, and 1 on a basis without a prior.",
+        )
+    }
+
+    private fun curves(found: ModelOutputs, penalties: Penalties, basis: String, priorScale: Double): Ssf {
+        val prior = basis != OnnxEngine.PAPER
+        val curves = Ssf.Curves(
+            found["ssf"],
+            found["ssf_std"].takeIf { prior },
+            found["code"],
+            found["code_covariance"].takeIf { prior },
+            found["predicted"],
+            found["lamp_estimate"],
+            found["gain_code"],
+        )
+        val steps = found["finish_steps"]
+        val proof = Ssf.Proof(
+            found["gap"],
+            found["layers_gap"],
+            IntArray(steps.size) { steps[it].roundToInt() },
+            found["evidence"][0].takeIf { prior },
+        )
+        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, priorScale)
+    }
+
+    private fun checkPenalties(l2: Double, gamma: DoubleArray?, basis: String) {
+        if (gamma != null && gamma.size != 1 && gamma.size != 3) {
+            throw InvalidArgument("gamma has ${gamma.size} values.", "Give one number, or one a channel.")
+        }
+        if (gamma != null && basis != OnnxEngine.PAPER && gamma.max() - gamma.min() > 0) {
+            throw InvalidArgument(
+                "`gamma` is ${gamma.toList()}, but on the $basis basis the three channels are one problem.",
+                "Give one number.",
+            )
+        }
+        val values = gamma ?: doubleArrayOf(1.0)
+        if (!(l2 >= 0 && l2.isFinite() && values.all { it >= 0 && it.isFinite() })) {
+            throw InvalidArgument(
+                "the penalties l2 = $l2 and gamma = ${values.joinToString()} must be finite and not negative.",
+                "Leave them out to take the defaults.",
+            )
+        }
+        if (l2 == 0.0 && values.any { it == 0.0 }) {
+            throw InvalidArgument(
+                "gamma = 0 and l2 = 0 leave the problem without a unique answer.",
+                "Give one of them a positive value, or leave them out to take the defaults.",
+            )
+        }
+    }
+
+    /** Refuses an answer without its proof; a gap that is NaN is none. */
+    private fun believe(gap: DoubleArray) {
+        if (gap.all { it <= LARGEST_GAP }) return
+        val worst = gap.max()
+        throw NotConverged(
+            "The solver's own proof failed: relative duality gap ${scientific(worst, 1)}.",
+            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
+            worst.takeIf { it.isFinite() },
+            LARGEST_GAP,
+        )
+    }
+
+    /** Refuses curves that do not see white. */
+    private fun checkRespondsToWhite(ssf: DoubleArray) {
+        for (c in 0..2) {
+            val peak = (0 until Grid.SIZE).maxOf { ssf[3 * it + c] }
+            if (!peak.isFinite() || peak <= 0) {
+                throw NotConverged(
+                    "A recovered curve has no response to white: the penalty gamma left nothing of it, or the " +
+                        "signals of a channel are empty.",
+                    "Take a smaller gamma, and check that the photo is exposed in all three channels.",
+                )
+            }
+        }
+    }
+
+    private fun check(observation: Observation, basis: String) {
+        val y = observation.signals
+        val known = observation.known
+        if (y.rank != 3 || y.shape[2] != 3 || 0 in y.shape) {
+            throw InvalidArgument("signals have shape $y; (k, n, 3) is needed.", "Give every shot the same patches.")
+        }
+        finite("signals", y)
+        val (k, n) = y.shape
+        fits("reflectance", known.reflectance, n, Grid.SIZE)
+        val lamp = known.lamp
+        fits("lamp", lamp, k, Grid.SIZE)
+        for (j in 0 until k) {
+            val power = lamp.values.copyOfRange(j * Grid.SIZE, (j + 1) * Grid.SIZE)
+            if (power.any { it < 0 } || power.max() <= 0) {
+                throw LampUnfit(
+                    "The lamp has negative power, or none at all, between 380 and 720 nm.",
+                    "Give the spectrum of the light that fell on the chart, in nm and relative power.",
+                )
+            }
+        }
+        fits("standard_error", observation.standardError, k, n, 3)
+        val rho = known.whiteReflectance
+        fits("white_reflectance", rho, Grid.SIZE)
+        val seen = (0 until k).map { j ->
+            (0 until Grid.SIZE).sumOf { rho.values[it] * lamp.values[j * Grid.SIZE + it] }
+        }
+        if (rho.values.any { it < 0 } || seen.any { !(it > 0) }) {
+            throw InvalidArgument(
+                "the white reference reflects nothing under the lamp.",
+                "Give its reflectance on the grid, 0 to 1.",
+            )
+        }
+        val modes = known.lampModes
+        if (modes.rank != 3 || modes.shape[0] != k || modes.shape[2] != Grid.SIZE) {
+            throw InvalidArgument(
+                "lamp_modes have shape $modes; ($k, q, ${Grid.SIZE}) is needed.",
+                "Give q modes a shot.",
+            )
+        }
+        finite("lamp_modes", modes)
+        known.gains?.let { gains(it, k, n) }
+        tolerance("chart_tolerance", known.chartTolerance, n)
+        tolerance("white_tolerance", Tensor(doubleArrayOf(known.whiteTolerance), 1), 1)
+        tolerance("lamp_tolerance", known.lampTolerance, k)
+        if (observation.standardError.values.any { it < 0 }) {
+            throw InvalidArgument("a standard error is negative.", "Give standard errors ≥ 0.")
+        }
+        if (basis == OnnxEngine.PAPER && k > 1) {
+            throw InvalidArgument(
+                "the $basis basis takes one shot, not $k: each shot's exposure would be a further unknown.",
+                "Give one photo, or take the basis cameras, whose rows are free of exposure.",
+            )
+        }
+    }
+
+    private fun gains(gains: Gains, k: Int, n: Int) {
+        val modes = gains.modes
+        if (modes.rank != 3 || modes.shape[0] != k || modes.shape[2] != n) {
+            throw InvalidArgument("gain_modes have shape $modes; ($k, g, $n) is needed.", "Give g modes a shot.")
+        }
+        finite("gain_modes", modes)
+        tolerance("gain_own", Tensor(doubleArrayOf(gains.own), 1), 1)
+    }
+
+    private fun fits(name: String, value: Tensor, vararg shape: Int) {
+        if (!value.hasShape(*shape)) {
+            throw InvalidArgument(
+                "$name has shape $value; ${shape.joinToString(", ", "(", ")")} is needed.",
+                "Put it on the 681-point grid, and give every shot the same patches.",
+            )
+        }
+        finite(name, value)
+    }
+
+    private fun finite(name: String, value: Tensor) {
+        if (!value.values.all { it.isFinite() }) {
+            throw InvalidArgument("$name holds NaN or infinity.", "Leave out what could not be measured.")
+        }
+    }
+
+    private fun tolerance(name: String, value: Tensor, size: Int) {
+        fits(name, value, size)
+        if (value.values.any { it < 0 }) {
+            throw InvalidArgument("$name must not be negative.", "Write 3 % as 0.03.")
+        }
+    }
+}

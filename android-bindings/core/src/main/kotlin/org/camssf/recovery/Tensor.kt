@@ -1,0 +1,24 @@
+package org.camssf.recovery
+
+/** Numbers with a shape, row-major; no shape is a single number. */
+internal class Tensor(val values: DoubleArray, vararg val shape: Int) {
+    init {
+        require(shape.fold(1L) { size, side -> size * side } == values.size.toLong()) {
+            "${values.size} numbers are no ${shape.joinToString(" × ")}"
+        }
+    }
+
+    val rank: Int get() = shape.size
+
+    fun hasShape(vararg other: Int): Boolean = shape.contentEquals(other)
+
+    override fun toString(): String = shape.joinToString(", ", "(", ")")
+
+    companion object {
+        fun scalar(value: Double): Tensor = Tensor(doubleArrayOf(value))
+
+        fun full(value: Double, vararg shape: Int): Tensor = Tensor(DoubleArray(shape.product()) { value }, *shape)
+
+        private fun IntArray.product(): Int = fold(1) { size, side -> size * side }
+    }
+}

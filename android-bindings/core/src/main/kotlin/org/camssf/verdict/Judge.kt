@@ -1,0 +1,186 @@
+package org.camssf.verdict
+
+import org.camssf.Rules
+import org.camssf.photo.Agreement
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Signals
+import org.camssf.recovery.Ssf
+import org.camssf.spectra.ChartTable
+import kotlin.math.abs
+import kotlin.math.cbrt
+import kotlin.math.max
+import kotlin.math.sqrt
+
+/**
+ * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and for each shot what its file
+ * foretells of its white.
+ *
+ * @property family the basis that the file's own word for the maker speaks for, if any, where the signals choose it.
+ * @property unnamed of each shot, whether nobody named its light; none where all were named.
+ * @property rivals finds other lamps; it is not asked where the capture is refused already.
+ */
+internal class Case(
+    val told: VerdictInputs,
+    val shots: List<MeasuredShot>,
+    val alone: List<Ssf>,
+    val foretold: List<List<Foretold>>,
+    val family: String?,
+    val unnamed: List<Boolean> = emptyList(),
+    val rivals: () -> List<Rival>,
+) {
+    /** What is told of each shot alone, and the answer to it. */
+    val single: List<VerdictInputs> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
+
+    /** Rules 2 and 3 of each shot alone; below so many patches nothing is suspected. */
+    fun each(): List<GoodnessOfFit> {
+        val fewest = Rules.shipped.whole("verdict.fewest")
+        return shots.mapIndexed { j, shot ->
+            if (single[j].signals.sharedUsed.count { it } < fewest) {
+                GoodnessOfFit(0.0, 0.0, fewest, emptyList())
+            } else {
+                single[j].surprise(shot)
+            }
+        }
+    }
+}
+
+/** Patches of a shot that enter the fit. */
+internal fun used(signals: Signals, shot: Int): List<Int> =
+    (0 until signals.patches).filter { signals.sharedUsed[shot * signals.patches + it] }
+
+/**
+ * Evidence → verdict, by the numbered rules of docs/verdict.md, the same as in Python. RMSRE has no say: the same lamp
+ * stands on both of its sides, so it stays small when the lamp is wrong.
+ */
+internal object Judge {
+    private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
+    private val STRANGE get() = Rules.shipped.number("verdict.strange")
+    private val ALIEN get() = Rules.shipped.number("verdict.alien")
+    private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
+    private val VAGUE get() = Rules.shipped.number("verdict.vague")
+    private val UNUSUAL get() = Rules.shipped.number("verdict.unusual")
+
+    fun judge(case: Case): Verdict {
+        val told = case.told
+        val found = told.surprise()
+        val each = case.each()
+        val checks = Checks()
+        val reasons = ArrayList<Reason>()
+        reasons += surprised(found, each, told.table, checks)
+        reasons += strange(told.ssf, checks)
+        case.shots.forEachIndexed { j, shot ->
+            reasons += ExposureAndNoise(told.signals, j, shot.means, told.table, checks).reasons()
+            reasons += disagreeing(j, case.single[j], checks)
+        }
+        val whites = case.shots.indices.map { j ->
+            Light.tinted(j, case.unnamed.getOrElse(j) { false }, case.foretold[j], case.single[j], checks)
+        }
+        whites.forEach { reasons += it }
+        reasons += vague(told.ssf, checks)
+        reasons += unusual(told.ssf, case.family, checks)
+        if (case.unnamed.any { it }) reasons += Light.unnamed(told.ssf.choice, case.family, checks)
+        if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
+            val doubted = whites.indices.filter { whites[it].isNotEmpty() }
+            reasons += Light.rivalLamp(case.rivals(), told.lamps.map { it.name }, doubted, checks)
+        }
+        return Verdict(Status.of(reasons), reasons, checks.all)
+    }
+
+    /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
+    private fun surprised(
+        found: GoodnessOfFit,
+        each: List<GoodnessOfFit>,
+        table: ChartTable,
+        checks: Checks,
+    ): List<Reason> {
+        val excess = found.total / found.count
+        val hopeless = found.total > HOPELESS * found.count
+        each.forEachIndexed { j, one ->
+            one.strongestExplanation()?.let { (strongest, enough) ->
+                checks.note("suspect", strongest.gain, j, enough)
+            }
+            one.offset?.let { checks.note("black", it.gain, j) }
+        }
+        val reasons = each.mapIndexedNotNull { j, one ->
+            val suspect = one.bestExplanation() ?: return@mapIndexedNotNull null
+            val value = if (hopeless) excess else suspect.gain
+            val words = words(suspect, table) + ("shot" to "shot ${j + 1}")
+            val slight = !hopeless && suspect.gain <= one.strongestExplanation()!!.second
+            Reasons.because(accusation(suspect), value, words, hopeless, if (slight) GoodnessOfFit.BLACK else null)
+        }
+        val worst = each.maxOfOrNull { it.z } ?: found.z
+        val largest = max(found.z, worst)
+        checks.note("surprise", largest)
+        checks.note("hopeless", excess)
+        if (reasons.isNotEmpty() || !(hopeless || largest > GoodnessOfFit.SURPRISE)) return reasons
+        val name = if (each.size > 1 && worst <= GoodnessOfFit.SURPRISE) "contradiction" else "unexplained"
+        val value = if (hopeless) excess else largest
+        return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), hopeless))
+    }
+
+    /** The reason's name for a suspect. */
+    private fun accusation(suspect: Explanation): String =
+        if (suspect.cause == Cause.VEIL && !(suspect.amount > 0)) "bright_dark" else suspect.cause.word
+
+    /** What fills that reason's words. */
+    private fun words(suspect: Explanation, table: ChartTable): Map<String, Any> = when (suspect.cause) {
+        Cause.VEIL, Cause.BLACK -> mapOf("amount" to abs(suspect.amount))
+        Cause.TONE -> mapOf("exponent" to 1 + suspect.amount)
+        Cause.PATCH -> mapOf("patch" to table.patches[suspect.patch!!])
+        Cause.WHITE, Cause.LIGHT -> emptyMap()
+    }
+
+    /**
+     * z(x) of rule 2: the length of the code as a standard normal number under the prior; null where there is none. Under
+     * the prior the posterior mean x ~ N(0, K), K = I - C: xᵀx is nearly a multiple of a χ² (Satterthwaite 1946).
+     */
+    fun strangeness(ssf: Ssf): Double? {
+        val covariance = ssf.sharedCodeCovariance.takeIf { ssf.sharedStd != null } ?: return null
+        val size = ssf.sharedCode.size
+        var expected = 0.0
+        var squares = 0.0
+        for (at in covariance.indices) {
+            val own = (if (at / size == at % size) 1.0 else 0.0) - covariance[at]
+            squares += own * own
+            if (at / size == at % size) expected += own
+        }
+        if (expected <= 0) return null // nothing was learned
+        val u = 2.0 * squares / (9.0 * expected * expected)
+        return (cbrt(ssf.sharedCode.sumOf { it * it } / expected) - (1.0 - u)) / sqrt(u)
+    }
+
+    /** Curves unlike a camera's. */
+    private fun strange(ssf: Ssf, checks: Checks): List<Reason> {
+        val size = strangeness(ssf) ?: return emptyList()
+        checks.note("strange", size)
+        if (size <= STRANGE) return emptyList()
+        return listOf(Reasons.because("strange", size, mapOf("size" to size), size > ALIEN))
+    }
+
+    /** A camera that its basis does not know: wider than it, or of the other family than its maker. */
+    private fun unusual(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
+        val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
+        val other = ssf.choice.sumOf { if (family != null && it.basis != family) it.probability else 0.0 }
+        val most = max(wide, other)
+        if (ssf.choice.isNotEmpty()) checks.note("unusual", most)
+        if (most <= UNUSUAL) return emptyList()
+        return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
+    }
+
+    /** Rule 9: colours that are not the chart's, as a plain camera sees them under the lamp that the answer takes. */
+    private fun disagreeing(j: Int, told: VerdictInputs, checks: Checks): List<Reason> {
+        val power = told.ssf.sharedLamp
+        val score = Agreement.of(told.signals.sharedValues, Agreement.expected(told.table, power))
+        checks.note("poor_pose", score, j)
+        if (score >= POOR_POSE) return emptyList()
+        return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))
+    }
+
+    /** A band too wide to tell cameras apart. */
+    private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
+        if (ssf.sharedStd == null) return emptyList()
+        val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
+        checks.note("vague", width)
+        return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
+    }
+}

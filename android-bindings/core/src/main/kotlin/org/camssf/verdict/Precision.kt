@@ -1,0 +1,109 @@
+package org.camssf.verdict
+
+import org.camssf.LeastSquares
+import kotlin.math.sqrt
+
+/**
+ * Weighs by the inverse of Σ = D + U Uᵀ, D of blocks along the diagonal, without forming either.
+ *
+ * With D = L Lᵀ, V = L⁻¹ U and C = I + Vᵀ V, Σ⁻¹ = L⁻ᵀ (I - V C⁻¹ Vᵀ) L⁻¹. What an error v leaves beside U is
+ * w = z - V m, z = L⁻¹ v, and what it takes of U is m = C⁻¹ Vᵀ z: then aᵀ Σ⁻¹ b = w_aᵀ w_b + m_aᵀ m_b, a sum of squares
+ * where a = b, so that no digits are lost however large U is beside D.
+ *
+ * @param blocks of D, each symmetric and positive definite.
+ * @param shared U, (rows, errors).
+ */
+internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleArray>) {
+    private val starts = blocks.runningFold(0) { from, block -> from + block.size }
+    private val roots = blocks.map { Triangle.root(it) }
+    private val errors = shared[0].size
+
+    /** V. */
+    private val leaning = Array(shared.size) { shared[it].copyOf() }
+
+    /** Of C. */
+    private val root: Triangle
+
+    init {
+        for ((b, own) in roots.withIndex()) own.forward(leaning, starts[b])
+        val capacity = Array(errors) { a -> DoubleArray(errors).also { it[a] = 1.0 } }
+        for (row in leaning) {
+            for (a in 0 until errors) add(capacity[a], row[a], row, a + 1)
+        }
+        root = Triangle.root(capacity)
+    }
+
+    /** w, and m behind it. */
+    fun weighed(values: DoubleArray): DoubleArray {
+        val beside = values.copyOf()
+        for ((b, own) in roots.withIndex()) own.forward(beside, starts[b])
+        val taken = DoubleArray(errors)
+        for (i in beside.indices) add(taken, beside[i], leaning[i], errors)
+        root.forward(taken)
+        root.backward(taken)
+        for (i in beside.indices) beside[i] -= dot(leaning[i], taken)
+        return beside + taken
+    }
+
+    /**
+     * What free errors of all rows of a block explain of an error that was [weighed]: eᵀ (Σ⁻¹)⁻¹ e of the block's rows,
+     * e = Σ⁻¹ v.
+     */
+    fun alone(block: Int, weighed: DoubleArray): Double {
+        val own = weighed.copyOfRange(starts[block], starts[block + 1])
+        val shares = List(own.size) { leaning[starts[block] + it].copyOf().also { share -> root.forward(share) } }
+        val left = Array(own.size) { a ->
+            DoubleArray(own.size) { b -> (if (a == b) 1.0 else 0.0) - dot(shares[a], shares[b]) }
+        }
+        return dot(own, LeastSquares.solve(left, own) ?: return 0.0)
+    }
+}
+
+/** The lower triangle of Cholesky's factorisation. */
+private class Triangle private constructor(private val rows: Array<DoubleArray>) {
+    /** Its inverse times a part of the vector, in place. */
+    fun forward(vector: DoubleArray, from: Int = 0) {
+        for ((i, row) in rows.withIndex()) {
+            var value = vector[from + i]
+            for (j in 0 until i) value -= row[j] * vector[from + j]
+            vector[from + i] = value / row[i]
+        }
+    }
+
+    /** Its inverse times some rows of a matrix, in place. */
+    fun forward(matrix: Array<DoubleArray>, from: Int) {
+        for ((i, row) in rows.withIndex()) {
+            val own = matrix[from + i]
+            for (j in 0 until i) add(own, -row[j], matrix[from + j], own.size)
+            for (q in own.indices) own[q] /= row[i]
+        }
+    }
+
+    /** The inverse of its transpose times a vector, in place. */
+    fun backward(vector: DoubleArray) {
+        for (i in rows.indices.reversed()) {
+            vector[i] /= rows[i][i]
+            add(vector, -vector[i], rows[i], i)
+        }
+    }
+
+    companion object {
+        /** Of a symmetric positive definite matrix, of which the lower triangle is read. */
+        fun root(matrix: Array<DoubleArray>): Triangle {
+            val rows = Array(matrix.size) { matrix[it].copyOf() }
+            for (i in rows.indices) {
+                for (j in 0..i) {
+                    var value = rows[i][j]
+                    for (p in 0 until j) value -= rows[i][p] * rows[j][p]
+                    rows[i][j] = if (i == j) sqrt(value) else value / rows[j][j]
+                }
+            }
+            return Triangle(rows)
+        }
+    }
+}
+
+/** into += factor · values, of the first so many. */
+private fun add(into: DoubleArray, factor: Double, values: DoubleArray, count: Int) {
+    for (i in 0 until count) into[i] += factor * values[i]
+}

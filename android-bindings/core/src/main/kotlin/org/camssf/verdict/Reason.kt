@@ -1,0 +1,19 @@
+package org.camssf.verdict
+
+/**
+ * Why a result is not simply accepted.
+ *
+ * @property code word of the error vocabulary, the same in Python and JSON.
+ * @property message what is wrong.
+ * @property advice what to do next.
+ * @property value the number that decided, or null.
+ * @property threshold the bound it broke, or null.
+ */
+public class Reason internal constructor(
+    public val code: String,
+    public val message: String,
+    public val advice: String,
+    public val value: Double?,
+    public val threshold: Double?,
+    internal val fatal: Boolean = false,
+)

@@ -1,0 +1,238 @@
+package org.camssf.verdict
+
+import org.camssf.Grid
+import org.camssf.Rules
+import org.camssf.photo.ChartPose
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.recovery.Ssf
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.abs
+import kotlin.math.ceil
+import kotlin.math.exp
+import kotlin.math.max
+import kotlin.math.sqrt
+import kotlin.random.Random
+
+/** Rules 1 to 3 on a camera of three bells. */
+class SurpriseTest {
+    private val table = ChartTable.read("classic24")
+    private val grid = Grid.WAVELENGTHS
+    private val n = 24
+    private val white = DoubleArray(Grid.SIZE) { 0.95 - 1e-4 * it }
+    private val curves = DoubleArray(3 * Grid.SIZE) {
+        val centre = listOf(600.0, 540.0, 455.0)[it % 3]
+        exp(-0.5 * ((grid[it / 3] - centre) / 35).let { u -> u * u })
+    }
+
+    private fun integral(channel: Int, lamp: Lamp, of: (Int) -> Double): Double =
+        (0 until Grid.SIZE).sumOf { curves[3 * it + channel] * lamp.sharedValues[it] * of(it) } * Grid.STEP
+
+    private fun told(
+        lamps: List<Lamp>,
+        used: BooleanArray,
+        prior: Boolean = true,
+        noise: Double = 0.01,
+    ): VerdictInputs {
+        val k = lamps.size
+        val random = Random(3)
+        val predicted = DoubleArray(3 * k * n) { at ->
+            val (c, i) = at % 3 to at / 3 % n
+            val lamp = lamps[at / (3 * n)]
+            integral(c, lamp) { table.sharedValues[i * Grid.SIZE + it] } / integral(c, lamp) { white[it] }
+        }
+        val signals = DoubleArray(predicted.size) { predicted[it] * (1 + noise * random.nextDouble(-1.0, 1.0)) }
+        val error = DoubleArray(predicted.size) { 1e-3 + 1e-5 * it }
+        val flat = DoubleArray(predicted.size) { 1000.0 }
+        val light = lamps.flatMap { it.sharedValues.toList() }.toDoubleArray()
+        val code = DoubleArray(72) { 0.1 }
+        val ssf = Ssf(
+            Ssf.Curves(curves, curves.takeIf { prior }, code, null, predicted, light),
+            Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), null),
+            DoubleArray(3) { 1.0 },
+            DoubleArray(3),
+            1.0,
+            "cameras",
+        )
+        val all = Signals(k, n, signals, error, flat, flat, DoubleArray(flat.size), used, emptyList())
+        return VerdictInputs(all, table, lamps, ssf, white, 0.01)
+    }
+
+    private val lamps = listOf(Lamp.read("daylight").withTolerance("2%"), Lamp.read("A").withTolerance("3%"))
+
+    /** All but a few; patch 5 in no shot. */
+    private val used = BooleanArray(48) { it % 24 != 5 && it != 3 && it != 24 + 11 }
+
+    /** Rule 1 as docs/verdict.md has it, entry by entry. */
+    private inner class Definition(private val told: VerdictInputs) {
+        private fun number(word: String) = Rules.shipped.number("covariance.$word")
+
+        private fun directions(length: Double): List<DoubleArray> {
+            val h = length / 2
+            return List(ceil((340 + 4 * length) / h).toInt() + 1) { q ->
+                DoubleArray(Grid.SIZE) {
+                    val u = (grid[it] - 380 + 2 * length - q * h) / length
+                    sqrt(h / (length * sqrt(Math.PI / 2))) * exp(-u * u)
+                }
+            }
+        }
+
+        private val long = directions(number("chart_correlation"))
+        private val short = directions(number("table_correlation"))
+        private val smooth = directions(number("lamp_correlation"))
+
+        /** Σ f φ L s dλ / W of a row, along each direction φ. */
+        private fun along(directions: List<DoubleArray>, row: Int, f: (Int) -> Double): DoubleArray {
+            val (c, lamp) = row % 3 to told.lamps[row / (3 * n)]
+            val whole = integral(c, lamp) { white[it] }
+            return DoubleArray(directions.size) { q -> integral(c, lamp) { f(it) * directions[q][it] } / whole }
+        }
+
+        private fun reflectance(row: Int, m: Int) = table.sharedValues[row / 3 % n * Grid.SIZE + m]
+
+        private fun slope(row: Int, m: Int): Double {
+            val (from, to) = max(m - 1, 0) to minOf(m + 1, Grid.SIZE - 1)
+            return (reflectance(row, to) - reflectance(row, from)) / (grid[to] - grid[from])
+        }
+
+        private fun answer(row: Int, m: Int) = reflectance(row, m) - told.ssf.sharedPredicted[row] * white[m]
+
+        private val chart = HashMap<Int, DoubleArray>()
+        private val whites = HashMap<Int, DoubleArray>()
+        private val bends = HashMap<Int, DoubleArray>()
+
+        private fun chart(row: Int) = chart.getOrPut(row) {
+            val relative = along(long, row) { number("relative") * reflectance(row, it) }
+            val absolute = along(short, row) { number("absolute") }
+            val edge = along(short, row) { number("edge") * slope(row, it) }
+            val tolerance = table.sharedTolerance[row / 3 % n]
+            (relative + absolute + edge).let { all -> DoubleArray(all.size) { tolerance * all[it] } }
+        }
+
+        private fun white(row: Int) = whites.getOrPut(row) {
+            along(long, row) { told.whiteTolerance * told.ssf.sharedPredicted[row] * white[it] }
+        }
+
+        private fun lamp(row: Int) = bends.getOrPut(row) {
+            val lamp = told.lamps[row / (3 * n)]
+            along(smooth, row) { lamp.tolerance * answer(row, it) } +
+                along(lamp.sharedModes, row) { answer(row, it) } + number("drift") * told.ssf.sharedPredicted[row]
+        }
+
+        fun entry(a: Int, b: Int): Double {
+            val (channels, shots) = (a % 3 == b % 3) to (a / (3 * n) == b / (3 * n))
+            var value = dot(white(a), white(b))
+            if (a / 3 % n == b / 3 % n) {
+                value += (if (channels) 1.0 else number("channel_share")) * dot(chart(a), chart(b))
+            }
+            if (shots) value += dot(lamp(a), lamp(b))
+            if (a == b) {
+                val own =
+                    number("independent_share") * table.sharedTolerance[a / 3 % n] * told.signals.sharedValues[a]
+                val noise = told.signals.sharedError[a]
+                value += max(noise * noise + own * own, number("floor") * number("floor"))
+            }
+            return value
+        }
+    }
+
+    @Test
+    fun `the covariance is rule 1's, over channels and shots`() {
+        val told = told(lamps, used)
+        val rows = Rows(told.signals)
+        assertEquals(3 * used.count { it }, rows.size)
+        val found = Covariance(told, rows)
+        val wanted = Definition(told)
+        val block = IntArray(rows.size) { row -> rows.starts.indexOfLast { it <= row } }
+        for (a in 0 until rows.size step 5) {
+            for (b in 0..a) {
+                val own = if (block[a] == block[b]) {
+                    found.blocks[block[a]][a - rows.starts[block[a]]][b - rows.starts[block[a]]]
+                } else {
+                    0.0
+                }
+                val value = wanted.entry(rows.at[a], rows.at[b])
+                assertEquals(value, own + dot(found.shared[a], found.shared[b]), 1e-12 * max(1e-4, abs(value)))
+            }
+        }
+    }
+
+    private val pose: ChartPose
+        get() {
+            val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
+            val quads = DoubleArray(8 * n) {
+                square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6
+            }
+            return ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
+        }
+
+    /** What is asked of a shot beyond its signals: its pose, and which frames there were. */
+    private fun shot(dark: Boolean = true): MeasuredShot {
+        val flat = DoubleArray(3 * n) { 1000.0 }
+        val frame = FrameMeans(flat, flat, LongArray(3 * n) { 400 }, flat, flat, flat, DoubleArray(2 * n))
+        val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
+        val means = PatchMeans(frame, frame, frame.takeIf { dark }, DoubleArray(3), 4000.0)
+        return MeasuredShot(lamps[0], photo, photo, photo.takeIf { dark }, pose, means, LensShading.AS_STORED)
+    }
+
+    /** A patch's suspicion is what χ² loses when its three signals are left out. */
+    @Test
+    fun `a patch explains what is lost without it`() {
+        val lamp = lamps.take(1)
+        val all = BooleanArray(24) { it != 5 }
+        val whole = told(lamp, all).surprise(shot())
+        assertEquals(3 * 23, whole.count)
+        val patches = whole.explanations.filter { it.cause == Cause.PATCH }
+        assertEquals((0 until n).filter { all[it] }, patches.map { it.patch })
+        for (suspect in patches) {
+            val without = told(lamp, BooleanArray(24) { all[it] && it != suspect.patch }).surprise()
+            assertEquals(whole.residual - without.residual, suspect.gain, 1e-8 * whole.residual)
+        }
+    }
+
+    @Test
+    fun `a suspect that is put in is found with its size`() {
+        val clean = told(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
+        fun spoiled(dark: Boolean = true, value: (Int, Double) -> Double): GoodnessOfFit {
+            val old = clean.signals
+            val y = DoubleArray(72) { value(it, old.values[it]) }
+            val signals = Signals(
+                1, n, y, old.standardError, old.chart, old.white, old.dark, old.used, emptyList(),
+            )
+            return VerdictInputs(signals, table, clean.lamps, clean.ssf, white, 0.01).surprise(shot(dark))
+        }
+        val veiled = spoiled { _, y -> y + 0.05 * (1 - y) }.bestExplanation()!!
+        assertEquals(Cause.VEIL, veiled.cause)
+        // (1 - 0.05) (1 - y) is what is left of 1 - y.
+        assertEquals(0.05 / 0.95, veiled.amount, 1e-6)
+        // A white of a quarter of the range: 0.8 % of the range are 3.2 % of white. A dark frame leaves the veil alone.
+        val raised = spoiled(dark = false) { _, y -> y - 0.032 * (1 - y) }
+        assertEquals(Cause.BLACK, raised.bestExplanation()!!.cause)
+        assertEquals(-0.008 / 1.032, raised.bestExplanation()!!.amount, 1e-6)
+        assertEquals(Cause.VEIL, spoiled { _, y -> y - 0.032 * (1 - y) }.bestExplanation()!!.cause)
+        assertTrue(spoiled { _, y -> y }.explanations.none { it.cause == Cause.BLACK })
+        val toned = spoiled { _, y -> Math.pow(y, 0.8) }.bestExplanation()!!
+        assertEquals(Cause.TONE, toned.cause)
+        val dirty = spoiled { at, y -> if (at / 3 == 9) 1.5 * y else y }.bestExplanation()!!
+        assertEquals(Cause.PATCH to 9, dirty.cause to dirty.patch)
+        val coloured = spoiled { at, y -> y * listOf(1.1, 1.0, 0.93)[at % 3] }.bestExplanation()!!
+        assertEquals(Cause.WHITE, coloured.cause)
+        assertNull(spoiled { _, y -> y }.bestExplanation())
+    }
+
+    @Test
+    fun `the code counts where there is a prior`() {
+        assertEquals(0.72, told(lamps, used).surprise().prior, 1e-12)
+        assertEquals(0.0, told(lamps, used, prior = false).surprise().prior)
+        assertTrue(told(lamps, used).surprise().explanations.isEmpty())
+    }
+}

@@ -1,0 +1,165 @@
+package org.camssf.verdict
+
+import org.camssf.Grid
+import org.camssf.photo.ChartPose
+import org.camssf.photo.FrameMeans
+import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Photo
+import org.camssf.photo.Signals
+import org.camssf.recovery.Hypothesis
+import org.camssf.recovery.Ssf
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.exp
+import kotlin.math.sqrt
+
+/** A sound capture of a camera of three bells, and what makes it doubtful. */
+class JudgeTest {
+    private val table = ChartTable.read("classic24")
+    private val lamp = Lamp.read("D55")
+    private val n = 24
+    private val white = DoubleArray(Grid.SIZE) { 1.0 }
+    private var asked = 0
+
+    private val curves = DoubleArray(3 * Grid.SIZE) {
+        val u = (Grid.WAVELENGTHS[it / 3] - listOf(600.0, 540.0, 455.0)[it % 3]) / 35
+        exp(-0.5 * u * u)
+    }
+
+    /** A frame of shares of a white of 10000 DN above black, 400 samples a patch, with the noise of light. */
+    private fun frame(share: DoubleArray): FrameMeans {
+        val level = DoubleArray(3 * n) { 500.0 + 10000.0 * share[it] }
+        val error = DoubleArray(3 * n) { sqrt((4.0 + 10000.0 * share[it]) / 400) }
+        val greens = DoubleArray(2 * n) { level[3 * (it / 2) + 1] }
+        val none = DoubleArray(3 * n)
+        return FrameMeans(level, error, LongArray(3 * n) { 400 }, none, none, none, greens)
+    }
+
+    /** @param off what every signal is multiplied by in one patch of two. */
+    private fun judged(off: Double, choice: List<Hypothesis>, family: String?, vararg rivals: Rival): Verdict {
+        val predicted = DoubleArray(3 * n) { at ->
+            val seen = DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * curves[3 * it + at % 3] }
+            dot(table.reflectance(at / 3), seen) / seen.sum()
+        }
+        val y = DoubleArray(3 * n) { predicted[it] * if (it / 3 % 2 == 0) off else 1.0 }
+        val (chart, flat, dark) = listOf(y, DoubleArray(3 * n) { 1.0 }, DoubleArray(3 * n)).map { frame(it) }
+        val error = DoubleArray(3 * n) { 0.003 }
+        val used = BooleanArray(n) { true }
+        val signals = Signals(1, n, y, error, chart.mean, flat.mean, dark.mean, used, emptyList())
+        val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
+        val ssf = Ssf(
+            Ssf.Curves(curves, std, DoubleArray(72) { 0.1 }, null, predicted, lamp.sharedValues),
+            Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0),
+            DoubleArray(3) { 1.0 },
+            DoubleArray(3),
+            1.0,
+            "phones",
+        ).chosen(choice)
+        val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
+        val quads = DoubleArray(8 * n) { square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6 }
+        val pose = ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
+        val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
+        val means = PatchMeans(chart, flat, dark, DoubleArray(3) { 500.0 }, 16000.0)
+        val shot = MeasuredShot(lamp, photo, photo, photo, pose, means, LensShading.AS_STORED)
+        val told = VerdictInputs(signals, table, listOf(lamp), ssf, white, 0.01)
+        val case = Case(told, listOf(shot), emptyList(), listOf(emptyList()), family) {
+            asked++
+            rivals.toList()
+        }
+        return Judge.judge(case)
+    }
+
+    private fun weights(vararg probability: Double) = listOf(
+        Hypothesis("phones", 1.0, 0.0, probability[0]),
+        Hypothesis("phones", 2.0, 0.0, probability[1]),
+        Hypothesis("cameras", 1.0, 0.0, probability[2]),
+        Hypothesis("cameras", 2.0, 0.0, probability[3]),
+    )
+
+    @Test
+    fun `a sound capture is accepted, and its rivals were asked for`() {
+        val found = judged(1.0, weights(0.9, 0.1, 0.0, 0.0), "phones", Rival(0, "A", -3.0))
+        assertEquals(emptyList<String>(), found.reasons.map { it.message })
+        assertEquals(Status.ACCEPTED to 1, found.outcome to asked)
+    }
+
+    @Test
+    fun `rivals are not asked for where the capture is refused already`() {
+        val found = judged(1.4, emptyList(), null, Rival(0, "A", 30.0))
+        assertEquals(Status.REFUSED to 0, found.outcome to asked)
+        assertTrue(found.reasons.none { "better than" in it.message })
+    }
+
+    @Test
+    fun `a rival out of the question refuses what was sound`() {
+        val found = judged(1.0, emptyList(), null, Rival(0, "A", 30.0))
+        assertEquals(Status.REFUSED to listOf("lamp_unfit"), found.outcome to found.reasons.map { it.code })
+        assertEquals("lamp_unfit", Reasons.refusal(found).code)
+    }
+
+    @Test
+    fun `a camera that no basis knows makes it doubtful`() {
+        val found = judged(1.0, weights(0.02, 0.52, 0.04, 0.42), null).reasons.single()
+        assertEquals("camera_unusual", found.code)
+        assertEquals(0.94, found.value!!, 1e-12)
+        assertEquals(0.9, found.threshold)
+        assertTrue("94%" in found.message && "the basis phones knows" in found.message, found.message)
+        assertEquals(emptyList<Reason>(), judged(1.0, weights(0.06, 0.5, 0.04, 0.4), null).reasons)
+        assertEquals(emptyList<Reason>(), judged(1.0, emptyList(), "phones").reasons)
+    }
+
+    /** By the maker's word: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without, and 20 : 1 against nobody's. */
+    @Test
+    fun `in a light that nobody named a phone's word is needed`() {
+        fun said(phone: Double, family: String?): Pair<Boolean, Double?>? =
+            Light.unnamed(weights(phone, 0.0, 1.0 - phone, 0.0), family).singleOrNull()?.let { it.fatal to it.value }
+        assertNull(said(0.81, "phones"))
+        assertEquals(false to 0.79, said(0.79, "phones"))
+        assertEquals(true to 0.49, said(0.49, "phones"))
+        assertEquals(false to 0.95, said(0.95, "cameras"))
+        assertNull(said(0.96, "cameras"))
+        assertEquals(19.0 / 39, said(0.95, null)!!.also { assertTrue(it.first) }.second!!, 1e-12)
+        assertEquals(24.0 / 44, said(0.96, null)!!.also { assertTrue(!it.first) }.second!!, 1e-12)
+        assertNull(said(401.0 / 402, null))
+        val told = listOf(Hypothesis("phones", 1.0, 0.0, 1.0, listOf("bulb")))
+        assertEquals(emptyList<Reason>(), Light.unnamed(told, null))
+        val doubtful = Light.unnamed(weights(0.9, 0.0, 0.1, 0.0), "cameras").single()
+        assertEquals("lamp_unfit" to 20.0 / 21, doubtful.code to doubtful.threshold)
+        assertTrue("90%" in doubtful.message && "--lamp" !in doubtful.advice, doubtful.advice)
+    }
+
+    @Test
+    fun `the length of the code is a normal number under the prior`() {
+        // Ten directions fully known, none of the others: the square root of χ² of ten degrees of freedom.
+        val covariance = DoubleArray(72 * 72) { if (it / 72 == it % 72 && it / 72 >= 10) 1.0 else 0.0 }
+        fun of(square: Double, covariance: DoubleArray?): Double? {
+            val code = DoubleArray(72).also { it[40] = sqrt(square) }
+            val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
+            val own = Ssf.Curves(curves, std, code, covariance, DoubleArray(72), lamp.sharedValues)
+            val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0)
+            return Judge.strangeness(Ssf(own, proof, DoubleArray(3), DoubleArray(3), 1.0, "phones"))
+        }
+        // Upper quantiles of χ² of 10 and of the normal distribution, from tables.
+        for ((square, normal) in listOf(9.342 to 0.0, 21.161 to 2.0537, 29.588 to 3.0902)) {
+            assertEquals(normal, of(square, covariance)!!, 0.03)
+        }
+        assertNull(of(10.0, null))
+        assertNull(of(10.0, DoubleArray(72 * 72) { if (it / 72 == it % 72) 1.0 else 0.0 }))
+    }
+
+    @Test
+    fun `so does a camera of the other family than its maker's`() {
+        val choice = weights(0.95, 0.03, 0.01, 0.01)
+        val found = judged(1.0, choice, "cameras").reasons.single()
+        assertEquals("camera_unusual" to 0.98, found.code to found.value)
+        for (family in listOf("phones", null)) {
+            assertEquals(emptyList<Reason>(), judged(1.0, choice, family).reasons)
+        }
+    }
+}

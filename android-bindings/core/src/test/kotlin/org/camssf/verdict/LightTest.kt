@@ -1,0 +1,42 @@
+package org.camssf.verdict
+
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertFalse
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import kotlin.math.exp
+
+/** Rule 4: gains of rival lamps in words of probability. */
+class LightTest {
+    private val lamps = listOf("D55", "A")
+
+    private fun rivalLamp(vararg rivals: Rival) = Light.rivalLamp(rivals.toList(), lamps)
+
+    @Test
+    fun `a gain up to the bound is no reason`() {
+        assertEquals(emptyList<Reason>(), rivalLamp())
+        assertEquals(emptyList<Reason>(), rivalLamp(Rival(0, "FL2", 4.0), Rival(1, "D55", -30.0)))
+    }
+
+    @Test
+    fun `the best is named with its shot and the probability that the name is wrong`() {
+        val found = rivalLamp(Rival(0, "FL2", 7.0), Rival(1, "FL7", 3.0), Rival(1, "LED-B1", 8.0)).single()
+        val odds = (exp(3.0) + exp(8.0)) / 2 * 0.05 / 0.95
+        assertTrue(odds / (1 + odds) > 0.985 && odds / (1 + odds) < 0.995)
+        assertTrue(found.message.startsWith("shot 2: the photo fits LED-B1 better than A;"), found.message)
+        assertTrue("probability of 99%" in found.message, found.message)
+        assertEquals("lamp_unfit", found.code)
+        assertEquals(8.0 to 4.0, found.value to found.threshold)
+        assertFalse(found.fatal)
+    }
+
+    @Test
+    fun `out of the question, however far`() {
+        for (gain in listOf(14.5, 800.0, 1e6)) {
+            val found = rivalLamp(Rival(0, "FL2", gain), Rival(0, "FL7", -gain)).single()
+            assertTrue(found.fatal)
+            assertEquals(14.0, found.threshold)
+            assertTrue("probability of 100%" in found.message, found.message)
+        }
+    }
+}

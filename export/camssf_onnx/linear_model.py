@@ -1,0 +1,468 @@
+"""Turns an observation into whitened rows: `camssf.recovery.linear_model` and `covariance` as nodes, same names.
+
+The algebra works on the 5-nm nodes: integrals are folded onto them (`fold`), curves interpolated at the end
+(`unfold`). Rows are ordered patch by patch: without modes Σ is one block of 3 k rows a patch plus a low-rank part,
+and `Folded.sparse` whitens the two separately.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.grid import STEP
+from camssf.recovery.basis import Basis
+from camssf.recovery.covariance import (
+    ABSOLUTE,
+    CHANNEL_SHARE,
+    CHART_CORRELATION,
+    DRIFT,
+    EDGE,
+    FLOOR,
+    INDEPENDENT_SHARE,
+    LAMP_CORRELATION,
+    RELATIVE,
+    TABLE_CORRELATION,
+    smooth_errors,
+)
+from camssf.recovery.linear_model import DARKEST
+from camssf_onnx.algebra import I64, D, M, fold, identity, outer, size_of, slope, unfold, whiten
+from camssf_onnx.graph import Body, Graph, Value, within
+
+EYE = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """p problems in rows of unit covariance: A (p, N, R), b (p, N).
+
+    With a prior (p = 1) ln det Σ (1,), and D of the lamp modes (1, N, k q) and of the gain modes (1, N, k g); else
+    None.
+    """
+
+    A: Value
+    b: Value
+    log_det: Value | None
+    modes: Value | None
+    gains: Value | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Curves (m, 3), their standard deviations (m, 3), predicted signals (k, n, 3), lamp (k, m)."""
+
+    ssf: Value
+    std: Value
+    predicted: Value
+    lamp: Value
+
+
+# From the code (3, r) and its covariance (3, r, r), one block a channel, to the curves and what follows from them.
+Curves = Callable[[Value, Value | None], Answer]
+
+
+class Rows:
+    """Eq. (5) and the integrals that every basis needs. Channels come first: (3, k, n)."""
+
+    def __init__(self, g: Graph, given: dict[str, Value]) -> None:
+        self.g, self.given = g, given
+        white = given["white"] - given["dark"]
+        self.white_signal = white
+        self.signals = (given["chart"] - given["dark"]) / white
+        self.y = self.signals.transpose(2, 0, 1)
+        self.error = given["standard_error"].transpose(2, 0, 1)
+        self.power = given["lamp"] * STEP  # (k, m)
+        self.seen_white = self.power * given["white_reflectance"]  # (k, m)
+
+    def gain(self) -> Value:
+        """Raw white signal of the first shot relative to green, (3,)."""
+        first = self.white_signal.slice(0, 1, 0)
+        means = self.g.op("ReduceMean", first, self.g.ints(0, 1), keepdims=0)
+        return means / means.slice(1, 2, 0)
+
+
+def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
+    """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot, one problem a channel."""
+    atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
+    scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
+    everything = rows.power.unsqueeze(1) * rows.given["reflectance"]  # (k, n, m)
+    seen = everything.slice(0, 1, 0).squeeze(0)  # (n, m)
+    b = rows.y.slice(0, 1, 1).squeeze(1)
+    error = rows.error.slice(0, 1, 1).squeeze(1)
+    tolerance = rows.given["chart_tolerance"] * b
+    deviation = g.op("Sqrt", g.op("Max", error * error + tolerance * tolerance, FLOOR**2))  # (3, n)
+    whitened = Whitened(
+        ((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation, None, None, None
+    )
+
+    def curves(x: Value, spread: Value | None) -> Answer:
+        del spread  # no prior, no band
+        s = atoms @ x.transpose(1, 0)  # (m, 3)
+        s = s / (rows.seen_white.slice(0, 1, 0) @ s)
+        predicted = (everything @ s) / (rows.seen_white @ s).unsqueeze(1)
+        return Answer(s, s * np.nan, predicted, rows.given["lamp"])
+
+    return whitened, curves
+
+
+def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tuple[Whitened, Curves]:
+    """Rows free of exposure, whitened by their full covariance, on the 5-nm nodes (`camssf.recovery.linear_model`).
+
+    One Loop whose body computes the rows at a point: one turn if there are no modes, else two, the first of which is
+    `_first_pass`.
+    """
+    given = rows.given
+    nodes = basis.mean[:, ::10]
+    mean = g.constant(nodes, name="mean")  # (3, v)
+    atoms = prior_scale * g.constant(basis.dictionary[:, ::10], name="dictionary")  # (3, v, r)
+    v, r = basis.dictionary[:, ::10].shape[1:]
+    shape = g.op("Shape", rows.signals)
+    k, n = shape.slice(0, 1, 0), shape.slice(1, 2, 0)
+    given_twice = g.op("Concat", given["reflectance"], slope(g, given["reflectance"]), axis=0)  # (2 n, m)
+    folded = fold(g, rows.power.unsqueeze(1) * given_twice)  # (k, 2 n, v)
+    parts = folded.like(g.op("Concat", k, g.ints(2, -1, v), axis=0))
+    patches, edges = parts.slice(0, 1, 1).squeeze(1), parts.slice(1, 2, 1).squeeze(1)  # (k, n, v) each
+    whites = fold(g, g.op("Concat", rows.seen_white, rows.power, axis=0))  # (2 k, v)
+    pair = whites.like(g.ints(2, -1, v))
+    white, flat_light = pair.slice(0, 1, 0).squeeze(0), pair.slice(1, 2, 0).squeeze(0)  # (k, v) each
+    first = white.slice(0, 1, 0)
+    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
+    atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
+
+    known = fold_observation(g, rows, (mean, atoms), (patches, edges, white, flat_light), r)
+    one = g.ints(1)
+    start = [
+        mean * 1.0,
+        white * 0.0 + 1.0,
+        g.op("Expand", 1.0, g.op("Concat", k, n, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", known.K, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", known.G, one, axis=0)),
+        identity(g, known.K.squeeze(0)),
+        g.constant(np.eye(3 * r)),
+    ]
+    turns = g.op("Cast", known.any_modes, to=I64) + g.constant(1, np.int64)
+    left = g.loop(known.turn(turns), start, [D] * len(start), turns, "look")[len(start) :]
+    A, b, log_det, modes, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in left)  # the last turn's
+    gains = g.op("Slice", modes, known.K, g.ints(2**31), g.ints(2))
+    modes = g.op("Slice", modes, g.ints(0), known.K, g.ints(2))
+
+    def curves(x: Value, spread: Value | None) -> Answer:
+        assert spread is not None
+        s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
+        scale = (s @ white.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
+        s = s / scale.unsqueeze(1)
+        shape = s / s.max(1, keep=True)
+        top = g.op("ArgMax", s, axis=1, keepdims=1)
+        peak = g.op("Equal", top, g.constant(np.arange(v), np.int64)).real()  # (3, v)
+        moves = atoms - shape.unsqueeze(2) * (peak.unsqueeze(1) @ atoms)
+        reach = moves @ spread
+        here = (reach * moves).sum(2)  # (3, v)
+        next_ = (reach.slice(0, v - 1, 1) * moves.slice(1, v, 1)).sum(2)
+        left = 1.0 - np.arange(10) / 10.0
+        right = 1.0 - left
+        between = (
+            here.slice(0, v - 1, 1).unsqueeze(2) * left**2
+            + next_.unsqueeze(2) * (2.0 * left * right)
+            + here.slice(1, v, 1).unsqueeze(2) * right**2
+        ).reshape(3, M - 1)
+        variance_ = g.op("Concat", between, here.slice(v - 1, v, 1), axis=1)
+        std = g.op("Sqrt", g.op("Max", variance_, 0.0)) / scale.unsqueeze(1)
+        values = unfold(g, s).transpose(1, 0)  # (m, 3)
+        light = given["lamp"] * unfold(g, lamp)  # (k, m)
+        seen = (light.unsqueeze(1) * given["reflectance"]) @ values
+        predicted = seen / ((light * given["white_reflectance"]) @ values).unsqueeze(1)
+        return Answer(values, std.transpose(1, 0), predicted, light)
+
+    return Whitened(A, b, log_det, modes, gains), curves
+
+
+@dataclass(frozen=True)
+class Folded:
+    """The observation folded onto the nodes, and constants of its rows: `_Folded` of `camssf.recovery.linear_model`.
+
+    Channel 3, shot k, patch n, mode q, gain mode g, node v, atom r; R = 3 r codes, K = k q modes, G = k g gain modes,
+    N = 3 k n rows.
+
+    Attributes:
+        mean, atoms: (3, v) and (3, v, r). patches, edges: (k, n, v). white, light: (k, v).
+        modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any. K: (1,) their number.
+        gain_modes: (k, g, n). G: (1,) their number. any_modes: whether there is any, of lamps or gains.
+        gains: (n, 3, k, k, g) their D. gain_own: size of each channel's own part relative to the gain modes.
+        y: (3, k, n, 1). variance: (n, 3 k) noise and the chart's independent part, in even light.
+        tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (k, 1, 1).
+        share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
+        own: (k, 1, k, 1), 1 where a shot is the same.
+        by_patch, flat, blocks: shapes (n, 3 k, -1), (1, N, -1) and (N, K, R).
+        r: a number.
+    """
+
+    mean: Value
+    atoms: Value
+    patches: Value
+    edges: Value
+    white: Value
+    light: Value
+    modes: Value
+    loose: Value
+    K: Value
+    gain_modes: Value
+    G: Value
+    any_modes: Value
+    gains: Value
+    gain_own: Value
+    y: Value
+    variance: Value
+    tolerance: Value
+    white_tolerance: Value
+    lamp_tolerance: Value
+    share: Value
+    own: Value
+    by_patch: Value
+    flat: Value
+    blocks: Value
+    r: int
+
+    def turn(self, turns: Value) -> Callable[[Graph, Value, list[Value]], Body]:
+        """The Loop's body: computes the next point, and stacks whitened rows, ln det Σ, D and the point's lamp."""
+
+        def body(g: Graph, step: Value, state: list[Value]) -> Body:
+            here = within(self, g)
+            looks = g.op("Less", step + g.constant(1, np.int64), turns.here(g)).real()
+            rows = here.rows(state)
+
+            def loose(branch: Graph) -> list[Value]:
+                inner, given = within(here, branch), [value.here(branch) for value in state]
+                return inner.dense(within(rows, branch), given, looks.here(branch))
+
+            def named(branch: Graph) -> list[Value]:
+                return [*within(here, branch).sparse(within(rows, branch)), *(value.here(branch) for value in state)]
+
+            A, b, log_det, modes, *after = g.choose(here.any_modes, loose, named, "sense")
+            return Body([value * 1.0 for value in after], [A, b, log_det, modes, state[1] * 1.0])
+
+        return body
+
+    def rows(self, state: Sequence[Value]) -> Rowed:
+        """A, b and the parts of Σ at a point, patch by patch."""
+        curve, lamp, level, *_ = state
+        y = self.y * level
+        s = curve.unsqueeze(1, 3)  # (3, 1, v, 1)
+        bend = lamp.unsqueeze(1)  # (k, 1, v)
+        W = curve @ (self.white * lamp).transpose(1, 0)  # (3, k)
+        seen = self.patches * bend / W.unsqueeze(2, 3)  # (3, k, n, v)
+        white = (self.white * lamp / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
+        light = (self.light * lamp / W.unsqueeze(2)).unsqueeze(2)
+        expected = seen @ s  # (3, k, n, 1) ŷ
+        g = expected.graph
+        about = g.op("Where", self.loose, expected, y)
+        a = seen - about * white
+        against_white = seen - expected * white
+        A = (a @ self.atoms.unsqueeze(1)).unsqueeze(3) * EYE[:, None, None, :, None]  # (3, k, n, 3, r)
+        b = y - about - a @ self.mean.unsqueeze(1, 3)
+        edges = EDGE * self.edges * bend / W.unsqueeze(2, 3)
+        level = g.op("Expand", level, g.op("Shape", y))
+        block, common = covariance(
+            self, LinearisedSignals(s, expected, level, seen, edges, light, white, against_white)
+        )
+        rows = self.patchwise(A.transpose(2, 0, 1, 3, 4)), self.patchwise(b.transpose(2, 0, 1, 3))
+        return Rowed(*rows, block, common, against_white, white)
+
+    def patchwise(self, rows: Value) -> Value:
+        """(n, 3, k, ...) → (n, 3 k, columns)."""
+        return rows.like(self.by_patch)
+
+    def sparse(self, rows: Rowed) -> list[Value]:
+        """L⁻¹ A (1, N', R), L⁻¹ b (1, N'), ln det Σ (1,) and L⁻¹ D = 0, where Σ = B + U Uᵀ with B block diagonal.
+
+        The rows are whitened by B first; then Σ is I + U Uᵀ. With S = I + Uᵀ U and V = S⁻¹ Uᵀ (A b), the rows
+        (A b) - U V, with V below them, have the same products as whitened rows: those of the least squares that
+        solves for U's unknowns w ~ N(0, I) together with the code. An error of V changes them in second order only.
+        """
+        g = rows.b.graph
+        every = g.op("Concat", rows.A, rows.b, rows.common, axis=2)
+        blocks, log_blocks = whiten(g, rows.block, every, 3)
+        every = blocks.like(self.flat)
+        own, U = every.slice(0, 3 * self.r + 1, 2), every.slice(3 * self.r + 1, 2**31, 2)
+        across = U.transpose(0, 2, 1)
+        count = size_of(g, U, 2)
+        one = identity(g, count).unsqueeze(0)
+        S = one + across @ U
+        root, log_common = whiten(g, S, g.op("Concat", across @ own, one, axis=2))
+        found, back = root.slice(0, 3 * self.r + 1, 2), root.slice(3 * self.r + 1, 2**31, 2)
+        V = back.transpose(0, 2, 1) @ found
+        joined = g.op("Concat", own - U @ V, V, axis=1)
+        A, b = joined.slice(0, 3 * self.r, 2), joined.slice(3 * self.r, 3 * self.r + 1, 2).squeeze(2)
+        none = b.unsqueeze(2) * g.op("Expand", 0.0, self.K + self.G)  # (1, N', K + G)
+        return [A, b, log_blocks.sum(0, keep=True) + log_common, none]
+
+    def dense(self, rows: Rowed, state: Sequence[Value], looks: Value) -> list[Value]:
+        """The whitened rows where there are modes, from the whole Σ, and the next point: `_first_pass`.
+
+        Σ contains D Dᵀ, but in a first pass A Aᵀ instead.
+        """
+        _, _, _, offset, gained, mode_covariance, code_covariance = state
+        g, r = rows.b.graph, self.r
+        A, b, U = (each.like(self.flat) for each in (rows.A, rows.b, rows.common))
+        n = size_of(g, rows.block, 0)
+        spaced = rows.block.unsqueeze(2) * identity(g, n).unsqueeze(1, 3)  # (n, 3 k, n, 3 k)
+        N = size_of(g, b, 1).unsqueeze(0)
+        sigma = spaced.like(g.op("Concat", g.ints(1), N, N, axis=0)) + outer(U)
+        modes, bent = self.bend(rows, state)
+        modes, bent = modes.like(self.flat), bent.like(self.blocks)
+        spread = (mode_covariance @ (bent @ code_covariance)).like(self.flat)
+        sigma = sigma + spread @ bent.like(self.flat).transpose(0, 2, 1)
+        gains = self.patchwise(self.gains).like(self.flat)
+        own = self.gain_own * self.patchwise(self.gains.unsqueeze(3) * EYE[:, None, :, None, None]).like(self.flat)
+        b = b + modes @ offset + gains @ gained
+        modes = g.op("Concat", modes, gains, axis=2)
+        sigma = sigma + outer(own) + (1.0 - looks) * outer(modes) + looks * outer(A)
+        columns, log_det = whiten(g, sigma, g.op("Concat", A, b, modes, axis=2))
+        A, b, modes = (
+            columns.slice(0, 3 * r, 2),
+            columns.slice(3 * r, 3 * r + 1, 2),
+            columns.slice(3 * r + 1, 2**31, 2),
+        )
+        return [A, b.squeeze(2), log_det, modes, *self.after(A, b, modes)]
+
+    def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
+        """D and B of `camssf.recovery.linear_model`, patch by patch: (n, 3, k, K) and (n, 3, k, K, 3, r)."""
+        curve, lamp, *_ = state
+        relative = rows.against_white / lamp.unsqueeze(1)  # the modes are relative to the lamp as given
+        across = self.modes.transpose(0, 2, 1)  # (k, v, q)
+        atoms = self.atoms.unsqueeze(1)  # (3, 1, v, r)
+        steps = (relative * curve.unsqueeze(1, 2)) @ across  # (3, k, n, q)
+        bent = (relative.unsqueeze(3) * self.modes.unsqueeze(1)) @ atoms.unsqueeze(1)  # (3, k, n, q, r)
+        off = (rows.white / lamp.unsqueeze(1) * curve.unsqueeze(1, 2)) @ across  # (3, k, 1, q)
+        bent = bent - off.unsqueeze(4) * (rows.against_white @ atoms).unsqueeze(3)
+        bent = bent - steps.unsqueeze(4) * (rows.white @ atoms).unsqueeze(3)
+        D_ = steps.unsqueeze(3) * self.own  # (3, k, n, k, q)
+        B_ = bent.unsqueeze(3, 5) * self.own.unsqueeze(4, 5) * EYE[:, None, None, None, None, :, None]
+        return D_.transpose(2, 0, 1, 3, 4), B_.transpose(2, 0, 1, 3, 4, 5, 6)
+
+    def after(self, A: Value, b: Value, modes: Value) -> list[Value]:
+        """The next point, from rows whitened with A Aᵀ in Σ; `modes` is D of the lamps, then of the gains."""
+        g = b.graph
+        turned = modes.transpose(0, 2, 1)
+        one = identity(g, (self.K + self.G).squeeze(0)).unsqueeze(0)
+        root, _ = whiten(g, one + turned @ modes, g.op("Concat", turned @ b, one, axis=2), 1)
+        pull, back = root.slice(0, 1, 2), root.slice(1, 2**31, 2)
+        turned = back.transpose(0, 2, 1)
+        found, of_all = (turned @ pull).squeeze(0), (turned @ back).squeeze(0)  # (K + G, 1), (K + G, K + G)
+        across = A.transpose(0, 2, 1)
+        code = (across @ (b - modes @ found)).reshape(3, self.r, 1)
+        curve = self.mean + (self.atoms @ code).squeeze(2)
+        offset = g.op("Slice", found, g.ints(0), self.K, g.ints(0))
+        gained = g.op("Slice", found, self.K, g.ints(2**31), g.ints(0))
+        mode_covariance = g.op("Slice", of_all, g.ints(0, 0), g.op("Concat", self.K, self.K, axis=0), g.ints(0, 1))
+        size = g.op("Concat", g.op("Shape", self.white).slice(0, 1, 0), g.ints(1, -1), axis=0)
+        bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
+        level = 1.0 - (gained.like(size) @ self.gain_modes).squeeze(1)  # (k, n)
+        return [
+            curve, g.op("Max", bend, DARKEST), g.op("Max", level, DARKEST).unsqueeze(2), offset, gained,
+            mode_covariance, np.eye(3 * self.r) - (across @ A).squeeze(0),
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rowed:
+    """Rows at a point, patch by patch, and the parts of Σ without modes.
+
+    Attributes:
+        A, b: (n, 3 k, R) and (n, 3 k, 1).
+        block: (n, 3 k, 3 k) covariance within a patch. common: (n, 3 k, u) U of the errors common to the patches.
+        against_white, white: (3, k, n, v) and (3, k, 1, v), for the modes.
+    """
+
+    A: Value
+    b: Value
+    block: Value
+    common: Value
+    against_white: Value
+    white: Value
+
+
+@dataclass(frozen=True)
+class LinearisedSignals:
+    """`LinearisedSignals` of `camssf.recovery.covariance`, with the curve as a separate factor.
+
+    Attributes:
+        curve: (3, 1, v, 1) s. predicted, level: (3, k, n, 1) ŷ and 1 - ĥ.
+        patches, edges: (3, k, n, v). light, white: (3, k, 1, v). against_white: (3, k, n, v).
+    """
+
+    curve: Value
+    predicted: Value
+    level: Value
+    patches: Value
+    edges: Value
+    light: Value
+    white: Value
+    against_white: Value
+
+
+def covariance(known: Folded, signals_at: LinearisedSignals) -> tuple[Value, Value]:
+    """Blocks (n, 3 k, 3 k) and U (n, 3 k, u) of Σ without modes: `camssf.recovery.covariance.covariance`."""
+    over_chart, over_lamp, over_table = (
+        signals_at.curve * smooth_errors(length)
+        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+    )
+    edges = signals_at.edges @ over_table
+    g = edges.graph
+    floor = ABSOLUTE * (signals_at.light @ over_table) + 0.0 * edges
+    chart = g.op("Concat", RELATIVE * (signals_at.patches @ over_chart), floor, edges, axis=3)
+    rows = known.patchwise((known.tolerance * chart).transpose(2, 0, 1, 3))
+    white = known.white_tolerance * signals_at.predicted * (signals_at.white @ over_chart)
+    lamp = known.lamp_tolerance * (signals_at.against_white @ over_lamp)
+    lamp = g.op("Concat", lamp, DRIFT * signals_at.predicted, axis=3)
+    lamp = lamp.unsqueeze(3) * known.own  # (3, k, n, k, p)
+    common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
+    block = outer(rows) * known.share
+    one = identity(g, size_of(g, block, 1))
+    level = known.patchwise(signals_at.level.transpose(2, 0, 1, 3))  # (n, 3 k, 1)
+    variance = g.op("Max", level * level * known.variance.unsqueeze(2), FLOOR**2)
+    return block + variance * one, g.op("Concat", *common, axis=2)
+
+
+def fold_observation(
+    g: Graph, rows: Rows, basis: tuple[Value, Value], scenes: tuple[Value, Value, Value, Value], r: int
+) -> Folded:
+    """Fold the observation for the rows; `basis` is mean and anchored atoms, `scenes` the folded integrals."""
+    mean, atoms = basis
+    given = rows.given
+    shape = g.op("Shape", rows.y)
+    k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
+    steps = g.constant([10], np.int64)
+    modes = g.op("Slice", given["lamp_modes"], g.ints(0), g.ints(M), g.ints(2), steps)  # (k, q, v)
+    sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
+    K = k * g.op("Shape", modes).slice(1, 2, 0)
+    independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
+    variance = rows.error * rows.error + independent * independent  # (3, k, n)
+    three_k = k * g.constant([3], np.int64)
+    share = g.op("Expand", CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * EYE[:, None, :, None],
+                 g.op("Concat", g.ints(3), k, g.ints(3), k, axis=0))  # fmt: skip
+    patches, edges, white, light = scenes
+    loose = g.op("Greater", sizes, 0.0)
+    gain_modes = given["gain_modes"]
+    uneven = g.op("Greater", g.op("Abs", gain_modes).max(0, 1, 2), 0.0)
+    own = identity(g, k.squeeze(0)).unsqueeze(1, 3)
+    gains = (rows.y.unsqueeze(3) * gain_modes.transpose(0, 2, 1)).unsqueeze(3) * own  # (3, k, n, k, g)
+    return Folded(
+        mean, atoms, patches, edges, white, light,
+        modes, loose, K,
+        gain_modes, k * g.op("Shape", gain_modes).slice(1, 2, 0),
+        g.op("Or", g.op("Greater", sizes.max(0, 1, 2), 0.0), uneven),
+        gains.transpose(2, 0, 1, 3, 4), given["gain_own"],
+        rows.y.unsqueeze(3),
+        variance.transpose(2, 0, 1).like(g.op("Concat", n, three_k, axis=0)),
+        given["chart_tolerance"].unsqueeze(1),
+        given["white_tolerance"],
+        given["lamp_tolerance"].unsqueeze(1, 2),
+        share.like(g.op("Concat", three_k, three_k, axis=0)),
+        own,
+        g.op("Concat", n, three_k, g.ints(-1), axis=0),
+        g.op("Concat", g.ints(1), n * three_k, g.ints(-1), axis=0),
+        g.op("Concat", n * three_k, K, g.ints(3 * r), axis=0),
+        r,
+    )  # fmt: skip

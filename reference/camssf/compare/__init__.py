@@ -1,0 +1,1 @@
+"""Two result documents of the same photos, compared stage by stage."""

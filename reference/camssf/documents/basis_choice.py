@@ -1,0 +1,118 @@
+"""The `choice` of a result document in words: which basis was used, its posterior odds, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from camssf.recovery.hypotheses import CLEAR
+
+Json: TypeAlias = dict[str, Any]
+
+LARGEST = 1e6
+"""Larger odds are not distinguished."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The basis that the evidence (marginal likelihood) chose.
+
+    Attributes:
+        basis: the most probable one.
+        odds: its posterior odds against all other bases together; infinite if they have probability 0.
+        prior_odds: its prior odds, from the camera maker named in the file; None if they cannot be recovered.
+        wide: probability that the camera lies outside the family that its basis was learned from (a wider prior).
+        words: all of this in sentences.
+    """
+
+    basis: str
+    odds: float
+    prior_odds: float | None
+    wide: float
+    words: tuple[str, ...]
+
+
+def choice_of(document: Json) -> Chosen | None:
+    """The choice; None if the basis was given, nothing was solved, or the result is older than the choice."""
+    weighed = document.get("choice") or []
+    total = math.fsum(each["probability"] for each in weighed)
+    if not total > 0:
+        return None
+    shares: dict[str, float] = {}
+    for each in weighed:
+        shares[each["basis"]] = shares.get(each["basis"], 0.0) + each["probability"]
+    basis = max(shares, key=lambda name: shares[name])
+    rest = math.fsum(share for name, share in shares.items() if name != basis)
+    odds = shares[basis] / rest if rest > 0 else math.inf
+    others = " and ".join(name for name in shares if name != basis)
+    wide = math.fsum(each["probability"] for each in weighed if each["prior_scale"] > 1.0) / total
+    prior_odds = _prior_odds(weighed, basis)
+    return Chosen(basis, odds, prior_odds, wide, tuple(_words(basis, others, odds, prior_odds, wide)))
+
+
+def hypothesis_in_words(each: Json) -> str:
+    """Basis, width of its prior, and the kinds of the unnamed lights."""
+    kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
+    return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
+
+
+def hypotheses_in_words(document: Json) -> str:
+    """All hypotheses that were weighed."""
+    return ", ".join(hypothesis_in_words(each) for each in document.get("choice", ())) or "none"
+
+
+def odds_in_words(odds: float) -> str:
+    """Odds as text, for example 240 : 1."""
+    if odds > LARGEST:
+        return "more than a million : 1"
+    if CLEAR - 0.5 <= odds < CLEAR * (1 - 1e-9):
+        return f"{math.floor(10 * odds) / 10:.1f} : 1"  # not rounded up to CLEAR
+    return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
+
+
+def _prior_odds(weighed: list[Json], basis: str) -> float | None:
+    """Prior odds of the basis against the most probable other one: posterior odds divided by the Bayes factor."""
+    own, other = (
+        max((each for each in weighed if (each["basis"] == basis) == same), key=_probability, default=None)
+        for same in (True, False)
+    )
+    if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
+        return None
+    # The prior odds of widths and lights cancel only between hypotheses of the same width and light.
+    alike = (
+        e
+        for e in weighed
+        if (e["basis"], e["prior_scale"], e.get("kinds")) == (other["basis"], own["prior_scale"], own.get("kinds"))
+    )
+    other = next(alike, None)
+    if other is None or not other["probability"] > 0:
+        return None
+    said = own["log_evidence"] - other["log_evidence"]
+    exponent = math.log(own["probability"] / other["probability"]) - said
+    return math.exp(exponent) if abs(exponent) < math.log(LARGEST) else None
+
+
+def _probability(each: Json) -> float:
+    return float(each["probability"])
+
+
+def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide: float) -> list[str]:
+    words = []
+    if others:
+        told = f"The signals speak for {basis}, {odds_in_words(odds)} against {others}"
+        words.append(
+            f"{told}, so it answers alone."
+            if odds >= CLEAR
+            else f"{told}; below {CLEAR:g} : 1 neither answers alone: the curves of both are mixed by their "
+            "probabilities, and the band holds by how much they differ."
+        )
+        if prior_odds is not None and abs(math.log(prior_odds)) > 0.01:
+            likely, how = (basis, prior_odds) if prior_odds > 1 else (others, 1 / prior_odds)
+            words.append(f"The file's word for the maker is in these odds: {odds_in_words(how)} for {likely}.")
+    if wide > 0:
+        words.append(
+            f"With a probability of {100 * wide:.1f} % the camera lies further out than those that its basis was "
+            "learned from; a wider prior, and with it a wider band, counts for so much."
+        )
+    return words

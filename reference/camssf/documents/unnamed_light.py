@@ -1,0 +1,58 @@
+"""The unnamed lights of a result document: in words, and compared with those of another document."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf.grid import Floats
+
+Json: TypeAlias = dict[str, Any]
+
+SHOWN = 0.005
+"""Smallest probability of a kind that is shown."""
+OF_LIGHT = ("lamp", "lamp modes", "which lamp")
+"""Sources of the budget that a known lamp would remove or reduce."""
+
+
+def lights_of(document: Json) -> list[tuple[int, Json]]:
+    """Number, from 1, of each shot whose light was not named, and the estimate of its light."""
+    return [(j, shot["light"]) for j, shot in enumerate(document.get("shots") or [], 1) if "light" in shot]
+
+
+def light_differences(document: Json, other: Json) -> list[tuple[float, str]]:
+    """Difference of two results in each field of their lights, relative to its largest number, and in words."""
+    theirs, ours = (dict(lights_of(each)) for each in (document, other))
+    if theirs.keys() != ours.keys():
+        return [(np.inf, f"lights of the shots {sorted(theirs)} there, {sorted(ours)} here")]
+    found = []
+    for j, light in ours.items():
+        for key in ("kinds", "power", "std", "kelvin", "kelvin_std"):
+            one, own = (_numbers(each[key]) for each in (theirs[j], light))
+            alike = one.shape == own.shape
+            apart = float(np.max(np.abs(one - own)) / np.max(np.abs(own))) if alike else np.inf
+            found.append((apart, f"{key} of the light of shot {j}, by {apart:.2g} of its largest"))
+    return found
+
+
+def _numbers(value: Any) -> Floats:
+    return np.atleast_1d([value[key] for key in sorted(value)] if isinstance(value, dict) else value).astype(float)
+
+
+def kinds_in_words(light: Json) -> str:
+    """The kinds as `daylight 90 %, white-led 5 %`, the most probable first."""
+    likely = sorted(light["kinds"].items(), key=lambda each: -each[1])
+    return ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in likely if share >= SHOWN)
+
+
+def light_in_words(light: Json) -> str:
+    """One line: kinds, and the correlated colour temperature with one standard deviation."""
+    return f"{kinds_in_words(light)}; {light['kelvin']:,.0f} ± {light['kelvin_std']:,.0f} K"
+
+
+def cost_of(document: Json) -> list[float] | None:
+    """Share of each channel's variance that the light causes; None without a budget."""
+    rows = (document.get("uncertainty") or {}).get("budget") or []
+    shares = [row["share"] for row in rows if row["source"] in OF_LIGHT]
+    return [float(sum(each)) for each in zip(*shares, strict=True)] if shares else None

@@ -1,0 +1,127 @@
+"""Explains error codes: meaning, causes and what to do, from data/errors.json, `camssf.errors` and the rules.
+
+`camssf explain CODE` prints the explanation; `python -m benchmarks.error_pages` writes a page of each to docs/errors.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.rules import PLACEHOLDER, Number, Wording, rules
+
+FORMAT = "camssf-errors/1"
+
+
+@dataclass(frozen=True)
+class Explained:
+    """The explanation of one error code.
+
+    Attributes:
+        code: the code.
+        kind: name of the class that is raised.
+        exit_status: of the command line.
+        means: what is wrong, in a sentence or two.
+        causes: the usual causes, the likeliest first.
+        do: what to do next, in this order.
+        see: pages of the documentation.
+        reasons: reasons of the verdict with this code; empty if only stages raise it.
+    """
+
+    code: str
+    kind: str
+    exit_status: int
+    means: str
+    causes: tuple[str, ...]
+    do: tuple[str, ...]
+    see: tuple[str, ...]
+    reasons: tuple[Wording, ...]
+
+
+def codes() -> tuple[str, ...]:
+    """Every code, in the order of `camssf.errors`."""
+    return tuple(kind.code for kind in _leaves())
+
+
+def explain_code(code: str) -> Explained:
+    """Explain a code, which may also be given as its class name.
+
+    Raises:
+        InvalidArgument: no such code.
+
+    Example:
+        >>> from camssf.error_codes import explain_code
+        >>> explain_code("overexposed").do[0]
+        'Expose less: the white at about 80 % of full scale.'
+    """
+    word = code.strip().casefold().replace("-", "_")
+    kind = next((each for each in _leaves() if word in (each.code, each.__name__.casefold())), None)
+    if kind is None:
+        from difflib import get_close_matches
+
+        near = get_close_matches(word, codes(), n=2)
+        raise InvalidArgument(
+            f"There is no error code {code!r}.",
+            (f"Did you mean {' or '.join(near)}? " if near else "") + f"The codes: {', '.join(codes())}.",
+        )
+    entry = _table()[kind.code]
+    reasons = tuple(each for each in rules().reasons.values() if each.code == kind.code)
+    return Explained(
+        kind.code, kind.__name__, kind.exit_status, entry["means"], tuple(entry["causes"]), tuple(entry["do"]),
+        tuple(entry["see"]), reasons,
+    )  # fmt: skip
+
+
+def as_text(found: Explained) -> str:
+    """The explanation as text for a terminal."""
+    lines = [f"{found.code} (exit status {found.exit_status}): {found.means}", "", "What usually brings it about:"]
+    lines += [f"  - {each}" for each in found.causes]
+    lines += ["", "What to do:"]
+    lines += [f"  {number}. {each}" for number, each in enumerate(found.do, 1)]
+    if found.reasons:
+        lines += ["", "What the verdict says with this code:"]
+        for reason in found.reasons:
+            lines += [f"  - {without_holes(reason.message)}", f"    {without_holes(reason.advice)}"]
+            lines += [f"    {limit_in_words(each)}" for each in limits_of(reason)]
+    lines += ["", f"More: {', '.join(f'docs/{page}' for page in (f'errors/{found.code}.md', *found.see))}"]
+    return "\n".join(lines)
+
+
+def limits_of(reason: Wording) -> tuple[Number, ...]:
+    """The numbers of the rules that decide a reason."""
+    return tuple(rules().numbers[f"verdict.{name}"] for name in reason.limits)
+
+
+def limit_in_words(number: Number) -> str:
+    """A limit in words, for example "doubtful above 3 (what it measures, its unit)"."""
+    return f"{number.makes} {number.beyond} {number.value:g} ({number.what}, {number.unit})"
+
+
+def without_holes(template: str) -> str:
+    """A message template with "…" in place of each value."""
+    return PLACEHOLDER.sub("…", template)
+
+
+def _leaves() -> list[type[CalibrationError]]:
+    """The error classes without subclasses, in the order of `camssf.errors`."""
+    found: list[type[CalibrationError]] = []
+
+    def walk(kind: type[CalibrationError]) -> None:
+        below = [each for each in kind.__subclasses__() if each.__module__ == "camssf.errors"]
+        for each in below:
+            walk(each)
+        if not below:
+            found.append(kind)
+
+    walk(CalibrationError)
+    return found
+
+
+@cache
+def _table() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((files("camssf") / "data" / "errors.json").read_text("utf-8"))
+    return dict(found["codes"])

@@ -1,1 +1,0 @@
-"""What speaks for an answer, and against it: scores, surprise, verdict."""

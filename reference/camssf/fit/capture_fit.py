@@ -1,0 +1,250 @@
+"""Turns a capture and options into calls of `recover`, for the whole capture and for parts of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.fit.gain_modes import gain_modes
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
+from camssf.photo.capture import Capture, listed
+from camssf.photo.signals import Signals, normalise
+from camssf.recovery.basis import Basis
+from camssf.recovery.hypotheses import AUTO, CLEAR, recover
+from camssf.recovery.linear_model import levels
+from camssf.recovery.observation import Observation
+from camssf.recovery.prediction import predict
+from camssf.recovery.sensitivity import Ssf, predict_signals
+from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
+from camssf.rules import rules
+from camssf.spectra import Lamp, Unnamed
+
+FEWEST_PATCHES = 3
+"""Smallest number of patches for a fit."""
+MOST_UNNAMED = rules().whole("lamp.most")
+"""Largest number of shots whose light is not named."""
+WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
+"""Relative error of a white frame's reflectance."""
+
+
+@dataclass(frozen=True)
+class CaptureFit:
+    """A capture and how it is fitted.
+
+    Attributes:
+        capture: the measured shots.
+        signals: Eq. (5); `used` marks the usable patches among the allowed ones.
+        allowed: (n,) the patches that may enter the fit.
+        options: of the fit.
+        basis, prior_scale: basis, and width of its prior; "auto" until `conditioned_on` sets it.
+    """
+
+    capture: Capture
+    signals: Signals
+    allowed: NDArray[np.bool_]
+    options: Options
+    basis: str | Basis
+    prior_scale: float = 1.0
+
+    @cached_property
+    def gains(self) -> tuple[Floats, float]:
+        """Gain modes (k, g, n) of all patches, and the size of each channel's own part relative to them.
+
+        A basis without a prior has no modes: there the fit has no errors but those of the signals, and the verdict
+        must not allow for others.
+        """
+        modes, own = gain_modes(self.capture, self.options.light_per_patch)
+        return (modes[:, :0], 0.0) if self.exact else (modes, own)
+
+    def level(self, ssf: Ssf) -> Floats:
+        """1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`."""
+        return levels(ssf.gain_code, self.gains[0])
+
+    def levelled(self, ssf: Ssf) -> Signals:
+        """The signals corrected to even light."""
+        level = self.level(ssf)[:, :, None]
+        return replace(
+            self.signals, values=level * self.signals.values, standard_error=level * self.signals.standard_error
+        )
+
+    def conditioned_on(self, ssf: Ssf) -> CaptureFit:
+        """The fit with the basis, width and kinds of light that `ssf` found, for fits to parts of the capture."""
+        if not ssf.choice:
+            return self
+        posed = self.with_kinds(ssf.kinds) if ssf.kinds else self
+        return replace(posed, basis=ssf.basis if self.basis == AUTO else self.basis, prior_scale=ssf.prior_scale)
+
+    def with_kinds(self, kinds: Sequence[str]) -> CaptureFit:
+        """The fit with these kinds of light, one a shot; "" keeps a shot's lamp."""
+        shots = []
+        for shot, kind in zip(self.capture.shots, kinds, strict=True):
+            of_kind = shot.lamp.kinds if isinstance(shot.lamp, Unnamed) else ()
+            shots.append(replace(shot, lamp=next((lamp for lamp in of_kind if lamp.name == kind), shot.lamp)))
+        return replace(self, capture=replace(self.capture, shots=tuple(shots)))
+
+    @property
+    def unnamed(self) -> tuple[bool, ...]:
+        """Whether the light of each shot is not named."""
+        return tuple(isinstance(shot.lamp, Unnamed) for shot in self.capture.shots)
+
+    @property
+    def prior_odds(self) -> dict[str, float]:
+        """Prior odds of the bases from the maker and model in the photo's metadata."""
+        photo = self.capture.shots[0].photo
+        return prior_odds(photo.make, photo.model)
+
+    @property
+    def lamps(self) -> list[Lamp]:
+        """Each shot's lamp, if all are named or set by `with_kinds`."""
+        lamps = [shot.lamp for shot in self.capture.shots]
+        assert not any(self.unnamed)
+        return [lamp for lamp in lamps if isinstance(lamp, Lamp)]
+
+    def white_reference(self) -> tuple[Floats, float]:
+        """ρ_w (681,) and its tolerance: the white frame's target, or the chart's own white patch."""
+        table = self.capture.chart
+        if self.capture.shots[0].means.white is None:
+            return table.values[table.white], float(table.tolerance[table.white])
+        share = 1.0 if self.capture.white_reflectance is None else self.capture.white_reflectance
+        return np.full(WAVELENGTHS.size, share), WHITE_TOLERANCE
+
+    def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
+        """`recover` on the used patches (k, n); the result predicts all n patches."""
+        options = self.options
+        how: dict[str, Any] = {
+            "basis": self.basis, "prior_scale": self.prior_scale, "prior": self.prior_odds,
+            "l2": options.l2, "gamma": gamma, "nonnegative": options.nonnegative, "engine": options.engine,
+        }  # fmt: skip
+        table = self.capture.chart.values
+        if any(self.unnamed):
+            return recover_in_any_light(self._guesses(used), of=table, **how)
+        ssf, (rho, _) = recover(self.given(used), **how), self.white_reference()
+        return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.lamp, rho))
+
+    def _guesses(self, used: NDArray[np.bool_]) -> list[LampGuess]:
+        """All combinations of kinds for the unnamed lights."""
+        if sum(self.unnamed) > MOST_UNNAMED:
+            raise InvalidArgument(
+                f"The light of {sum(self.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
+                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
+            )
+        kinds = product(*(
+            [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
+            for shot in self.capture.shots
+        ))  # fmt: skip
+        return [LampGuess(each, self.with_kinds(each).given(used)) for each in kinds]
+
+    def solve_alone(self) -> list[Ssf]:
+        """The solution of each shot alone; empty if there is only one shot."""
+        k = len(self.capture.shots)
+        shots = np.eye(k, dtype=bool)[:, :, None] if k > 1 else ()
+        return [self.solve(self.signals.used & shot, self.options.gamma) for shot in shots]
+
+    def bands(self, used: NDArray[np.bool_], ssf: Ssf) -> Floats | None:
+        """(k, n, 3) standard deviation of each true signal minus its prediction by a fit to the used patches."""
+        if ssf.std is None:
+            return None
+        table, taken = self.capture.chart, used.any(axis=0)
+        others, tolerance = table.values[~taken], table.tolerance[~taken]
+        given = self.given(used)
+        modes = self.gains[0][:, :, ~taken]
+        found = predict(ssf, given, of=others, of_tolerance=tolerance, of_gains=modes, basis=self.basis).std
+        std = np.empty_like(self.signals.values)
+        std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
+        return std
+
+    @property
+    def exact(self) -> bool:
+        """Whether the basis has no prior: the paper's Eq. (10) has no errors but those of the signals."""
+        return self.basis == "gaussian" or (isinstance(self.basis, Basis) and not self.basis.prior)
+
+    def given(self, used: NDArray[np.bool_]) -> Observation:
+        """The input of `recover`, `predict` and `explain`: the patches that at least one shot uses."""
+        signals, table, taken = self.signals, self.capture.chart, used.any(axis=0)
+        exact, (gains, own) = self.exact, self.gains
+        rho, white_tolerance = self.white_reference()
+        return Observation(
+            signals=signals.values[:, taken],
+            reflectance=table.values[taken],
+            lamp=np.stack([lamp.values for lamp in self.lamps]),
+            standard_error=signals.standard_error[:, taken],
+            used=used[:, taken],
+            chart_tolerance=np.zeros(1) if exact else table.tolerance[taken],
+            white_reflectance=rho,
+            white_tolerance=white_tolerance,
+            lamp_tolerance=np.array([lamp.tolerance for lamp in self.lamps]),
+            lamp_modes=_modes(self.lamps),
+            gain_modes=gains[:, :, taken],
+            gain_own=own,
+            frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
+        )
+
+
+def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
+    """The fit of a whole capture.
+
+    Raises:
+        InvalidArgument: patches that the chart does not have, fewer than FEWEST_PATCHES of them usable, or
+            `light_per_patch` outside (0, 1] or with a basis without a prior.
+        CalibrationError: as `normalise`.
+    """
+    differs = options.light_per_patch
+    number = isinstance(differs, int | float) and not isinstance(differs, bool)
+    if differs is not None and not (number and 0.0 < differs <= 1.0):
+        raise InvalidArgument(f"Light cannot differ by {differs} from patch to patch.", "Write 8 % as 0.08.")
+    allowed = _patches_to_fit(options.fit, len(capture.chart.patches))
+    signals = normalise([shot.means for shot in capture.shots], capture.chart)
+    signals = replace(signals, used=signals.used & allowed)
+    count = int(signals.used.any(axis=0).sum())
+    if count < FEWEST_PATCHES:
+        raise InvalidArgument(
+            f"Only {count} patches are left for the fit.", "Name more patches by --fit, or leave it out."
+        )
+    fit = CaptureFit(capture, signals, allowed, options, options.basis)
+    if differs is not None and fit.exact:
+        raise InvalidArgument(
+            "The basis has no prior, so it has no place for light that differs from patch to patch.",
+            "Take --basis auto, phones or cameras.",
+        )
+    return fit
+
+
+def prior_odds(make: str, model: str) -> dict[str, float]:
+    """Prior odds by basis: CLEAR if maker and model start with one of its entries in the rules' `makers`."""
+    name = f"{make} {model}".casefold()
+    return {
+        basis: CLEAR for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
+    }
+
+
+def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
+    """Mask (n,) of the patches with these 1-based numbers."""
+    if fit is None:
+        return np.ones(n, dtype=bool)
+    numbers = listed("fit", fit)
+    if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
+        raise InvalidArgument(
+            f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",
+            "Give their numbers, as range(7, 19) or [1, 4]; --fit 7-18 on the command line.",
+        )
+    mask = np.zeros(n, dtype=bool)
+    mask[np.array(numbers, dtype=int) - 1] = True
+    return mask
+
+
+def _modes(lamps: Sequence[Lamp]) -> Floats:
+    """(k, q, 681): every lamp's modes, padded with zeros to the largest number of modes."""
+    q = max(len(lamp.modes) for lamp in lamps)
+    modes = np.zeros((len(lamps), q, WAVELENGTHS.size))
+    for j, lamp in enumerate(lamps):
+        modes[j, : len(lamp.modes)] = lamp.modes
+    return modes

@@ -1,0 +1,181 @@
+"""Scores a fit: predicted against measured signals, and curves against a truth where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.signals import Signals
+from camssf.rules import rules
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_lamp
+from camssf.spectra.appearance import D65, delta_e00, lab, srgb, under_d65
+from camssf.spectra.surfaces import observer
+
+FAINTEST = rules().number("calibration.faintest")
+"""Smallest signal, as a share of the white, that a sensor measures well enough for a relative error."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well the curves predict patches that the fit did not use ("unseen"). Columns are R, G, B.
+
+    Attributes:
+        rmsre_percent: (3,) the paper's Eq. (13) over unseen patches, %.
+        unseen: how the unseen patches were chosen, in words for the report.
+        rmse: (3,) of peak-normalised curves against the truth, 400 to 700 nm; None without a truth.
+        delta_e00: mean CIEDE2000 between measured and synthetic patch colours (unseen patches).
+        measured_srgb, synthetic_srgb: (k, n, 3) display colours 0 to 1 of every patch, for the paper's Fig. 6.
+    """
+
+    rmsre_percent: Floats
+    unseen: str
+    rmse: Floats | None
+    delta_e00: float
+    measured_srgb: Floats
+    synthetic_srgb: Floats
+
+
+def validate(
+    signals: Signals,
+    predicted: Floats,
+    table: ChartTable,
+    lamps: Sequence[Lamp],
+    ssf_values: Floats | None = None,
+    truth: CameraCurves | None = None,
+    unseen: ArrayLike | None = None,
+    method: str = "",
+) -> Scores:
+    """Score predictions for patches that the fit did not use.
+
+    RMSRE is the paper's Eq. (13), √mean(((ŷ - y) / y)²) of each channel. A signal not above `FAINTEST` has
+    no relative error and is left out of it; its colour still counts.
+
+    Colours: for each shot a 3 × 3 matrix, fitted by least squares from the measured signals of its used patches to
+    the XYZ of the table under its lamp (CIE 1931, 2°), converts both measured and predicted signals to XYZ; von Kries
+    with CAT02 adapts the lamp's white to D65. Both colours share the matrix's error, so CIEDE2000 is the visible
+    difference between the two photos, not the error of the camera's colours.
+
+    Neither score detects a wrong lamp, which affects both sides; only a truth does.
+
+    Args:
+        signals: k shots of n patches.
+        predicted: (k, n, 3), finite; where `unseen` is True, of a fit that did not use the patch.
+        table: of the chart, n patches.
+        lamps: k.
+        ssf_values: (681, 3), any scale; needed with `truth`.
+        truth: measured curves of the camera.
+        unseen: (k, n) the entries that count; None for all that `signals.used` marks.
+        method: how they were chosen, in words.
+
+    Raises:
+        InvalidArgument: shapes that do not fit together, predictions that are not finite, no unseen patch, or a
+            curve without a positive peak.
+    """
+    y, n = signals.values, len(table.patches)
+    counts = signals.used if unseen is None else np.asarray(unseen, dtype=np.bool_)
+    predicted = np.asarray(predicted, dtype=np.float64)
+    if y.shape != (len(lamps), n, 3) or predicted.shape != y.shape or counts.shape != y.shape[:2]:
+        raise InvalidArgument(
+            f"Signals {y.shape}, predictions {predicted.shape}, unseen {counts.shape}, {len(lamps)} lamps and "
+            f"{n} patches do not fit together.",
+            "Give (k, n, 3), (k, n, 3), (k, n), k lamps and a table of n patches.",
+        )
+    if not np.isfinite(y).all() or not np.isfinite(predicted).all():
+        raise InvalidArgument(
+            "A signal or a prediction is not a number.", "Fill what was not fitted with `Ssf.predicted`."
+        )
+    if truth is not None and ssf_values is None:
+        raise InvalidArgument("A truth has no curves to be compared with.", "Give ssf_values, too.")
+    measured_lab, measured_srgb, synthetic_lab, synthetic_srgb = _colours(signals, predicted, table, lamps)
+    return Scores(
+        rmsre_percent=rmsre(y, predicted, counts),
+        unseen=method,
+        rmse=None if truth is None or ssf_values is None else rmse(ssf_values, truth.values),
+        delta_e00=float(delta_e00(measured_lab[counts], synthetic_lab[counts]).mean()),
+        measured_srgb=measured_srgb,
+        synthetic_srgb=synthetic_srgb,
+    )
+
+
+def rmsre(measured: Floats, predicted: Floats, counts: NDArray[np.bool_]) -> Floats:
+    """The paper's Eq. (13) in %, (3,), over the entries (k, n) that count and lie above `FAINTEST`.
+
+    Raises:
+        InvalidArgument: a channel has no such entry.
+    """
+    valid = counts[:, :, None] & (measured > FAINTEST)
+    total = valid.sum(axis=(0, 1))
+    if not total.all():
+        raise InvalidArgument(
+            "No unseen patch is left to validate with.", "Leave patches out of the fit, or use a brighter photo."
+        )
+    error = np.where(valid, predicted / np.where(valid, measured, 1.0) - 1.0, 0.0)
+    result: Floats = 100.0 * np.sqrt((error**2).sum(axis=(0, 1)) / total)
+    return result
+
+
+def rmse(curves: Floats, truth: Floats) -> Floats:
+    """Root of the mean square difference of curves (681, 3), each divided by its peak, 400 to 700 nm; (3,).
+
+    Raises:
+        InvalidArgument: another shape, or a curve that is not finite or has no positive peak.
+    """
+    pair = []
+    for each in (curves, truth):
+        values = np.asarray(each, dtype=np.float64)
+        if values.shape != (WAVELENGTHS.size, 3) or not np.isfinite(values).all() or (values.max(axis=0) <= 0).any():
+            raise InvalidArgument(
+                f"Curves of shape {values.shape} cannot be compared.",
+                "Give (681, 3) finite values; each channel needs a positive peak.",
+            )
+        pair.append(values / values.max(axis=0))
+    visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
+    result: Floats = np.sqrt(np.mean((pair[0] - pair[1])[visible] ** 2, axis=0))
+    return result
+
+
+def reflectance_srgb(table: ChartTable) -> Floats:
+    """Display colours 0 to 1 of the table's patches under D65, (n, 3)."""
+    light = read_lamp("D65").values
+    return _display(_xyz(table.values, light), _white(light))[1]
+
+
+def _colours(
+    signals: Signals, predicted: Floats, table: ChartTable, lamps: Sequence[Lamp]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Lab and sRGB of the measured, then of the synthetic patches, (k, n, 3) each."""
+    shots = []
+    for y, guess, used, lamp in zip(signals.values, predicted, signals.used, lamps, strict=True):
+        target = _xyz(table.values, lamp.values)
+        fit = used if used.sum() >= 3 else np.ones_like(used)
+        matrix = np.linalg.lstsq(y[fit], target[fit], rcond=None)[0]
+        white = _white(lamp.values)
+        shots.append((*_display(y @ matrix, white), *_display(guess @ matrix, white)))
+    measured_lab, measured_srgb, synthetic_lab, synthetic_srgb = (np.stack(each) for each in zip(*shots, strict=True))
+    return measured_lab, measured_srgb, synthetic_lab, synthetic_srgb
+
+
+def _xyz(reflectance: Floats, lamp: Floats) -> Floats:
+    """XYZ (n, 3) of reflectances (n, 681) under a lamp (681,), CIE 1931 2°; Y of a perfect white is 1."""
+    light = lamp[:, None] * observer("1931")
+    xyz: Floats = reflectance @ light / light[:, 1].sum()
+    return xyz
+
+
+def _white(lamp: Floats) -> Floats:
+    """XYZ (3,) of a perfect white under a lamp (681,)."""
+    xyz: Floats = _xyz(np.ones((1, WAVELENGTHS.size)), lamp)[0]
+    return xyz
+
+
+def _display(xyz: Floats, white: Floats) -> tuple[Floats, Floats]:
+    """Lab and sRGB, clipped to 0 to 1, of XYZ (n, 3) seen under a white (3,) and adapted to D65."""
+    with np.errstate(all="ignore"):  # under a single-line lamp a cone's response to white can be 0
+        adapted = under_d65(xyz, white)
+    adapted = np.nan_to_num(adapted, posinf=0.0, neginf=0.0)
+    return lab(adapted, D65), np.clip(srgb(np.maximum(adapted, 0.0)), 0.0, 1.0)

@@ -1,0 +1,1 @@
+"""Learns a basis from measured cameras or from results of calibrations."""

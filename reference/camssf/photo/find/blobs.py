@@ -1,0 +1,117 @@
+"""Finds blobs: connected pixels that are brighter than a dark line around them and fill a parallelogram."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.photo.find.picture import SearchImage
+
+PASSES: tuple[tuple[int, int], ...] = ((5, 15), (5, 13), (13, 15), (13, 13), (24, 12))
+"""Thresholds of a bright pixel: reach of the window, px, and the sixteenths of its mean that a pixel must exceed."""
+
+SMALLEST_AREA, LARGEST_SHARE = 16, 20
+"""Smallest area of a blob, px; its largest area is that of the picture divided by LARGEST_SHARE."""
+
+FULL = (0.82, 1.12)
+"""Range of a blob's pixel count over its area by second moments, 12 √det: 1 for every parallelogram."""
+
+LONGEST_SHAPE = 14.0
+"""Largest (trace)² / det of the second moments: 4 for a square, 12 for a ratio of variances of ten."""
+
+
+@dataclass(frozen=True)
+class Blob:
+    """Centre (x, y) px, area px, second moments px² and their determinant."""
+
+    x: float
+    y: float
+    area: float
+    xx: float
+    xy: float
+    yy: float
+    det: float
+
+
+def blobs_in(codes: SearchImage) -> list[Blob]:
+    """Blobs of all passes; of overlapping blobs, the first."""
+    bright = codes.values[:, :, 0] + 0
+    for channel in range(1, codes.values.shape[2]):
+        bright += codes.values[:, :, channel]
+    corner = np.zeros((bright.shape[0] + 1, bright.shape[1] + 1), dtype=np.int64)
+    corner[1:, 1:] = np.cumsum(np.cumsum(bright, axis=0), axis=1)
+    kept: list[Blob] = []
+    cells: dict[tuple[int, int], list[int]] = {}
+    for reach, sixteenths in PASSES:
+        for blob in _shapes(_brighter(bright, corner, reach, sixteenths)):
+            if len(kept) < MOST and _new(blob, kept, cells):
+                cells.setdefault((int(blob.y) // CELL, int(blob.x) // CELL), []).append(len(kept))
+                kept.append(blob)
+    return kept
+
+
+MOST = 1500
+"""Largest number of blobs of a picture; further ones are dropped to limit the run time."""
+
+CELL = 16
+"""Edge of the squares of the index by which blobs are looked up, px."""
+
+
+def _brighter(bright: NDArray[np.int64], corner: NDArray[np.int64], reach: int, sixteenths: int) -> NDArray[np.bool_]:
+    """True where a pixel exceeds `sixteenths` / 16 of its window's mean; windows end at the picture's edges."""
+    height, width = bright.shape
+    y, x = np.arange(height), np.arange(width)
+    top, bottom = np.maximum(y - reach, 0), np.minimum(y + reach + 1, height)
+    left, right = np.maximum(x - reach, 0), np.minimum(x + reach + 1, width)
+    total = corner[bottom][:, right] - corner[bottom][:, left] - corner[top][:, right] + corner[top][:, left]
+    count = (bottom - top)[:, None] * (right - left)[None, :]
+    return np.asarray(16 * bright * count > sixteenths * total)
+
+
+def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
+    """Components (four neighbours) that look like a patch, in reading order of their first pixels."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(mask)
+    if count == 0:
+        return []
+    y, x = np.nonzero(labels)
+    name = labels[y, x]
+    sums = [
+        np.bincount(name, weights=w, minlength=count + 1)[1:]
+        for w in (np.ones(x.size), x, y, x * x, x * y, y * y)  # whole numbers below 2^53: no rounding in any order
+    ]
+    n, sx, sy, sxx, sxy, syy = sums
+    found = []
+    for i in np.nonzero((n >= SMALLEST_AREA) & (n * LARGEST_SHARE <= mask.size))[0]:
+        a = n[i]
+        # Pixels are squares, not points: each adds a variance of 1/12 along both axes.
+        xx = (sxx[i] * a - sx[i] * sx[i]) / (a * a) + 1 / 12
+        yy = (syy[i] * a - sy[i] * sy[i]) / (a * a) + 1 / 12
+        xy = (sxy[i] * a - sx[i] * sy[i]) / (a * a)
+        det = xx * yy - xy * xy
+        if det <= 0 or (xx + yy) * (xx + yy) > LONGEST_SHAPE * det:
+            continue
+        full = a / (12 * np.sqrt(det))
+        if FULL[0] <= full <= FULL[1]:
+            values = (sx[i] / a, sy[i] / a, a, xx, xy, yy, det)
+            found.append(Blob(*(float(v) for v in values)))
+    return found
+
+
+def _new(blob: Blob, kept: list[Blob], cells: dict[tuple[int, int], list[int]]) -> bool:
+    """True if the blob lies on no kept blob of similar size."""
+    near = 0.1 * blob.area
+    reach = int(np.sqrt(near)) // CELL + 1
+    row, column = int(blob.y) // CELL, int(blob.x) // CELL
+    for r in range(row - reach, row + reach + 1):
+        for c in range(column - reach, column + reach + 1):
+            for index in cells.get((r, c), ()):
+                other = kept[index]
+                dx, dy = blob.x - other.x, blob.y - other.y
+                alike = 0.5 * blob.area <= other.area <= 2 * blob.area
+                if alike and dx * dx + dy * dy < near:
+                    return False
+    return True

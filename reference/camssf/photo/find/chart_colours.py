@@ -1,0 +1,49 @@
+"""Reads the colours of the charts that the finder recognises from `data/finder.json`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from camssf.grid import Floats
+
+FORMAT = "camssf-finder/1"
+PLACE = files("camssf") / "data" / "finder.json"
+
+
+@dataclass(frozen=True)
+class ChartColours:
+    """A kind of chart that the finder can distinguish: a grid and its colours.
+
+    Classic, Nano, Mini and the Passport's classic page are one kind: they have the same 24 colours in one grid. A
+    picture does not show their sizes, and the gap between their patches (0.12 to 0.17 of the pitch) is measured only
+    when the pose is refined on the mosaic.
+
+    Attributes:
+        name: name of a layout of this kind.
+        columns, rows: number of patches.
+        side: edge of a patch in pitches.
+        colours: (n, 3) signals of the camera of `plain_signals`, any unit.
+    """
+
+    name: str
+    columns: int
+    rows: int
+    side: float
+    colours: Floats
+
+
+@cache
+def chart_colours() -> tuple[ChartColours, ...]:
+    """All kinds of charts that the finder recognises."""
+    stored = json.loads(PLACE.read_text("utf-8"))
+    if stored["format"] != FORMAT:
+        raise ValueError("finder.json is of another version")
+    return tuple(
+        ChartColours(name, each["columns"], each["rows"], each["side"], np.array(each["colours"], dtype=np.float64))
+        for name, each in stored["kinds"].items()
+    )

@@ -1,0 +1,210 @@
+"""Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.grid import Floats
+from camssf.photo.find.blobs import Blob
+from camssf.photo.find.chart_colours import ChartColours
+from camssf.photo.find.lattices import Grid, Matrix, fitted, inverse, mapped
+from camssf.photo.find.picture import SearchImage
+
+ACCEPT = 0.75
+"""Agreement with a chart's colours from which a part of a lattice is accepted as that chart."""
+
+ACCEPT_LUMA = 0.85
+"""The same for a picture without colour."""
+
+FLOOR = 20.0
+"""Added to every code before its logarithm, to reduce the weight of noise in dark patches."""
+
+SPOTS = (-0.2, -0.1, 0.0, 0.1, 0.2)
+"""Offsets at which a patch's colour is sampled, in pitches from its centre, along both axes."""
+
+SEEN = 0.45
+"""Smallest share of a chart's patches that must have been found as blobs."""
+
+STRAY = 0.03
+"""Distance of a blob from its place in the final fit that is always allowed, in pitches; up to three times the median
+distance is allowed, too."""
+
+RING = 0.3
+"""Largest share of the places around a chart that may hold blobs; above it, the part belongs to a larger grid."""
+
+
+@dataclass(frozen=True)
+class OrientedGrid:
+    """A part of a lattice, oriented: `places` (n, 2) lattice coordinates of the patches in the chart's order."""
+
+    kind: ChartColours
+    score: float
+    mirrored: bool
+    places: NDArray[np.int64]
+    blobs: int
+
+
+def orient(codes: SearchImage, grid: Grid, kind: ChartColours) -> OrientedGrid | None:
+    """The part of the lattice that agrees best with the chart's colours; None if no part can be the chart."""
+    us, vs = [u for u, _ in grid.places], [v for _, v in grid.places]
+    span = max(kind.columns, kind.rows) - 1
+    left, right, top, bottom = min(us) - span, max(us) + span, min(vs) - span, max(vs) + span
+    logs, inside = _colours(codes, grid.map, (left, right, top, bottom))
+    member = np.zeros(inside.shape, dtype=np.int64)
+    for u, v in grid.places:
+        member[v - top, u - left] = 1
+    wanted = features(np.log(kind.colours[None, :, :]), codes.values.shape[2])
+    best: OrientedGrid | None = None
+    for turn in range(4):
+        for mirrored in (False, True):
+            step = _steps(kind, turn, mirrored)
+            low, high = step.min(axis=0), step.max(axis=0)
+            starts = np.array(
+                [
+                    (u, v)
+                    for v in range(-int(low[1]), inside.shape[0] - int(high[1]))
+                    for u in range(-int(low[0]), inside.shape[1] - int(high[0]))
+                ]
+            )
+            if starts.size == 0:
+                continue
+            places = starts[:, None, :] + step[None, :, :]
+            seen = member[places[:, :, 1], places[:, :, 0]].sum(axis=1)
+            good = (seen >= fewest(kind)) & inside[places[:, :, 1], places[:, :, 0]].all(axis=1)
+            good &= _around(member, low, high, starts, seen) <= RING * 2 * (kind.columns + kind.rows + 2)
+            places, seen = places[good], seen[good]
+            if not len(places):
+                continue
+            scores = _correlation(features(logs[places[:, :, 1], places[:, :, 0]], logs.shape[2]), wanted)
+            at = int(np.argmax(scores))
+            if best is None or scores[at] > best.score:
+                origin = np.array([left, top])
+                best = OrientedGrid(kind, float(scores[at]), mirrored, places[at] + origin, int(seen[at]))
+    return best
+
+
+def fewest(kind: ChartColours) -> int:
+    """Smallest number of patches that must have been found as blobs."""
+    return math.ceil(SEEN * kind.columns * kind.rows)
+
+
+def _steps(kind: ChartColours, turn: int, mirrored: bool) -> NDArray[np.int64]:
+    """(n, 2) lattice steps from the first patch to each, for a chart turned by `turn` quarters."""
+    index = np.arange(kind.columns * kind.rows)
+    i, j = index % kind.columns, index // kind.columns
+    if mirrored:
+        i = -i
+    turned = ((i, j), (-j, i), (-i, -j), (j, -i))[turn]
+    return np.stack(turned, axis=1).astype(np.int64)
+
+
+def _around(
+    member: NDArray[np.int64],
+    low: NDArray[np.int64],
+    high: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    observed: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """(m,) number of blobs in the ring of places around each block."""
+    corner = np.zeros((member.shape[0] + 3, member.shape[1] + 3), dtype=np.int64)
+    corner[2:-1, 2:-1] = np.cumsum(np.cumsum(member, axis=0), axis=1)
+    corner[-1], corner[:, -1] = corner[-2], corner[:, -2]
+    left, top = starts[:, 0] + low[0], starts[:, 1] + low[1]
+    right, bottom = starts[:, 0] + high[0] + 3, starts[:, 1] + high[1] + 3
+    whole = corner[bottom, right] - corner[top, right] - corner[bottom, left] + corner[top, left]
+    return np.asarray(whole - observed)
+
+
+def _colours(codes: SearchImage, h: Matrix, bounds: tuple[int, int, int, int]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Logarithms of the mean colours at every place (rows, columns, channels), and True for places in view."""
+    left, right, top, bottom = bounds
+    height, width, channels = codes.values.shape
+    u, v = np.meshgrid(np.arange(left, right + 1.0), np.arange(top, bottom + 1.0))
+    total = np.zeros((*u.shape, channels), dtype=np.int64)
+    inside = np.ones(u.shape, dtype=bool)
+    for dv in SPOTS:
+        for du in SPOTS:
+            p, q = u + du, v + dv
+            w = h[6] * p + h[7] * q + h[8]
+            ahead = w > 0.0
+            w = np.where(ahead, w, 1.0)
+            x = np.rint((h[0] * p + h[1] * q + h[2]) / w)
+            y = np.rint((h[3] * p + h[4] * q + h[5]) / w)
+            good = ahead & (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+            inside &= good
+            column = np.where(good, x, 0).astype(np.int64)
+            row = np.where(good, y, 0).astype(np.int64)
+            total += codes.values[row, column]
+    return np.log(total / float(len(SPOTS) * len(SPOTS)) + FLOOR), inside
+
+
+def features(logs: Floats, channels: int) -> Floats:
+    """Lightness, and doubled chroma if there is colour, of (m, n, channels) logarithms without each channel's mean.
+
+    Means are summed in a fixed order, patch by patch, so that Kotlin gives the same bits.
+    """
+    if channels == 1 and logs.shape[2] == 3:  # a chart's colours for a picture without colour: green replaces luma
+        logs = logs[:, :, 1:2]
+    n = logs.shape[1]
+    total = np.zeros((logs.shape[0], logs.shape[2]))
+    for patch in range(n):
+        total = total + logs[:, patch]
+    centred = logs - (total / n)[:, None, :]
+    if channels == 1:
+        return np.asarray(centred)
+    lightness = (centred[:, :, 0] + centred[:, :, 1] + centred[:, :, 2]) / 3.0
+    chroma = 2.0 * (centred - lightness[:, :, None])
+    return np.concatenate([lightness[:, :, None], chroma], axis=2)
+
+
+def _correlation(observed: Floats, wanted: Floats) -> Floats:
+    """(m,) correlations of (m, n, f) with (1, n, f), summed in a fixed order."""
+    xy, xx, yy = np.zeros(len(observed)), np.zeros(len(observed)), 0.0
+    for patch in range(observed.shape[1]):
+        for f in range(observed.shape[2]):
+            x, y = observed[:, patch, f], float(wanted[0, patch, f])
+            xy, xx, yy = xy + x * y, xx + x * x, yy + y * y
+    size = np.sqrt(xx * yy)
+    scores = np.where(size > 0, xy / np.where(size > 0, size, 1.0), 0.0)
+    # Nine digits: differences of logarithms between libraries must not decide between equal scores.
+    return np.asarray(np.floor(scores * 1e9 + 0.5) / 1e9)
+
+
+def placed(grid: Grid, found: OrientedGrid, blobs: list[Blob]) -> tuple[Matrix, int] | None:
+    """The homography from chart coordinates (column, row) to px, and the number of blobs that it was fitted to.
+
+    Fitted to all blobs, and again without outliers, such as a blob that covers half a patch or two patches.
+    """
+    where = {(int(u), int(v)): k for k, (u, v) in enumerate(found.places)}
+    pairs = []
+    for place, index in sorted(grid.places.items()):
+        k = where.get(place)
+        if k is not None:
+            pairs.append(
+                (float(k % found.kind.columns), float(k // found.kind.columns), blobs[index].x, blobs[index].y)
+            )
+    h = fitted(pairs)
+    if h is None:
+        return None
+    offs = []
+    back = inverse(h)
+    for u, v, x, y in pairs:
+        p, q = mapped(back, x, y)
+        offs.append((p - u) * (p - u) + (q - v) * (q - v))
+    limit = max(STRAY * STRAY, 9.0 * sorted(offs)[len(offs) // 2])
+    straight = [pair for pair, off in zip(pairs, offs, strict=True) if off <= limit]
+    if len(straight) < fewest(found.kind):
+        return None
+    h = fitted(straight)
+    return None if h is None else (h, len(straight))
+
+
+def outline(h: Matrix, kind: ChartColours) -> list[tuple[float, float]]:
+    """The block's four corners: top left, top right, bottom right, bottom left of the chart."""
+    half, last, low = kind.side / 2, kind.columns - 1, kind.rows - 1
+    ends = ((-half, -half), (last + half, -half), (last + half, low + half), (-half, low + half))
+    return [mapped(h, u, v) for u, v in ends]

@@ -1,0 +1,138 @@
+"""Converts any picture to whole numbers from 0 to 4095 on a square-root scale, at the size that is searched.
+
+From these codes to the blobs all numbers are whole, so that Kotlin gives the same result to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.grid import Floats
+from camssf.photo.read.dng import Mosaic
+
+LONGEST = 960
+"""Longest side of the picture that is searched, px; a larger one is reduced by whole-number blocks."""
+
+SMALLEST = 32
+"""Smallest side of a picture that can be searched, px."""
+
+TOP = 4095
+"""The largest code."""
+
+
+@dataclass(frozen=True)
+class SearchImage:
+    """A picture to be searched: codes (h, w, 1 or 3), 0 to 4095; one pixel is `step` px of the source."""
+
+    values: NDArray[np.int64]
+    step: int
+
+    def to_source(self, points: Floats) -> Floats:
+        """Points (..., 2) in px of the source, where the centre of the first pixel is (0, 0)."""
+        return np.asarray(points * self.step + (self.step - 1) / 2.0)
+
+    def halved(self) -> SearchImage:
+        """Means of 2 × 2 pixels."""
+        return SearchImage(_blocks(self.values, 2), 2 * self.step)
+
+
+def codes_of_mosaic(mosaic: Mosaic) -> SearchImage:
+    """Codes of a mosaic: each colour above black, relative to its largest block of cells."""
+    height, width = mosaic.samples.shape
+    rows, columns = height // 2, width // 2
+    factor = _factor(rows, columns)
+    rows, columns = rows // factor, columns // factor
+    light = np.zeros((rows, columns, 3))
+    for place in range(4):
+        row, column = divmod(place, 2)
+        plane = mosaic.samples[row::2, column::2][: rows * factor, : columns * factor]
+        total = _sums(plane, factor)
+        light[:, :, "RGB".index(mosaic.cfa[place])] += total - factor * factor * float(mosaic.black[row, column])
+    return SearchImage(_roots(light), 2 * factor)
+
+
+def codes_of_light(light: NDArray[np.floating[Any]]) -> SearchImage:
+    """Codes of a linear picture (h, w) or (h, w, 3), in any unit in which black is 0."""
+    planes = _planes(np.asarray(light, dtype=np.float64))
+    height, width = planes.shape[:2]
+    factor = _factor(height, width)
+    rows, columns = height // factor, width // factor
+    total = np.zeros((rows, columns, planes.shape[2]))
+    for v in range(factor):
+        for u in range(factor):
+            total += planes[v : rows * factor : factor, u : columns * factor : factor]
+    return SearchImage(_roots(total), factor)
+
+
+def codes_of_bytes(shown: NDArray[np.uint8]) -> SearchImage:
+    """Codes of an 8-bit picture for a display: (h, w) luma or (h, w, 3) red, green, blue."""
+    planes = _planes(np.asarray(shown))
+    factor = _factor(*planes.shape[:2])
+    return SearchImage(_blocks(planes.astype(np.int64) * 16, factor), factor)
+
+
+def rgb_of_yuv(y: NDArray[np.uint8], u: NDArray[np.uint8], v: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(h, w, 3) RGB of full-range BT.601 YUV with chroma at half resolution, as camera previews have it."""
+    height, width = y.shape
+    luma = y.astype(np.int64) << 16
+    cb, cr = (np.repeat(np.repeat(p.astype(np.int64) - 128, 2, axis=0), 2, axis=1)[:height, :width] for p in (u, v))
+    red, green, blue = luma + 91881 * cr, luma - 22554 * cb - 46802 * cr, luma + 116130 * cb
+    shown = (np.stack([red, green, blue], axis=2) + 32768) >> 16
+    return np.asarray(np.clip(shown, 0, 255), dtype=np.uint8)
+
+
+def _planes(picture: NDArray[Any]) -> NDArray[Any]:
+    """(h, w, channels), checked."""
+    planes = picture[:, :, None] if picture.ndim == 2 else picture
+    if planes.ndim != 3 or planes.shape[2] not in (1, 3) or min(planes.shape[:2]) < SMALLEST:
+        raise InvalidArgument(
+            f"An array of the shape {picture.shape} is no picture to find a chart in.",
+            f"Give (h, w) or (h, w, 3) with {SMALLEST} px a side at least, better 640 × 480.",
+        )
+    return planes
+
+
+def _factor(height: int, width: int) -> int:
+    """Side of the blocks of pixels that are combined, px."""
+    if min(height, width) < SMALLEST:
+        raise InvalidArgument(
+            f"A picture of {width} × {height} px is too small to find a chart in.",
+            f"Give one of {SMALLEST} px a side at least, better 640 × 480.",
+        )
+    return max(1, -(-max(height, width) // LONGEST))
+
+
+def _sums(plane: NDArray[Any], factor: int) -> NDArray[np.int64]:
+    """Sums of factor × factor whole numbers."""
+    total = np.zeros((plane.shape[0] // factor, plane.shape[1] // factor), dtype=np.int64)
+    for v in range(factor):
+        for u in range(factor):
+            total += plane[v::factor, u::factor][: total.shape[0], : total.shape[1]]
+    return total
+
+
+def _blocks(values: NDArray[np.int64], factor: int) -> NDArray[np.int64]:
+    """Means of factor × factor codes, rounded; incomplete blocks at the right and bottom are dropped."""
+    rows, columns = values.shape[0] // factor, values.shape[1] // factor
+    total = np.zeros((rows, columns, values.shape[2]), dtype=np.int64)
+    for v in range(factor):
+        for u in range(factor):
+            total += values[v : rows * factor : factor, u : columns * factor : factor]
+    return (total + factor * factor // 2) // (factor * factor)
+
+
+def _roots(light: Floats) -> NDArray[np.int64]:
+    """Codes of light: each colour relative to its largest value."""
+    codes = np.zeros(light.shape, dtype=np.int64)
+    for channel in range(light.shape[2]):
+        plane = light[:, :, channel]
+        top = float(np.nanmax(np.where(np.isfinite(plane), plane, 0.0)))
+        if top > 0:
+            share = np.where(np.isfinite(plane), plane, 0.0) / top
+            codes[:, :, channel] = np.floor(TOP * np.sqrt(np.maximum(share, 0.0))).astype(np.int64)
+    return codes

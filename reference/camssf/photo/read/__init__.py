@@ -1,0 +1,1 @@
+"""Reads a RAW file: its mosaic and its metadata."""

@@ -1,0 +1,365 @@
+"""Reads a DNG as a mosaic: the sensor's samples as stored, and the file's metadata.
+
+The tags are read with `camssf.photo.read.tiff` and every number is checked, because LibRaw hides some tags and
+tolerates much damage. `camssf.photo.read.pieces` decodes the samples.
+Tags and their meaning: TIFF 6.0, and Digital Negative (DNG) Specification 1.7, Adobe.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
+from camssf.files import local
+from camssf.grid import Floats
+from camssf.photo.read.gain_maps import GainMap, read_gain_maps
+from camssf.photo.read.pieces import DEFLATE, LOSSLESS_JPEG, MAX_SIDE, PLAIN, Picture, decode, picture_of
+from camssf.photo.read.tiff import CONVERT, NO_DNG, Directory, Tiff
+from camssf.photo.read.unit import Area, Unit, unit_of
+
+CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
+MAX_SAMPLES = 1 << 29
+
+RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
+
+_CODECS = {
+    5: "LZW",
+    34892: "lossy JPEG",
+    34713: "Nikon NEF",
+    32767: "Sony ARW",
+    50002: "JPEG XL",
+    52546: "JPEG XL",
+}
+WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
+    17: (0.44758, 0.40745),
+    18: (0.34842, 0.35161),
+    19: (0.31006, 0.31616),
+    20: (0.33243, 0.34744),
+    21: (0.31272, 0.32903),
+    22: (0.29903, 0.31488),
+    23: (0.34567, 0.35851),
+}
+
+
+@dataclass(frozen=True)
+class Mosaic:
+    """One RAW photo, neither demosaiced nor white-balanced.
+
+    Attributes:
+        path: path of the file, or a name.
+        samples: (h, w) uint16 DN of the active area, after the file's LinearizationTable (if any),
+            before black subtraction.
+        cfa: colours of the 2 × 2 cell at the active area's corner, one of RGGB, GRBG, GBRG, BGGR.
+        black: (2, 2) black level of each cell position, DN.
+        white: the white level (saturation), DN.
+        make, model: of the camera; "" if unknown.
+        exposure: exposure time, s; None if unknown.
+        iso: sensitivity; None if unknown.
+        orientation: the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
+        gain_maps: the file's lens-shading maps, in the order they act; not applied to the samples (`shading`).
+        color_matrix1, color_matrix2: (3, 3) XYZ to camera, or None.
+        as_shot_neutral: (3,) or None.
+        sha256: of the file, hex; for a picture, of its bytes followed by its sidecar's.
+        neutrals: the camera's white (3,), scaled to green 1, under the illuminant of each colour matrix, with that
+            illuminant's Exif LightSource code.
+        unit: the physical camera and its lens, as far as the file names them.
+        active_area: top, left, bottom, right in the stored picture; None if there was no file.
+        levels: source of pattern, black and white level, in words; "" if they are a DNG's own tags.
+        unique_model: the DNG's UniqueCameraModel; "" if missing.
+    """
+
+    path: str
+    samples: NDArray[np.uint16]
+    cfa: str
+    black: Floats
+    white: float
+    make: str
+    model: str
+    exposure: float | None
+    iso: float | None
+    orientation: int
+    gain_maps: tuple[GainMap, ...]
+    color_matrix1: Floats | None
+    color_matrix2: Floats | None
+    as_shot_neutral: Floats | None
+    sha256: str
+    neutrals: tuple[tuple[int, Floats], ...] = ()
+    unit: Unit = field(default_factory=Unit)
+    active_area: Area | None = None
+    levels: str = ""
+    unique_model: str = ""
+
+    @property
+    def gain_map(self) -> bool:
+        """True if the file holds lens-shading maps, which are not applied to the samples."""
+        return bool(self.gain_maps)
+
+
+def read_dng(path: str | Path) -> Mosaic:
+    """Read the raw frame of a DNG file.
+
+    The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white level
+    are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
+    (tags 50713 to 50716), is averaged for each cell position.
+
+    Raises:
+        UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
+        UnsupportedRaw: an intact raw file that is no DNG, or a DNG in a form that camssf does not read.
+        NotSensorRaw: LinearRaw, that is, already demosaiced.
+        OutOfMemory: its samples do not fit into the free memory.
+    """
+    file = local(path)
+    try:
+        with file.open("rb") as stream:
+            found = _parse(Tiff(file, stream))
+            stream.seek(0)
+            return replace(found, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
+    except IsADirectoryError as error:
+        raise UnreadableRaw(f"{file} is a folder.", "Name a DNG file.") from error
+    except FileNotFoundError as error:
+        raise UnreadableRaw(f"There is no file {file}.", "Check the path.") from error
+    except MemoryError as error:
+        raise OutOfMemory(
+            f"{file} needs more memory than there is.",
+            "Close other programs, or photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
+        ) from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        reason = getattr(error, "strerror", None) or error
+        raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
+
+
+def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
+    """The file's own lens shading correction at (x, y), as (2, 2) factors for the positions of the CFA cell.
+
+    Each factor is the product of the gain maps that cover its position there. Maps of list 2 act on plane 0, those of
+    list 3 on the planes R, G, B. Coordinates are px of the active area, (0, 0) the centre of its first sample.
+
+    Raises:
+        UnsupportedRaw: a map of list 1, which acts before linearisation, or a map with a pitch above 2.
+    """
+    height, width = mosaic.samples.shape
+    factors = np.ones((2, 2))
+    for gains in mosaic.gain_maps:
+        if gains.stage == 1 or max(gains.row_pitch, gains.column_pitch) > 2:
+            raise UnsupportedRaw(
+                f"{mosaic.path} holds a lens-shading map that camssf does not apply (opcode list {gains.stage}, "
+                f"every {gains.row_pitch} rows and {gains.column_pitch} columns).",
+                "Leave the samples as stored, and take a white frame.",
+            )
+        for row, column in np.ndindex(2, 2):
+            plane = "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
+            if gains.covers(x, y, row, column, plane):
+                factors[row, column] *= gains.at(x, y, width, height, plane)
+    return factors
+
+
+def _parse(tiff: Tiff) -> Mosaic:
+    """The mosaic, still without its hash."""
+    raw = _raw_directory(tiff)
+    picture = _picture(tiff, raw)
+    cfa, black, white = _cfa(tiff, raw), _black(tiff, raw, picture), _white(tiff, raw, picture)
+    gain_maps = _gain_maps(tiff, raw)
+    samples = decode(tiff, picture, _linearization(tiff, raw))
+    first, exif = tiff.main[0], tiff.exif()
+    _check_others(tiff, raw, exif)
+    orientation = tiff.one(first, 274, 1)
+    return Mosaic(
+        path=str(tiff.file),
+        samples=samples,
+        cfa=cfa,
+        black=black,
+        white=white,
+        make=tiff.text(first, 271),
+        model=tiff.text(first, 272) or tiff.text(first, 50708),
+        exposure=_positive(tiff, (first, raw, exif), 33434),
+        iso=_positive(tiff, (first, raw, exif), 34855),
+        orientation=orientation if 1 <= orientation <= 8 else 1,
+        gain_maps=gain_maps,
+        color_matrix1=_matrix(tiff, first, 50721),
+        color_matrix2=_matrix(tiff, first, 50722),
+        as_shot_neutral=_neutral(tiff, first),
+        sha256="",
+        neutrals=_neutrals(tiff, first),
+        unit=unit_of(tiff, exif),
+        active_area=picture.area,
+        unique_model=tiff.text(first, 50708),
+    )
+
+
+def _raw_directory(tiff: Tiff) -> Directory:
+    """The directory of the largest full-resolution mosaic."""
+    version = tiff.raw_bytes(tiff.main[0], 50706)
+    if not version:
+        if any(32803 in tiff.whole(each, 262)[:1] for each in tiff.all):
+            raise UnsupportedRaw(f"{tiff.file} {NO_DNG}", CONVERT)
+        raise UnreadableRaw(
+            f"{tiff.file} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture."
+        )
+    if version[0] != 1:
+        raise UnsupportedRaw(f"{tiff.file} has DNG version {version[0]}.", CONVERT)
+    full = [each for each in tiff.all if tiff.one(each, 254, 0) == 0]
+    mosaics = [each for each in full if tiff.one(each, 262, -1) == 32803]
+    if mosaics:
+        return max(mosaics, key=lambda each: tiff.one(each, 256, 0) * tiff.one(each, 257, 0))
+    if any(tiff.one(each, 262, -1) == 34892 for each in full):
+        raise NotSensorRaw(f"{tiff.file} is a linear DNG: its samples are demosaiced, not the sensor's.", RAW_MODE)
+    raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
+
+
+def _picture(tiff: Tiff, raw: Directory) -> Picture:
+    """Check size, coding, active area and pieces of the stored picture."""
+    width, height = tiff.one(raw, 256, 0), tiff.one(raw, 257, 0)
+    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
+        raise tiff.damaged(f"a picture of {width} × {height} samples")
+    bits, samples = tiff.whole(raw, 258) or [1], tiff.one(raw, 277, 1)
+    if samples != 1 or len(bits) != 1:
+        raise UnsupportedRaw(f"{tiff.file} holds {samples} samples a pixel, a mosaic has one.", RAW_MODE)
+    if tiff.one(raw, 339, 1) != 1:
+        raise UnsupportedRaw(f"{tiff.file} holds floating-point or signed samples.", CONVERT)
+    compression = tiff.one(raw, 259, 1)
+    if compression not in (PLAIN, LOSSLESS_JPEG, DEFLATE):
+        codec = _CODECS.get(compression, f"number {compression}")
+        raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
+    if not 8 <= bits[0] <= 16:
+        raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
+    order = tiff.one(raw, 266, 1)
+    if order != 1:  # readers interpret it differently beyond 8 bits
+        raise UnsupportedRaw(f"{tiff.file} states FillOrder {order}: bytes with the lowest bit first.", CONVERT)
+    top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
+    if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
+        raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
+    return picture_of(tiff, raw, (width, height), (bits[0], compression), (top, left, bottom, right))
+
+
+def _cfa(tiff: Tiff, raw: Directory) -> str:
+    """The Bayer order at the active area's corner, which is the pattern's origin."""
+    size = tiff.whole(raw, 33421, 2) or [2, 2]
+    pattern, planes = tiff.raw_bytes(raw, 33422), tiff.raw_bytes(raw, 50710) or bytes((0, 1, 2))
+    letters = "".join("RGB"[code] if code in planes and code < 3 else "?" for code in pattern)
+    if size != [2, 2] or letters not in CFA_ORDERS or tiff.one(raw, 50711, 1) != 1:
+        raise UnsupportedRaw(
+            f"{tiff.file} has the colour filters {letters or 'unnamed'} ({size[0]} × {size[1]}).",
+            f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}.",
+        )
+    return letters
+
+
+def _black(tiff: Tiff, raw: Directory, picture: Picture) -> Floats:
+    """(2, 2) DN: the mean black level of each position of the colour cell over the active area."""
+    rows, columns = tiff.whole(raw, 50713, 2) or [1, 1]
+    if not (0 < rows <= 64 and 0 < columns <= 64):
+        raise tiff.damaged(f"a black level that repeats every {rows} × {columns} samples")
+    stored = tiff.numbers(raw, 50714, rows * columns)
+    pattern = np.zeros((1, 1)) if stored is None else stored.reshape(rows, columns)
+    pattern = np.tile(pattern, (2, 2))  # an even period in both directions
+    top, left, bottom, right = picture.area
+    across, down = tiff.numbers(raw, 50715, right - left), tiff.numbers(raw, 50716, bottom - top)
+    black = np.empty((2, 2))
+    for i, j in np.ndindex(2, 2):
+        black[i, j] = pattern[i::2, j::2].mean()
+        black[i, j] += (0 if down is None else down[i::2].mean()) + (0 if across is None else across[j::2].mean())
+    if not (np.isfinite(black).all() and (np.abs(black) <= 65535).all()):
+        raise tiff.damaged("its black level is no number")
+    return black
+
+
+def _white(tiff: Tiff, raw: Directory, picture: Picture) -> float:
+    """The white level, DN; 2^bits - 1 if the tag is missing."""
+    stored = tiff.numbers(raw, 50717, 1)
+    white = float(2**picture.bits - 1 if stored is None else stored[0])
+    if not 0 < white <= 65535:
+        raise tiff.damaged(f"a white level of {white:g}")
+    return white
+
+
+def _check_others(tiff: Tiff, raw: Directory, exif: Directory) -> None:
+    """Raise if a tag is damaged that is not used here but that Kotlin's reader returns."""
+    areas, pairs = tiff.count(raw, 50830), raw if 51041 in raw else tiff.main[0]
+    if 0 < areas <= 256 and areas % 4 == 0:
+        tiff.whole(raw, 50830)
+    if tiff.count(pairs, 51041) in (2, 4, 6, 8):
+        tiff.numbers(pairs, 51041)
+    tiff.numbers(tiff.main[0], 50729)
+    for tag in (36867, 36881):
+        tiff.raw_bytes(exif, tag)
+
+
+def _linearization(tiff: Tiff, raw: Directory) -> NDArray[np.uint16] | None:
+    """(65536,) linearised value of each stored value; the table's last entry holds beyond its end."""
+    if tiff.count(raw, 50712) > 65536:
+        raise tiff.damaged("a linearization table of too many values")
+    table = tiff.whole(raw, 50712)
+    if not table:
+        return None
+    if not all(0 <= value <= 65535 for value in table):
+        raise tiff.damaged("its linearization table leaves 16 bits")
+    return np.array(table + table[-1:] * (65536 - len(table)), np.uint16)
+
+
+def _gain_maps(tiff: Tiff, raw: Directory) -> tuple[GainMap, ...]:
+    """The gain maps of the three opcode lists."""
+    found: list[GainMap] = []
+    for stage, tag in enumerate((51008, 51009, 51022), 1):
+        try:
+            found += read_gain_maps(tiff.raw_bytes(raw, tag), stage)
+        except ValueError as error:
+            raise tiff.damaged(f"opcode list {tag} {error}") from error
+    return tuple(found)
+
+
+def _positive(tiff: Tiff, directories: tuple[Directory, ...], tag: int) -> float | None:
+    """The first positive number under `tag`; some writers store 0 for unknown."""
+    for directory in directories:
+        values = tiff.numbers(directory, tag)
+        if values is not None and np.isfinite(values[0]) and values[0] > 0:
+            return float(values[0])
+    return None
+
+
+def _matrix(tiff: Tiff, first: Directory, tag: int) -> Floats | None:
+    values = tiff.numbers(first, tag)
+    if values is None or values.size != 9 or not np.isfinite(values).all():
+        return None
+    return values.reshape(3, 3)
+
+
+def _neutrals(tiff: Tiff, first: Directory) -> tuple[tuple[int, Floats], ...]:
+    """Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6)."""
+    found = []
+    balance = tiff.numbers(first, 50727)
+    gains = balance if balance is not None and balance.size == 3 and np.isfinite(balance).all() else np.ones(3)
+    for matrix, calibration, light in ((50721, 50723, 50778), (50722, 50724, 50779)):
+        to_camera, own = _matrix(tiff, first, matrix), _matrix(tiff, first, calibration)
+        xy = WHITE_POINTS.get(tiff.one(first, light, 0))
+        if to_camera is None or xy is None:
+            continue
+        x, y = xy
+        white = gains * ((np.eye(3) if own is None else own) @ to_camera @ np.array([x / y, 1.0, (1.0 - x - y) / y]))
+        if np.isfinite(white).all() and white.min() > 1e-3 * white.max():
+            found.append((tiff.one(first, light, 0), white / white[1]))
+    return tuple(found)
+
+
+def _neutral(tiff: Tiff, first: Directory) -> Floats | None:
+    values = tiff.numbers(first, 50728)
+    return values if values is not None and values.size == 3 and (values > 0).all() else None
+
+
+@contextmanager
+def opened(file: Path) -> Iterator[str | BinaryIO]:
+    """A file as rawpy accepts it: by name if that is valid Unicode, otherwise as an open stream."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:  # a name in another encoding, from an old card or archive
+        with file.open("rb") as stream:
+            yield stream
+    else:
+        yield str(file)

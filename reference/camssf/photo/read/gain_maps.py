@@ -1,0 +1,119 @@
+"""Reads the gain maps in the opcode lists of a DNG (DNG Specification 1.7, chapter 7).
+
+A gain map holds the lens shading that a phone measured but did not correct. Lists are big-endian in every file.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.grid import Floats
+
+GAIN_MAP = 9
+_HEAD = struct.Struct(">10I4dI")
+_HUGE = 1 << 24
+"""A map with more points than this is treated as damaged."""
+
+
+@dataclass(frozen=True)
+class GainMap:
+    """Factors at a coarse grid of points over the active area, for samples above black.
+
+    Attributes:
+        stage: number of the opcode list: 1 before linearisation, 2 on the mosaic, 3 on the demosaiced picture.
+        top, left, bottom, right: rectangle of the active area that it covers, px; bottom and right are exclusive.
+        plane, planes: the first plane it covers and their number; a mosaic has plane 0, list 3 has R, G, B.
+        row_pitch, column_pitch: it acts on every row_pitch-th row and column_pitch-th column, from the first.
+        spacing, origin: (rows, columns) of the points, as fractions of the active area's height and width.
+        gains: (v, h, p) factors; plane i has the entry min(i, p - 1).
+    """
+
+    stage: int
+    top: int
+    left: int
+    bottom: int
+    right: int
+    plane: int
+    planes: int
+    row_pitch: int
+    column_pitch: int
+    spacing: tuple[float, float]
+    origin: tuple[float, float]
+    gains: Floats
+
+    def covers(self, x: float, y: float, row: int, column: int, plane: int) -> bool:
+        """True if the map covers the samples around (x, y) that lie at (row, column) of the 2 × 2 cell."""
+        return (
+            self.top <= int(np.floor(y + 0.5)) < self.bottom
+            and self.left <= int(np.floor(x + 0.5)) < self.right
+            and (self.row_pitch == 1 or (row - self.top) % 2 == 0)
+            and (self.column_pitch == 1 or (column - self.left) % 2 == 0)
+            and self.plane <= plane < self.plane + self.planes
+        )
+
+    def at(self, x: float, y: float, width: int, height: int, plane: int) -> float:
+        """The factor at (x, y) px of an active area of this size: bilinear, constant beyond the outer points."""
+        net = self.gains[:, :, min(plane, self.gains.shape[2] - 1)]
+        i, p = _place(((y + 0.5) / height - self.origin[0]) / self.spacing[0], net.shape[0])
+        j, q = _place(((x + 0.5) / width - self.origin[1]) / self.spacing[1], net.shape[1])
+        below, right = min(i + 1, net.shape[0] - 1), min(j + 1, net.shape[1] - 1)
+        first = net[i, j] * (1.0 - p) + net[below, j] * p
+        second = net[i, right] * (1.0 - p) + net[below, right] * p
+        return float(first * (1.0 - q) + second * q)
+
+
+def read_gain_maps(data: bytes, stage: int) -> tuple[GainMap, ...]:
+    """The gain maps of an opcode list, in its order; other opcodes are skipped.
+
+    Raises:
+        ValueError: the list ends early, or a map breaks the format; the message completes "opcode list N ...".
+    """
+    if not data:
+        return ()
+    found, place = [], 4
+    try:
+        for _ in range(struct.unpack_from(">I", data)[0]):
+            number, _version, _flags, length = struct.unpack_from(">4I", data, place)
+            place += 16 + length
+            if place > len(data):
+                raise ValueError("ends early")
+            if number == GAIN_MAP:
+                found.append(_gain_map(data[place - length : place], stage))
+    except struct.error:
+        raise ValueError("ends early") from None
+    return tuple(found)
+
+
+def _gain_map(data: bytes, stage: int) -> GainMap:
+    if len(data) < _HEAD.size:
+        raise ValueError("holds a gain map that ends early")
+    *area, v, h, step_v, step_h, from_v, from_h, p = _HEAD.unpack_from(data)
+    if not 0 < v * h * p <= _HUGE or len(data) != _HEAD.size + 4 * v * h * p:
+        raise ValueError(f"holds a gain map of {v} × {h} × {p} points in {len(data)} bytes")
+    # like Adobe's reader: the spacing of a single point is ignored
+    step_v, from_v = (1.0, 0.0) if v == 1 else (step_v, from_v)
+    step_h, from_h = (1.0, 0.0) if h == 1 else (step_h, from_h)
+    gains = np.frombuffer(data, ">f4", offset=_HEAD.size).astype(np.float64).reshape(v, h, p)
+    sizes = np.array([step_v, step_h, from_v, from_h])
+    if not (np.isfinite(gains).all() and (gains > 0).all() and np.isfinite(sizes).all() and (sizes[:2] > 0).all()):
+        raise ValueError("holds a gain map whose gains or spacings are no positive numbers")
+    top, left, bottom, right, plane, planes, row_pitch, column_pitch = area
+    if min(row_pitch, column_pitch) < 1:
+        raise ValueError("holds a gain map with a pitch of 0")
+    gains.setflags(write=False)
+    return GainMap(
+        stage, top, left, bottom, right, plane, planes, row_pitch, column_pitch, (step_v, step_h), (from_v, from_h),
+        gains,
+    )  # fmt: skip
+
+
+def _place(v: float, count: int) -> tuple[int, float]:
+    """Index of the point at or below v, among `count`, and the fraction beyond it; clamped to both ends."""
+    if not v > 0.0:
+        return 0, 0.0
+    if v >= count - 1:
+        return count - 1, 0.0
+    return int(v), v - int(v)

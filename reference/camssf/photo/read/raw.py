@@ -1,0 +1,305 @@
+"""Reads a RAW file as a mosaic: a DNG by its tags, other raw formats by LibRaw, a linear picture by its sidecar.
+
+The tags of a DNG are checked one by one (`camssf.photo.read.dng`). Pattern and levels of other files cannot be
+verified: `Mosaic.levels` names their source, and the result lists it as an assumption.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
+from camssf.files import local
+from camssf.grid import Floats
+from camssf.photo.read.dng import CFA_ORDERS, MAX_SAMPLES, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.read.pieces import MAX_SIDE
+from camssf.photo.read.sidecar import sidecar_of
+from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, NO_DNG
+
+SIDECAR = "camssf-mosaic/1"
+LARGEST_SIDECAR = 100_000
+HEAD = 1 << 20
+"""Bytes at the beginning of a file that are searched for its maker and model."""
+ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}
+"""TIFF orientation by LibRaw's flip code."""
+_KEYS = {"format", "cfa", "black", "white", "make", "model", "exposure", "iso", "orientation"}
+
+
+def read_raw(path: str | Path) -> Mosaic:
+    """Read the raw frame of a photo: a DNG, a raw file that LibRaw decodes as Bayer, or a picture with a sidecar.
+
+    A picture is a PNG or TIFF of one channel, 8 or 16 bits, that holds the sensor's own linear samples. The
+    sidecar of `photo.png` is `photo.png.json`, for example
+    `{"format": "camssf-mosaic/1", "cfa": "RGGB", "black": 512, "white": 16383}`. `black` may also be 2 × 2 numbers,
+    one for each position of the CFA cell; make, model, exposure (s), iso and orientation (TIFF's) are optional.
+
+    Raises:
+        UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
+        UnsupportedRaw: no Bayer pattern (X-Trans, Foveon, four colours), unknown format, or PNG without sidecar.
+        NotSensorRaw: already demosaiced: a linear DNG, sRAW, a picture of three channels.
+        InvalidArgument: the sidecar is invalid.
+    """
+    file = local(path)
+    sidecar = sidecar_of(file)
+    if sidecar is not None:
+        return _picture(file, sidecar)
+    if file.suffix.casefold() == ".png" and file.is_file():
+        raise UnsupportedRaw(
+            f"{file} is a picture, and no {file.name}.json beside it says what its samples are.",
+            "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
+        )
+    try:
+        return read_dng(file)
+    except UnsupportedRaw as error:
+        if not error.message.endswith(NO_DNG):
+            raise
+        return _by_libraw(file, error)
+
+
+def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
+    """Read a raw file in another format than DNG: samples, pattern and levels come from LibRaw."""
+    import rawpy
+
+    try:
+        with opened(file) as name, rawpy.RawPy() as raw:
+            (raw.open_file if isinstance(name, str) else raw.open_buffer)(name)
+            _check_size(file, raw.sizes.raw_width, raw.sizes.raw_height)
+            raw.unpack()
+            found = _of_libraw(file, raw, rawpy)
+    except rawpy.LibRawFileUnsupportedError as error:
+        raise UnsupportedRaw(
+            f"{file} is no DNG, and LibRaw {_version(rawpy)} does not know its form.", refusal.advice
+        ) from error
+    except rawpy.LibRawError as error:
+        raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+    with file.open("rb") as stream:
+        make, model = _maker(stream.read(HEAD))
+        stream.seek(0)
+        return replace(found, make=make, model=model, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
+
+
+def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
+    """Check the values that LibRaw reports for an unpacked file and build the mosaic."""
+    if raw.raw_type != rawpy.RawType.Flat or raw.raw_image_visible is None:
+        raise NotSensorRaw(f"{file} holds several colours a pixel: it is demosaiced, sRAW or not Bayer.", RAW_MODE)
+    pattern = raw.raw_pattern
+    if pattern is None or pattern.shape != (2, 2):
+        shape = "none" if pattern is None else f"{pattern.shape[0]} × {pattern.shape[1]}"
+        raise UnsupportedRaw(
+            f"{file} has no Bayer pattern (X-Trans or another, {shape}).",
+            f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}; use another camera.",
+        )
+    corner = raw.raw_colors_visible[:2, :2]
+    letters = raw.color_desc.decode("ascii", "replace")
+    cfa = "".join(letters[i] if i < len(letters) else "?" for i in corner.ravel())
+    if cfa not in CFA_ORDERS:
+        raise UnsupportedRaw(
+            f"{file} has the colour filters {cfa}.", f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}."
+        )
+    levels = raw.black_level_per_channel
+    black = np.array([levels[i] for i in corner.ravel()], dtype=np.float64).reshape(2, 2)
+    stated = [level for level in (raw.camera_white_level_per_channel or ()) if level and level > 0]
+    white = float(min(stated) if stated else raw.white_level)
+    samples = np.array(raw.raw_image_visible, dtype=np.uint16, order="C")
+    _check_levels(file, samples, black, white)
+    return Mosaic(
+        path=str(file),
+        samples=samples,
+        cfa=cfa,
+        black=black,
+        white=white,
+        make="",
+        model="",
+        exposure=_positive(raw.other.shutter_speed),
+        iso=_positive(raw.other.iso_speed),
+        orientation=ORIENTATIONS.get(int(raw.sizes.flip), 1),
+        gain_maps=(),
+        color_matrix1=None,
+        color_matrix2=None,
+        as_shot_neutral=None,
+        sha256="",
+        neutrals=_neutrals(np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3]),
+        levels=f"LibRaw {_version(rawpy)}",
+    )
+
+
+def _neutrals(matrix: Floats) -> tuple[tuple[int, Floats], ...]:
+    """The camera's white under D65 by LibRaw's colour matrix; empty if LibRaw has none for the camera."""
+    x, y = WHITE_POINTS[21]
+    white = matrix @ np.array([x / y, 1.0, (1.0 - x - y) / y])
+    return ((21, white / white[1]),) if np.isfinite(white).all() and white.min() > 0 else ()
+
+
+def _maker(head: bytes) -> tuple[str, str]:
+    """Maker and model from the beginning of a file: a TIFF, a CR3 (with a TIFF inside) or a RAF; "" if not found."""
+    if head[:15] == b"FUJIFILMCCD-RAW":
+        return "FUJIFILM", head[28:60].split(b"\0")[0].decode("ascii", "replace").strip()
+    box = head.find(b"CMT1")
+    start = box + 4 if head[4:12] == b"ftypcrx " and box > 0 else 0
+    magic = head[start : start + 4]
+    if magic[:2] in (b"II", b"MM"):  # some makers change the version number that follows
+        head = head[start : start + 2] + (b"*\0" if magic[:2] == b"II" else b"\0*") + head[start + 4 :]
+        with suppress(Exception):  # only the names are lost; tifffile raises many types of exceptions
+            import tifffile
+
+            with tifffile.TiffFile(io.BytesIO(head)) as tiff:
+                tags = tiff.pages.first.tags
+                words = [tags[code].value if code in tags else "" for code in (271, 272)]
+                make, model = (str(word).split("\0")[0].strip() for word in words)
+                return make, model
+    return "", ""
+
+
+def _picture(file: Path, sidecar: Path) -> Mosaic:
+    """Read a linear picture of the mosaic, with the metadata of its sidecar."""
+    told, words = _sidecar(sidecar)
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise UnreadableRaw(f"{file} cannot be read: {error.strerror}.", "Check the path.") from error
+    samples = _png(file, data) if file.suffix.casefold() == ".png" else _tiff(file, data)
+    if samples.ndim != 2 or samples.dtype not in (np.uint8, np.uint16):
+        raise NotSensorRaw(
+            f"{file} holds {samples.dtype} samples of shape {samples.shape}: no mosaic.",
+            "Give one channel of 8 or 16 bits, the sensor's own samples, neither demosaiced nor balanced.",
+        )
+    _check_size(file, samples.shape[1], samples.shape[0])
+    black = np.array(told["black"], dtype=np.float64) * np.ones((2, 2))
+    samples = np.array(samples, dtype=np.uint16, order="C")
+    _check_levels(file, samples, black, float(told["white"]))
+    return Mosaic(
+        path=str(file),
+        samples=samples,
+        cfa=told["cfa"],
+        black=black,
+        white=float(told["white"]),
+        make=told.get("make", ""),
+        model=told.get("model", ""),
+        exposure=told.get("exposure"),
+        iso=told.get("iso"),
+        orientation=told.get("orientation", 1),
+        gain_maps=(),
+        color_matrix1=None,
+        color_matrix2=None,
+        as_shot_neutral=None,
+        sha256=hashlib.sha256(data + words).hexdigest(),  # the same as `photo_hash`
+        levels=f"the sidecar {sidecar.name}",
+    )
+
+
+def _png(file: Path, data: bytes) -> NDArray[Any]:
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR":
+        raise UnreadableRaw(f"{file} is no PNG.", COPY_AGAIN)
+    _check_size(file, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
+    if data[24] not in (8, 16) or data[25] != 0:  # checked before decoding
+        raise NotSensorRaw(f"{file} is no grey PNG of 8 or 16 bits.", "Write the mosaic as one grey channel.")
+    import cv2
+
+    found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if found is None:
+        raise UnreadableRaw(f"{file} cannot be decoded.", COPY_AGAIN)
+    return np.asarray(found)
+
+
+def _tiff(file: Path, data: bytes) -> NDArray[Any]:
+    import tifffile
+
+    try:
+        with tifffile.TiffFile(io.BytesIO(data)) as tiff:
+            page: Any = tiff.pages.first
+            if len(tiff.pages) > 1:
+                raise NotSensorRaw(f"{file} has {len(tiff.pages)} pages: which is the mosaic?", "Write one page.")
+            if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+                raise UnsupportedRaw(f"{file} is a negative (MinIsWhite).", "Write it as MinIsBlack: 0 is no light.")
+            _check_size(file, page.imagewidth, page.imagelength)
+            if page.samplesperpixel != 1:
+                raise NotSensorRaw(
+                    f"{file} holds {page.samplesperpixel} samples a pixel, a mosaic has one.", RAW_MODE
+                )
+            if page.bitspersample not in (8, 16):
+                raise UnsupportedRaw(f"{file} holds samples of {page.bitspersample} bits.", "Write 8 or 16 bits.")
+            return np.asarray(page.asarray())
+    except (NotSensorRaw, UnsupportedRaw, UnreadableRaw):
+        raise
+    except Exception as error:  # tifffile raises many types of exceptions
+        raise UnreadableRaw(
+            f"{file} cannot be decoded ({error}).", "Write it without compression, one page, 8 or 16 bits."
+        ) from error
+
+
+def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Read a sidecar and check every value; returns the values and the file's bytes."""
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_SIDECAR + 1)
+        text = data.decode("utf-8") if len(data) <= LARGEST_SIDECAR else "null"
+        told = json.loads(text, object_pairs_hook=_once)
+    except (OSError, ValueError, RecursionError) as error:
+        raise InvalidArgument(f"{path} cannot be read ({error}).", "Write it as docs/raw.md shows.") from error
+
+    def need(right: bool, what: str) -> None:
+        if not right:
+            raise InvalidArgument(f"{path}: {what}.", "Write it as docs/raw.md shows.")
+
+    need(isinstance(told, dict) and told.get("format") == SIDECAR, f"it is no {SIDECAR}")
+    assert isinstance(told, dict)
+    need({"cfa", "black", "white"} <= told.keys() <= _KEYS, "it needs cfa, black and white, and knows no other keys")
+    need(told["cfa"] in CFA_ORDERS, f"cfa must be one of {', '.join(CFA_ORDERS)}")
+    rows = told["black"] if isinstance(told["black"], list) else [[told["black"]] * 2] * 2
+    square = len(rows) == 2 and all(isinstance(row, list) and len(row) == 2 for row in rows)
+    need(square and all(_number(v) for row in rows for v in row), "black must be a number, or [[a, b], [c, d]]")
+    need(_number(told["white"]) and told["white"] > 0, "white must be a positive number")
+    for key in ("exposure", "iso"):
+        need(key not in told or (_number(told[key]) and told[key] > 0), f"{key} must be a positive number")
+    for key in ("make", "model"):
+        need(isinstance(told.get(key, ""), str) and len(told.get(key, "")) <= 200, f"{key} must be a short text")
+    need(told.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
+    return told, data
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; refuses duplicate keys, whose meaning is ambiguous."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice")
+    return found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 65535
+
+
+def _check_size(file: Path, width: int, height: int) -> None:
+    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
+        raise UnreadableRaw(f"{file} is truncated or damaged: a picture of {width} × {height} samples.", COPY_AGAIN)
+
+
+def _check_levels(file: Path, samples: NDArray[np.uint16], black: Floats, white: float) -> None:
+    """Raise if the levels are impossible for these samples."""
+    if not (np.isfinite(black).all() and 0 < white <= 65535 and (black < white).all() and (black >= 0).all()):
+        raise UnsupportedRaw(
+            f"{file} is said to have black at {black.min():g} and white at {white:g}.",
+            f"Its levels are not known. {CONVERT}",
+        )
+    if int(samples.max()) > 4 * white:
+        raise UnsupportedRaw(
+            f"{file} has samples of {samples.max()}, far above the white level of {white:g}.",
+            f"Its levels are not known. {CONVERT}",
+        )
+
+
+def _positive(value: float) -> float | None:
+    return float(value) if np.isfinite(value) and value > 0 else None
+
+
+def _version(rawpy: Any) -> str:
+    return ".".join(map(str, rawpy.libraw_version))

@@ -1,0 +1,161 @@
+"""Reads from a DNG which physical camera took it, and when."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, fields
+from datetime import datetime
+from pathlib import Path
+
+from camssf.errors import UnitDiffers, UnreadableRaw
+from camssf.files import local
+from camssf.photo.read.sidecar import photo_hash
+from camssf.photo.read.tiff import COPY_AGAIN, Directory, Tiff
+from camssf.rules import rules
+
+_OFFSET = re.compile(r"[+-]\d\d:\d\d")
+_TIME = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
+
+
+Area = tuple[int, int, int, int]
+"""Top, left, bottom, right of the sensor's active area, in samples of the stored picture."""
+ALIKE = rules().number("patches.alike")
+"""Relative difference up to which two focal lengths or f-numbers count as equal: files round them."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One physical camera; "" and None mean unknown.
+
+    Attributes:
+        make, model: as its files name it.
+        camera_id: the camera used, on a phone with several.
+        serial: serial number of the body.
+        lens: model of the lens.
+        focal_length: mm.
+        aperture: the f-number.
+    """
+
+    make: str = ""
+    model: str = ""
+    camera_id: str = ""
+    serial: str = ""
+    lens: str = ""
+    focal_length: float | None = None
+    aperture: float | None = None
+
+    def differs(self, other: Unit) -> tuple[str, ...]:
+        """Names of the attributes that are known in both and differ."""
+        pairs = {each.name: (getattr(self, each.name), getattr(other, each.name)) for each in fields(self)}
+        return tuple(name for name, (a, b) in pairs.items() if a and b and a != b)
+
+    def filled(self, other: Unit) -> Unit:
+        """A copy whose unknown attributes are taken from `other`."""
+        return Unit(**{each.name: getattr(self, each.name) or getattr(other, each.name) for each in fields(self)})
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Camera, time and hash of a photo.
+
+    Attributes:
+        unit: the physical camera.
+        time: ISO 8601, with the offset from UTC if the file has one; "" if unknown.
+        sha256: of the file; for a picture with a sidecar, of both.
+    """
+
+    unit: Unit
+    time: str
+    sha256: str
+
+
+def read_unit(path: Path | str) -> Taken:
+    """Read camera, time and hash of a DNG, without its samples.
+
+    Raises:
+        UnreadableRaw: the file cannot be read, or is damaged.
+        UnsupportedRaw: another raw format, or a BigTIFF.
+    """
+    path = local(path)
+    try:
+        sha256 = photo_hash(path)
+        with path.open("rb") as stream:
+            tiff = Tiff(path, stream)
+            exif = tiff.exif()
+            return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise UnreadableRaw(
+            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}).", COPY_AGAIN
+        ) from error
+
+
+def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple[Unit, Area | None]) -> None:
+    """Refuse photos of two physical cameras or lenses. Unknown attributes, make and model are not compared.
+
+    Args:
+        chart, other: names of the photos in the message.
+        one, two: the unit of each, and its sensor's active area.
+
+    Raises:
+        UnitDiffers: camera, serial number, lens, focal length, aperture or active area differ.
+    """
+    (ours, area), (theirs, place) = one, two
+    differ = [
+        f"{word} '{there}' against '{here}'"
+        for word, there, here in (("camera", theirs.camera_id, ours.camera_id), ("lens", theirs.lens, ours.lens))
+        if there and here and there != here
+    ]
+    if theirs.serial and ours.serial and theirs.serial != ours.serial:
+        differ.append("another serial number")
+    for there, here, form in (
+        (theirs.focal_length, ours.focal_length, "focal length {:g} mm against {:g} mm"),
+        (theirs.aperture, ours.aperture, "aperture f/{:g} against f/{:g}"),
+    ):
+        if there and here and abs(there - here) > ALIKE * max(there, here):
+            differ.append(form.format(there, here))
+    if place and area and place != area:
+        differ.append(f"active area {', '.join(map(str, place))} against {', '.join(map(str, area))}")
+    if differ:
+        raise UnitDiffers(
+            f"{other} was taken by another camera or lens than {chart}: {'; '.join(differ)}.",
+            "Take all photos of a capture with one physical camera, one lens, one zoom setting and one aperture; on "
+            "a phone with several cameras name the one that shall take them. Calibrate each of them by itself.",
+        )
+
+
+def unit_of(tiff: Tiff, exif: Directory) -> Unit:
+    """The physical camera that a DNG's directories describe."""
+    first = tiff.main[0]
+    return Unit(
+        make=tiff.text(first, 271),
+        model=tiff.text(first, 272) or tiff.text(first, 50708),
+        serial=tiff.text(exif, 42033) or tiff.text(first, 50735),
+        lens=tiff.text(exif, 42036),
+        focal_length=_positive(tiff, (exif, first), 37386),
+        aperture=_positive(tiff, (exif, first), 33437),
+    )
+
+
+def _positive(tiff: Tiff, places: tuple[Directory, ...], tag: int) -> float | None:
+    """The first positive number; Exif writes 0 for unknown. TIFF/EP has these tags in the first directory."""
+    for place in places:
+        values = tiff.numbers(place, tag)
+        if values is not None and math.isfinite(values[0]) and values[0] > 0:
+            return float(values[0])
+    return None
+
+
+def _time(tiff: Tiff, exif: Directory) -> str:
+    """DateTimeOriginal with its offset; "" if invalid: a clock that was never set writes zeros or blanks."""
+    found = _TIME.fullmatch(tiff.text(exif, 36867))
+    if found is None:
+        return ""
+    year, month, day, clock = found.groups()
+    offset = tiff.text(exif, 36881)
+    text = f"{year}-{month}-{day}T{clock}" + (offset if _OFFSET.fullmatch(offset) else "")
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return ""
+    return text

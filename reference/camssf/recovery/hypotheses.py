@@ -1,0 +1,149 @@
+"""Chooses the phones basis, the cameras basis or a mixture of both by their marginal likelihoods.
+
+Phones and cameras are two families of curves. A hypothesis is a family and a width of its prior; its posterior
+probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A basis with odds of at least
+CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.grid import STEP, Floats
+from camssf.recovery.basis import Basis
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import Hypothesis, Ssf, answer, predict_signals
+from camssf.rules import rules
+
+AUTO = "auto"
+FAMILIES = ("phones", "cameras")
+"""The bases that `auto` chooses from, in this order."""
+SCALES = (1.0, rules().number("choice.wide"))
+"""Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
+UNUSUAL = rules().number("choice.unusual")
+"""Prior probability of the second scale."""
+CLEAR = rules().number("choice.clear")
+"""Posterior odds at which a basis is used alone."""
+
+
+def recover(
+    observation: Observation,
+    *,
+    basis: str | Basis = AUTO,
+    l2: float | None = None,
+    gamma: ArrayLike | None = None,
+    nonnegative: bool | None = None,
+    engine: str = "onnx",
+    prior: Mapping[str, float] | None = None,
+    prior_scale: float = 1.0,
+) -> Ssf:
+    """The curves that explain the signals.
+
+    Args:
+        observation: the signals, and what is known of chart, white and lamps.
+        basis: "auto" chooses among FAMILIES by their evidence; else a name, a file, or a Basis.
+        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, where the channels are one problem, γ is one
+            number, and the defaults are 1 and 0.05. On the paper's basis γ may be one number a channel, and the
+            defaults are 0 and the discrepancy principle: the largest γ whose residual is not above the measured
+            noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that makes x
+            zero.
+        nonnegative: whether x ≥ 0; None: only on a basis without a prior. False gives the paper's literal Eq. (10).
+        engine: "onnx", the shipped model, or "reference". A basis without a shipped model always uses the reference;
+            `Ssf.engine` names the engine used.
+        prior: with "auto", prior odds of FAMILIES by name; 1 for a missing name.
+        prior_scale: with a named basis, the width of its prior relative to the learned one.
+
+    With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
+
+    Raises:
+        InvalidArgument: invalid values or names.
+        NotConverged: a relative duality gap above 1e-9.
+    """
+    how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
+    if basis != AUTO:
+        return answer(observation, basis, prior_scale=prior_scale, **how)
+    asked = hypotheses(prior or {})
+    answers = [answer(observation, name, prior_scale=scale, **how) for name, scale, _ in asked]
+    return choose(observation, answers, np.array([belief for _, _, belief in asked]))
+
+
+def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """The hypotheses of "auto": family, width of its prior, and ln of their prior odds."""
+    return [
+        (name, scale, float(np.log(odds.get(name, 1.0) * belief)))
+        for name in FAMILIES
+        for scale, belief in zip(SCALES, (1.0 - UNUSUAL, UNUSUAL), strict=True)
+    ]
+
+
+def choose(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
+    """Combine several solutions for the same signals; `beliefs` are the ln of their prior odds."""
+    likely = probabilities(np.array([each.log_evidence for each in answers], float) + beliefs)
+    told = tuple(
+        Hypothesis(each.basis, each.prior_scale, float(each.log_evidence or 0.0), float(share))
+        for each, share in zip(answers, likely, strict=True)
+    )
+    return replace(
+        mixed(observation, answers, posterior_weights([each.basis for each in answers], likely)), choice=told
+    )
+
+
+def posterior_weights(bases: Sequence[str], likely: Floats) -> Floats:
+    """Mixture weights: if the posterior odds of one basis reach CLEAR, the other bases get weight 0."""
+    share = {name: float(likely[[basis == name for basis in bases]].sum()) for name in bases}
+    winner = max(share, key=lambda name: share[name])
+    if share[winner] >= CLEAR * (1.0 - share[winner]):
+        likely = np.where([basis == winner for basis in bases], likely, 0.0)
+    return np.asarray(likely / likely.sum())
+
+
+def probabilities(logarithms: Floats) -> Floats:
+    """e^l / Σ e^l without overflow."""
+    weights = np.exp(logarithms - logarithms.max())
+    return np.asarray(weights / weights.sum())
+
+
+def mixed(observation: Observation, answers: Sequence[Ssf], weights: Floats) -> Ssf:
+    """The mixture of solutions for the same signals; what depends on a basis is that of the most probable one.
+
+    Curves of peak 1 are mixed, s̄ = Σ w s, and their variance is Σ w (σ² + (s - s̄)²).
+    """
+    kept = [(each, weight) for each, weight in zip(answers, weights, strict=True) if weight > NEGLIGIBLE]
+    best = max(kept, key=lambda pair: pair[1])[0]
+    if len(kept) == 1:
+        return best
+    share = np.array([weight for _, weight in kept]) / sum(weight for _, weight in kept)
+    mean, std = of_peak_one([each for each, _ in kept], share)
+    lamp = np.einsum("a,akm->km", share, np.stack([each.lamp for each, _ in kept]))
+    scale = (observation.white_reflectance * observation.lamp[0] * STEP) @ mean  # (3,)
+    values = mean / scale
+    return replace(
+        best,
+        values=values,
+        std=None if std is None else std / scale,
+        predicted=predict_signals(values, observation.reflectance, lamp, observation.white_reflectance),
+        gap=np.max([each.gap for each, _ in kept], axis=0),
+        layers_gap=np.max([each.layers_gap for each, _ in kept], axis=0),
+        finish_steps=np.max([each.finish_steps for each, _ in kept], axis=0),
+        lamp=lamp,
+        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each, _ in kept])),
+    )
+
+
+def of_peak_one(answers: Sequence[Ssf], share: Floats) -> tuple[Floats, Floats | None]:
+    """Mean (681, 3) and standard deviation of the curves of peak 1, by the law of total variance."""
+    curves = np.stack([each.peak()[0] for each in answers])  # (a, m, 3)
+    mean = np.einsum("a,amc->mc", share, curves)
+    own = [band for each in answers if (band := each.peak()[1]) is not None]
+    if not own:
+        return mean, None
+    return mean, np.sqrt(np.einsum("a,amc->mc", share, np.stack(own) ** 2 + (curves - mean) ** 2))
+
+
+NEGLIGIBLE = 1e-6
+"""Solutions of a smaller weight are left out of a mixture."""

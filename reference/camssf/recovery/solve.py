@@ -1,0 +1,91 @@
+"""Solves each problem of a linear model: layers, duality gap, finish where that is too large, and evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from camssf.grid import Floats
+from camssf.recovery.duality_gap import duality_gap
+from camssf.recovery.elastic_net import ElasticNet, whiten
+from camssf.recovery.layers import DEPTH, LAYERS
+from camssf.recovery.linear_model import LinearModel
+from camssf.recovery.pivoting import SETTLED, finish_steps
+from camssf.recovery.pivoting import pivot_to_optimum as walk
+
+
+@dataclass(frozen=True)
+class Code:
+    """The optimum and its duality gap, for p problems: one of the three channels together, or three.
+
+    Attributes:
+        values: (p, r) x.
+        objective: (p,) of the `ElasticNet`.
+        gap: (p,) relative duality gap.
+        layers_gap: (p,) the same of the layers' solution, before the finish.
+        finish_steps: (p,) pivots of the finish; 0 where the layers' gap was small enough.
+        precision: (p, r, r) H = Aᵀ Σ⁻¹ A.
+        log_evidence: (p,) ln of the density of b under x ~ N(0, I): -½ (bᵀ P⁻¹ b + ln det P), P = Σ + A Aᵀ.
+    """
+
+    values: Floats
+    objective: Floats
+    gap: Floats
+    layers_gap: Floats
+    finish_steps: NDArray[np.int64]
+    precision: Floats
+    log_evidence: Floats
+
+
+def solve(
+    linear: LinearModel,
+    l2: float,
+    gamma: Floats,
+    *,
+    nonnegative: bool = False,
+    depth: int = DEPTH,
+    finish: int | None = None,
+    layers: str = "splitting",
+) -> Code:
+    """The code of each problem.
+
+    Args:
+        linear: matrix (p, N, r), target (p, N), covariance (p, N, N).
+        l2: λ₂ ≥ 0.
+        gamma: (p,) γ ≥ 0; not 0 where λ₂ = 0.
+        nonnegative: x ≥ 0.
+        depth, layers: number of layers, and their name in `camssf.recovery.layers.LAYERS`.
+        finish: largest number of pivots of one walk, which is taken where the layers' gap is above SETTLED; 0 for no
+            walk, None for `finish_steps`.
+    """
+    steps = finish_steps(linear.matrix.shape[2]) if finish is None else finish
+    found = []
+    for A, b, sigma, weight in zip(linear.matrix, linear.target, linear.covariance, gamma, strict=True):
+        rows, target, log_det = whiten(A, b, sigma)
+        problem = ElasticNet(rows, target, l2, float(weight), nonnegative)
+        z = LAYERS[layers](problem).unroll(depth)
+        before = duality_gap(problem, z)[1]
+        x, taken = walk(problem, z, steps) if steps and before > SETTLED else (z, 0)
+        found.append((x, *duality_gap(problem, x), before, taken, problem.H, _evidence(problem, log_det)))
+    return Code(*(np.array(each) for each in zip(*found, strict=True)))
+
+
+def log_evidence(linear: LinearModel) -> float:
+    """`Code.log_evidence` of one problem in closed form, without solving it."""
+    rows, target, log_det = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
+    return _evidence(ElasticNet(rows, target, 1.0, 0.0, False), log_det)
+
+
+def _evidence(problem: ElasticNet, log_det: float) -> float:
+    """-½ (bᵀ P⁻¹ b + ln det P) from whitened rows: P = L (I + A Aᵀ) Lᵀ, Σ = L Lᵀ.
+
+    With K = H + I and the posterior mean x̂ = K⁻¹ g, bᵀ P⁻¹ b = ‖b - A x̂‖² + ‖x̂‖², which an error of x̂ changes in
+    second order only, and ln det P = ln det Σ + ln det K.
+    """
+    root = cho_factor(problem.H + np.eye(problem.g.size))
+    x = cho_solve(root, problem.g)
+    r = problem.b - problem.A @ x
+    return float(-0.5 * (r @ r + x @ x + log_det) - np.log(np.diag(root[0])).sum())

@@ -1,0 +1,270 @@
+"""Recovers the curves and the light of shots whose lamp is not named, by the evidence of each kind of light.
+
+A hypothesis is the kind of light of every unnamed shot, a basis and a width of its prior. The evidence of each is
+computed in closed form; those of enough weight are solved, and mixed by the law of total variance (docs/maths.md, "A
+light that nobody named").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from camssf.errors import InvalidArgument
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.recovery.hypotheses import AUTO, of_peak_one, posterior_weights, probabilities
+from camssf.recovery.hypotheses import hypotheses as families
+from camssf.recovery.linear_model import DARKEST, LinearModel, linear_model
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis, Ssf, answer, predict_signals
+from camssf.recovery.solve import log_evidence
+from camssf.rules import rules
+from camssf.spectra.families import FAMILIES as LAMP_KINDS
+from camssf.spectra.surfaces import observer
+
+SOLVED = rules().number("lamp.solved")
+"""Smallest weight of a hypothesis that is solved."""
+BELIEFS = {kind: rules().number(f"lamp.{kind}") for kind in LAMP_KINDS}
+"""Prior probability of each kind."""
+
+
+@dataclass(frozen=True)
+class LampGuess:
+    """A hypothesis on the kinds of light.
+
+    Attributes:
+        kinds: of each shot, "" where its lamp was named.
+        observation: with the lamps of these kinds.
+    """
+
+    kinds: tuple[str, ...]
+    observation: Observation
+
+    @property
+    def belief(self) -> float:
+        """ln of its prior probability."""
+        return float(sum(np.log(BELIEFS[kind]) for kind in self.kinds if kind))
+
+
+@dataclass(frozen=True)
+class LampHypothesis:
+    """A hypothesis on kinds of light, basis and width of its prior.
+
+    Attributes:
+        guess, basis, scale: kinds of light, basis, and width of its prior relative to the learned one.
+        belief: ln of the prior odds of basis and scale.
+    """
+
+    guess: LampGuess
+    basis: str | Basis
+    scale: float
+    belief: float
+
+    @property
+    def widened_basis(self) -> Basis:
+        """The basis, widened by `scale`."""
+        return widened(self.basis if isinstance(self.basis, Basis) else read_basis(self.basis), self.scale)
+
+    @property
+    def name(self) -> str:
+        """Name of the basis."""
+        return self.basis.name if isinstance(self.basis, Basis) else self.basis
+
+
+def recover_in_any_light(
+    guesses: Sequence[LampGuess],
+    *,
+    basis: str | Basis = AUTO,
+    prior: Mapping[str, float] | None = None,
+    prior_scale: float = 1.0,
+    of: Floats | None = None,
+    **options: Any,
+) -> Ssf:
+    """The curves that explain the signals under lights that are not named.
+
+    Args:
+        guesses: the possible kinds of the lights.
+        basis, prior, prior_scale: as in `recover`.
+        of: (n, 681) reflectances whose signals are predicted; None for those of the observation.
+        options: l2, gamma, nonnegative and engine of `recover`.
+
+    Returns:
+        A mixture. What depends on one basis or one lamp is that of the most probable hypothesis: codes, their
+        covariance, the scale of the curves, `kinds`.
+
+    Raises:
+        InvalidArgument: as `recover`; also for a basis without a prior, which has no evidence.
+        NotConverged: as `recover`.
+    """
+    asked = families(prior or {}) if basis == AUTO else [(basis, prior_scale, 0.0)]
+    hypotheses = [LampHypothesis(guess, name, scale, belief) for name, scale, belief in asked for guess in guesses]
+    without = next((each.widened_basis for each in hypotheses if not each.widened_basis.prior), None)
+    if without is not None:
+        raise InvalidArgument(
+            f"The {without.name} basis has no prior, so it cannot tell one light from another.",
+            "Name the lamp, or take --basis phones.",
+        )
+    nats = np.array([log_evidence(linear_model(each.guess.observation, each.widened_basis)) for each in hypotheses])
+    likely = probabilities(nats + [each.guess.belief + each.belief for each in hypotheses])
+    told = tuple(
+        Hypothesis(each.name, each.scale, float(size), float(share), each.guess.kinds)
+        for each, size, share in zip(hypotheses, nats, likely, strict=True)
+    )
+    weights = posterior_weights([each.name for each in hypotheses], likely)
+    kept = np.flatnonzero(weights >= min(SOLVED, weights.max()))
+    share = weights[kept] / weights[kept].sum()
+    answers = [
+        answer(each.guess.observation, each.basis, prior_scale=each.scale, **options)
+        for each in (hypotheses[i] for i in kept)
+    ]
+    seen = [light_of(each.guess.observation, each.widened_basis) for each in (hypotheses[i] for i in kept)]
+    lights = tuple(
+        _found([(hypotheses[i].guess.kinds[j], seen[a][j]) for a, i in enumerate(kept)], share, likely, told, j)
+        if kind
+        else None
+        for j, kind in enumerate(guesses[0].kinds)
+    )
+    best = hypotheses[kept[share.argmax()]].guess
+    chart = best.observation.reflectance if of is None else of
+    # The product of curve and light is more certain than either: take means of products, not products of means.
+    rho = best.observation.white_reflectance
+    predicted = np.einsum(
+        "a,aknc->knc", share, np.stack([predict_signals(each.values, chart, each.lamp, rho) for each in answers])
+    )
+    return replace(
+        _mixed(answers, share, best.observation), predicted=predicted, choice=told, lights=lights, kinds=best.kinds
+    )
+
+
+def _mixed(answers: Sequence[Ssf], share: Floats, observation: Observation) -> Ssf:
+    """The mixture of solutions under different lamps; `observation` is that of the most probable one."""
+    best = answers[int(share.argmax())]
+    mean, std = of_peak_one(answers, share)
+    assert std is not None  # every basis has a prior
+    scale = (observation.white_reflectance * observation.lamp[0] * STEP) @ mean  # (3,)
+    lamps = np.stack([each.lamp / each.lamp.mean(axis=1, keepdims=True) for each in answers])  # (a, k, m)
+    curves = np.stack([each.peak()[0] for each in answers])
+    apart = np.einsum("a,amc->c", share, (curves - mean) ** 2)
+    return replace(
+        best,
+        values=mean / scale,
+        std=std / scale,
+        gap=np.max([each.gap for each in answers], axis=0),
+        layers_gap=np.max([each.layers_gap for each in answers], axis=0),
+        finish_steps=np.max([each.finish_steps for each in answers], axis=0),
+        lamp=np.einsum("a,akm->km", share, lamps),
+        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each in answers])),
+        between=apart / np.sum(std**2, axis=0),
+    )
+
+
+# The light itself
+
+
+@dataclass(frozen=True)
+class LampPosterior:
+    """Posterior of one shot's lamp under one hypothesis.
+
+    Attributes:
+        power: (681,) relative, of mean 1.
+        modes: (p, 681) modes of its error, each of one standard deviation; none of them changes the mean of 1.
+    """
+
+    power: Floats
+    modes: Floats
+
+    @property
+    def kelvin(self) -> tuple[float, float]:
+        """Correlated colour temperature and its standard deviation, K, by linear propagation.
+
+        The result depends on the covariance of `power` only, not on the modes chosen to describe it.
+        """
+        change = self.modes @ temperature_slope(self.power)
+        return float(temperature(self.power)), float(np.sqrt(np.sum(change**2)))
+
+
+def light_of(observation: Observation, basis: Basis) -> list[LampPosterior]:
+    """Gaussian posterior of each shot's lamp, from its modes and its smooth error, expressed as modes too."""
+    asked = by_modes(observation)
+    every = asked.lamp_modes
+    k, size, _ = every.shape
+    mean, spread = posterior(linear_model(asked, basis))
+    mean = mean.reshape(k, size)
+    found = []
+    for j in range(k):
+        values, vectors = np.linalg.eigh(spread[j * size : (j + 1) * size, j * size : (j + 1) * size])
+        power = observation.lamp[j] * np.maximum(1.0 + mean[j] @ every[j], DARKEST)
+        level = power.mean()
+        modes = (np.sqrt(np.maximum(values, 0.0)) * vectors).T @ every[j] * observation.lamp[j] / level
+        power = power / level
+        found.append(LampPosterior(power, modes - modes.mean(axis=1, keepdims=True) * power))  # not its scale
+    return found
+
+
+def by_modes(observation: Observation) -> Observation:
+    """The observation with the lamps' smooth errors expressed as additional lamp modes."""
+    smooth = smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
+    every = np.concatenate([observation.lamp_modes, observation.lamp_tolerance[:, None, None] * smooth], axis=1)
+    return replace(observation, lamp_modes=every, lamp_tolerance=np.zeros(len(every)))
+
+
+def posterior(linear: LinearModel) -> tuple[Floats, Floats]:
+    """Posterior mean (k q,) and covariance of the lamp modes: the model's `mode_estimate` and `mode_covariance`.
+
+    With b = A x + D u + e, P = Σ + A Aᵀ and D Dᵀ in Σ: û = Dᵀ P⁻¹ b with covariance I - Dᵀ P⁻¹ D.
+    """
+    A, b, D = linear.matrix[0], linear.target[0], linear.modes
+    root = np.linalg.cholesky(linear.covariance[0] + A @ A.T)
+    white = solve_triangular(root, np.column_stack([D, b]), lower=True)
+    D, b = white[:, :-1], white[:, -1]
+    return D.T @ b, np.eye(D.shape[1]) - D.T @ D
+
+
+def _found(
+    posteriors: Sequence[tuple[str, LampPosterior]],
+    share: Floats,
+    likely: Floats,
+    weights: Sequence[Hypothesis],
+    j: int,
+) -> EstimatedLamp:
+    """Shot j's light: the mixture of the solved hypotheses' posteriors; `kinds` sums over all hypotheses."""
+    power = np.stack([each.power for _, each in posteriors])
+    mean = share @ power
+    own = np.stack([np.sum(each.modes**2, axis=0) for _, each in posteriors])
+    kelvin, off = np.array([each.kelvin for _, each in posteriors]).T
+    middle = float(share @ kelvin)
+    kinds = dict.fromkeys(BELIEFS, 0.0)
+    for weight, probability in zip(weights, likely, strict=True):
+        kinds[weight.kinds[j]] += float(probability)
+    kinds = {kind: min(probability, 1.0) for kind, probability in kinds.items()}  # a sum may round above 1
+    return EstimatedLamp(
+        kinds, mean, np.sqrt(share @ (own + (power - mean) ** 2)),
+        middle, float(np.sqrt(share @ (off**2 + (kelvin - middle) ** 2))),
+    )  # fmt: skip
+
+
+def temperature(power: Floats) -> Floats:
+    """Correlated colour temperature of powers (..., 681), K: McCamy (Color Res. Appl. 1992, 17, 142).
+
+    T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858), of CIE 1931.
+    """
+    xyz = np.asarray(power) @ observer("1931")
+    x, y = np.moveaxis(xyz[..., :2] / xyz.sum(axis=-1, keepdims=True), -1, 0)
+    n = (x - 0.3320) / (y - 0.1858)
+    return np.asarray(((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33)
+
+
+def temperature_slope(power: Floats) -> Floats:
+    """∂T / ∂L of `temperature` at a power (681,), K: dx = (x̄ - x (x̄ + ȳ + z̄)) / (X + Y + Z), and dy alike."""
+    functions = observer("1931")  # (681, 3)
+    xyz = power @ functions
+    x, y = xyz[:2] / xyz.sum()
+    dx, dy = ((functions[:, i] - share * functions.sum(axis=1)) / xyz.sum() for i, share in enumerate((x, y)))
+    n = (x - 0.3320) / (y - 0.1858)
+    return np.asarray(((-1347.0 * n + 7050.0) * n - 6823.3) * (dx - n * dy) / (y - 0.1858))

@@ -1,0 +1,68 @@
+"""Draws the PNG of a result document's curves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from camssf.fonts import prepare_matplotlib
+from camssf.grid import WAVELENGTHS
+from camssf.report.sections.curves import curves_of
+from camssf.report.sections.text import CHANNELS, Json, camera_name
+
+
+def picture(document: Json) -> bytes:
+    """A PNG of the curves with their 95 % bands, and of the truth if the document holds it."""
+    from io import BytesIO
+
+    prepare_matplotlib()
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    curves = curves_of(document)
+    ink, quiet, hues = "#24262b", "#6b7079", ("#b8322a", "#23794a", "#2a57b0")
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white")
+        axes = figure.add_axes((0.075, 0.115, 0.9, 0.75))
+        for i, (colour, line) in enumerate(zip(CHANNELS, hues, strict=True)):
+            if curves.low is not None and curves.high is not None:
+                axes.fill_between(
+                    WAVELENGTHS, curves.low[:, i], curves.high[:, i], color=line, alpha=0.16, linewidth=0
+                )
+            axes.plot(WAVELENGTHS, curves.ssf[:, i], color=line, linewidth=2, label=colour)
+            if curves.truth is not None:
+                axes.plot(WAVELENGTHS, curves.truth[:, i], color=ink, linewidth=1.1, dashes=(4, 3))
+        sides: dict[str, Any] = {"start": "left", "middle": "center", "end": "right"}
+        for (text, nm, top, side), line in zip(curves.peak_labels(), hues, strict=True):
+            axes.text(nm, top, text, ha=sides[side], color=line, fontsize=9.5)
+        axes.set_xlim(380, 720)
+        axes.set_ylim(*curves.limits())
+        axes.set_xticks(range(400, 721, 40))
+        axes.set_xlabel("wavelength, nm", color=ink)
+        axes.set_ylabel("relative response (peak = 1)", color=ink)
+        axes.grid(color="#e4e4df", linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.axhline(0, color=quiet, linewidth=0.8)
+        axes.tick_params(colors=quiet, length=0)
+        axes.spines[:].set_visible(False)
+        note = "curves" if curves.low is None else "curves with 95 % bands"
+        if curves.truth is not None:
+            note += f"; dashed: {_short_name(document['truth']['name'])}"
+        # Names are untrusted input: "$" must not start a formula, and rare characters may have no glyph.
+        figure.text(0.075, 0.94, _title(document), color=ink, fontsize=14, fontweight="bold", parse_math=False)
+        figure.text(0.075, 0.895, note, color=quiet, fontsize=10.5, parse_math=False)
+        file = BytesIO()
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+    return file.getvalue()
+
+
+def _short_name(text: str, length: int = 60) -> str:
+    """The text with at most `length` characters, all of them in every build of the plot's font."""
+    text = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def _title(document: Json) -> str:
+    lamps = " + ".join(shot["lamp"]["name"] for shot in document["shots"])
+    return f"{_short_name(camera_name(document), 50)} under {_short_name(lamps, 40)}"

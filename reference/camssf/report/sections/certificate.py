@@ -1,0 +1,219 @@
+"""The first section of the page: camera, time, verdict with its checks, uncertainty budget, signature."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from camssf.grid import WAVELENGTHS
+from camssf.photo.read.unit import Unit
+from camssf.report.provenance import Provenance
+from camssf.report.sections.curves import curves_of
+from camssf.report.sections.text import Json, brief, camera_name, number
+from camssf.rules import rules
+
+UNKNOWN = "not stated"
+MARKS = {
+    "accepted": ("✓", "Accepted", "Every check passed."),
+    "doubtful": ("!", "Doubtful", "The curves are usable with the reservations below."),
+    "refused": ("✕", "Refused", "This capture cannot carry an answer, so there are no curves."),
+}
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A term and its value."""
+
+    term: str
+    text: str
+
+
+def facts_of(document: Json, provenance: Provenance) -> tuple[Fact, ...]:
+    """The facts at the top of the certificate."""
+    shots, chart, signature = document["shots"], document["chart"], provenance.signature
+    passport = signature.passport if signature else None
+    unit = passport.unit.filled(provenance.unit) if passport else provenance.unit
+    serials = (passport.lamp_serials if passport else ()) or ("",) * len(shots)
+    lamps = [
+        shot["lamp"]["name"] + (f", serial {serial}" if serial else "")
+        for shot, serial in zip(shots, serials, strict=False)
+    ]
+    table = f"{chart['name']}, table {chart['table']}" if chart["table"] else chart["name"]
+    if passport and passport.chart_serial:
+        table += f", serial {passport.chart_serial}"
+    captured = [passport.captured] if passport and passport.captured else list(dict.fromkeys(provenance.captured))
+    valid = "unsigned" if "ssf" in document else "no, it was refused"
+    if passport:
+        valid = f"{_day(passport.begins.isoformat())} to {_day(passport.ends.isoformat())}"
+    return (
+        Fact("Camera", camera_name(document)),
+        Fact("Unit", _unit(unit)),
+        Fact("Lens", _lens(unit)),
+        Fact("Photographed", ", ".join(_time(each) for each in captured if each) or UNKNOWN),
+        Fact("Valid", valid),
+        Fact("Lamp" if len(shots) < 2 else f"Lamps ({len(shots)} shots)", " + ".join(lamps) or "not known"),
+        Fact("Chart", table),
+        Fact("Basis", f"{document['basis']}, {document['engine']} engine" if "ssf" in document else "none"),
+    )
+
+
+def _unit(unit: Unit) -> str:
+    parts = [f"serial {unit.serial}" if unit.serial else "", unit.camera_id]
+    return ", ".join(filter(None, parts)) or UNKNOWN
+
+
+def _lens(unit: Unit) -> str:
+    parts = [
+        unit.lens,
+        f"{unit.focal_length:g} mm" if unit.focal_length else "",
+        f"f/{unit.aperture:g}" if unit.aperture else "",
+    ]
+    return ", ".join(filter(None, parts)) or UNKNOWN
+
+
+def _time(text: str) -> str:
+    """The time by the camera's clock, with its UTC offset if the file states one."""
+    return text.replace("T", " ").removesuffix("+00:00") + (" UTC" if text.endswith("+00:00") else "")
+
+
+def _day(text: str) -> str:
+    return text[:10]
+
+
+# Numbers
+
+
+def big_numbers(document: Json) -> tuple[tuple[Markup, Markup], ...]:
+    """The main numbers, each with its description."""
+    scores = document["scores"]
+    found = [
+        (number(math.fsum(scores["rmsre_percent"]) / 3) + Markup(" %"), "RMSRE: relative error on unseen patches"),
+        (number(scores["delta_e00"], 2), Markup("ΔE<sub>00</sub> of the patch colours")),
+        (number(max(document["gap"]), 2), "largest relative duality gap"),
+    ]
+    width = curves_of(document).half_width()
+    if width is not None:
+        text = Markup("± ") + number(float(width.mean()), 2)
+        found.insert(0, (text, "half of the 95 % band's width, mean of 400 to 700 nm"))
+    if scores["rmse"] is not None:
+        found.insert(0, (number(math.fsum(scores["rmse"]) / 3, 2), "RMSE against the truth (peak = 1)"))
+    return tuple((Markup(value), Markup(text)) for value, text in found)
+
+
+# Checks
+
+
+@dataclass(frozen=True)
+class Held:
+    """One number of a check.
+
+    Attributes:
+        shot: from 1; None for the capture as a whole.
+        value, limit, margin: as text; margin is the distance to the limit, negative beyond it.
+        refuses: the limit beyond which the capture is refused; "" if there is none, or if it equals `limit`.
+        state: "held", "doubtful" or "refused".
+    """
+
+    shot: int | None
+    value: Markup
+    limit: Markup
+    margin: Markup
+    refuses: Markup
+    state: str
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """One check of the verdict: its name with the unit, the value of each shot, and the worst state."""
+
+    what: str
+    each: tuple[Held, ...]
+    state: str
+
+
+STATES = ("held", "doubtful", "refused")
+
+
+def checks_of(document: Json) -> tuple[CheckRow, ...]:
+    """All checks of the verdict, those of the whole capture first; empty if the document holds none."""
+    found: dict[str, list[Held]] = {}
+    for check in document["verdict"].get("checks", ()):
+        found.setdefault(check["name"], []).append(_held(check))
+    checks = []
+    for name, each in found.items():
+        rule = rules().numbers.get(f"verdict.{name}")
+        what = name if rule is None else rule.what
+        if rule is not None and rule.unit != "1" and rule.unit not in what:
+            what += f", {rule.unit}"
+        checks.append(CheckRow(what, tuple(each), max((one.state for one in each), key=STATES.index)))
+    return tuple(sorted(checks, key=lambda check: check.each[0].shot is not None))
+
+
+def _held(check: Json) -> Held:
+    value, limit, refuses, above = check["value"], check["limit"], check["refuses"], check["beyond"] == "above"
+    margin = limit - value if above else value - limit
+    gone = refuses is not None and (value > refuses if above else value < refuses)
+    return Held(
+        check["shot"],
+        brief(value) if float(value).is_integer() else number(value),
+        Markup("\u2264 " if above else "\u2265 ") + brief(limit),
+        number(margin, 2),
+        Markup("") if refuses in (None, limit) else brief(refuses),
+        "held" if margin >= 0 else "refused" if gone else "doubtful",
+    )
+
+
+# Budget
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The uncertainty budget by source; `alone` states the band of each single shot in words."""
+
+    rows: tuple[tuple[str, str, tuple[str, ...]], ...]
+    alone: str
+
+
+def budget_of(document: Json) -> Budget | None:
+    """The budget of a document; None for a basis without a prior."""
+    found = document.get("uncertainty")
+    if not found:
+        return None
+    rows = tuple(
+        (term["source"], term["size"], tuple(f"{100 * share:.0f} %" for share in term["share"]))
+        for term in found["budget"]
+    )
+    words = ""
+    if found["alone"]:
+        names = [shot["lamp"]["name"] for shot in document["shots"]]
+        alone = ", ".join(f"{name} ± {width:.3f}" for name, width in zip(names, found["alone"], strict=False))
+        bought = 1.0 - found["half_width"] / min(found["alone"]) if min(found["alone"]) > 0 else 0.0
+        words = (
+            f"All shots together: ± {found['half_width']:.3f} of the peak on average. Each alone: {alone}. "
+            f"The other lamps narrow the best single shot's band by {100 * bought:.0f} %."
+        )
+    return Budget(rows, words)
+
+
+# The channels
+
+
+def channels_of(document: Json) -> tuple[str, tuple[tuple[str, tuple[Markup, ...]], ...]]:
+    """A caption, and rows of numbers for red, green and blue."""
+    scores, curves = document["scores"], curves_of(document)
+    rows: list[tuple[str, list[Markup]]] = [
+        ("Peak, nm", [Markup(f"{WAVELENGTHS[k]:.1f}") for k in curves.ssf.argmax(axis=0)]),
+        ("RMSRE on unseen patches, %", [number(v) for v in scores["rmsre_percent"]]),
+        ("Channel gain, relative to green", [number(v, 4) for v in document["channel_gain"]]),
+        ("Relative duality gap", [number(v, 1) for v in document["gap"]]),
+        ("Penalty γ (l1)", [brief(v) for v in document["gamma"]]),
+    ]
+    width = curves.half_width()
+    if width is not None:
+        rows.insert(1, ("Half of the 95 % band's width, 400 to 700 nm", [number(float(v), 2) for v in width]))
+    if scores["rmse"] is not None:
+        rows.insert(1, ("RMSE against the truth, 400 to 700 nm", [number(v) for v in scores["rmse"]]))
+    caption = f"Unseen patches: {scores['unseen']}. Quadratic penalty λ₂ = {brief(document['l2'])}."
+    return caption, tuple((name, tuple(cells)) for name, cells in rows)

@@ -1,1 +1,0 @@
-"""Commands that make what the package ships: bases and tables."""

@@ -1,0 +1,1 @@
+"""Judges an answer: accepted, doubtful or refused, with reasons."""

@@ -1,0 +1,94 @@
+"""Lists in words what an answer assumes about its capture."""
+
+from __future__ import annotations
+
+from camssf.grid import Floats
+from camssf.photo.capture import Capture, Shot
+from camssf.photo.signals import Assumption
+from camssf.recovery.sensitivity import EstimatedLamp, Ssf
+from camssf.spectra import Lamp, Light
+
+SHOWN = 0.005
+"""Kinds of light less probable than this are not listed."""
+
+
+def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
+    """The answer's assumptions, apart from the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ."""
+    table = capture.chart
+    found = [
+        Assumption(
+            "chart_table", f"the chart's reflectances are {table.source} ({table.table}), not this very chart's."
+        )
+    ]
+    for j, shot in enumerate(capture.shots):
+        where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
+        light = ssf.lights[j] if ssf.lights else None
+        found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
+        found += _uneven(where, shot, ssf, level[j])
+        told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
+        found += [Assumption("raw_levels", where + _levels(name, whose)) for whose, name in told.items()]
+        if shot.photo.gain_map:
+            found.append(Assumption("lens_shading", where + _shading(shot)))
+    if capture.shots[0].means.white is not None and capture.white_reflectance is None:
+        found.append(Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1)."))
+    if ssf.std is None:
+        found.append(Assumption("no_band", "the paper's basis has no prior, so this answer carries no error band."))
+    return tuple(found)
+
+
+def _named(lamp: Light) -> str:
+    """Describes a named lamp."""
+    assert isinstance(lamp, Lamp)
+    return (
+        f"the light was {lamp.name} ({lamp.source}), smooth relative tolerance "
+        f"{lamp.tolerance:.1%}, {len(lamp.modes)} mode(s)."
+    )
+
+
+def _uneven(where: str, shot: Shot, ssf: Ssf, level: Floats) -> list[Assumption]:
+    """Describes how even the light was, and how that was found."""
+    if not ssf.gain_code.size:
+        flat = "the light was the same all over the chart."
+        return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
+    if shot.means.white is not None:
+        return [
+            Assumption("uneven_light", f"{where}each patch's light was solved for with the curves, by its colours.")
+        ]
+    least, most = 100.0 / level.max() - 100.0, 100.0 / level.min() - 100.0
+    return [
+        Assumption(
+            "uneven_light",
+            f"{where}how the light fell was solved for with the curves: {least:+.0f} % to {most:+.0f} % on the "
+            "patches beside the white one, the same for the three channels but for a small part.",
+        )
+    ]
+
+
+def _unnamed(light: EstimatedLamp) -> str:
+    """Describes a light that was estimated from the signals."""
+    likely = sorted(light.kinds.items(), key=lambda each: -each[1])
+    kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
+    return (
+        f"nobody named the light; the signals of a chart and a phone say what it was: {kinds}, "
+        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of "
+        "them, or two lights at once, is not foreseen."
+    )
+
+
+def _levels(name: str, whose: str) -> str:
+    """Describes raw levels that come from another file, for a file that does not state its own."""
+    return (
+        f"{name} is no DNG: its colour pattern, black level and white level are the word of {whose}. A wrong level "
+        "bends every signal; a dark frame makes the black level unnecessary."
+    )
+
+
+def _shading(shot: Shot) -> str:
+    """Describes how the lens-shading map in a shot's file was used."""
+    map_of = f"{shot.photo.name} holds a lens-shading map;"
+    if shot.lens_shading == "apply":
+        return f"{map_of} it was applied to the patches' signals" + (
+            " of every frame, so that it cancels against the white frame." if shot.white else "."
+        )
+    rest = ", the white frame corrects the shading." if shot.white else " and no white frame corrects it."
+    return f"{map_of} it was not applied{rest}"

@@ -1,0 +1,224 @@
+"""Applies all rules to an answer and returns the verdict: accepted, doubtful or refused, with reasons.
+
+Captures that cannot be solved at all were already refused by an earlier stage. RMSRE is not used: both of its sides
+contain the same lamp, so it stays small when the lamp is wrong. docs/verdict.md states the rules for this package and
+for Kotlin; data/rules.json holds the thresholds and the words. `python -m benchmarks.faults` counts what the rules
+catch and what they miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from camssf.grid import Floats
+from camssf.photo.find.search import agreement, plain_signals
+from camssf.recovery.hypotheses import CLEAR
+from camssf.recovery.sensitivity import Ssf
+from camssf.rules import rules
+from camssf.spectra import ChartTable
+from camssf.verdict.checks import Checks
+from camssf.verdict.exposure_and_noise import (
+    exposure,
+    few,
+    samples,
+)
+from camssf.verdict.goodness_of_fit import (
+    BLACK,
+    SURPRISE,
+    Explanation,
+    GoodnessOfFit,
+    VerdictInputs,
+    best_explanation,
+    offset,
+    shot_answer,
+    strongest_explanation,
+)
+from camssf.verdict.lamp import TINTED, TINTED_UNNAMED, Neutral, Rival, rival_lamp, white_balance_mismatch
+from camssf.verdict.reasons import Fatal, Reason, Verdict, because
+
+_NUMBER = rules().number
+HOPELESS = _NUMBER("verdict.hopeless")
+STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
+POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
+UNUSUAL = _NUMBER("verdict.unusual")
+UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
+PHONES = "phones"
+"""The only basis whose cameras are similar enough to estimate an unnamed light."""
+
+
+def judge(
+    inputs: VerdictInputs,
+    ssf: Ssf,
+    *,
+    rivals: Sequence[Rival] | Callable[[], Sequence[Rival]] = (),
+    neutrals: Sequence[Sequence[Neutral]] = (),
+    alone: Sequence[Ssf] = (),
+    family: str | None = None,
+    unnamed: Sequence[bool] = (),
+) -> Verdict:
+    """Apply all rules to an answer.
+
+    Args:
+        inputs: the k shots.
+        ssf: the answer, with its predictions (k, n, 3).
+        rivals: other lamps, or a function that finds them; it is not called if the capture is already refused.
+        neutrals: for each shot, the camera's white points from its file; empty if there are none.
+        alone: for several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
+        family: the basis that the maker's name in the file suggests, if any.
+        unnamed: for each shot, whether its light is unnamed; empty if all are named.
+    """
+    signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
+    found = inputs.goodness_of_fit(ssf)
+    answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
+    each = [inputs.goodness_of_fit_of_shot(j, answer) for j, answer in enumerate(answers)]
+    checks = Checks()
+    reasons = [*_unexplained(found, each, table, checks), *_strange(ssf, checks)]
+    for j, means in enumerate(inputs.means):
+        name = f"shot {j + 1}"
+        reasons += exposure(name, signals, j, means, checks)
+        reasons += few(name, signals.used[j], j, means, checks)
+        reasons += samples(name, means, signals.used[j], j, table, checks)
+        reasons += _disagreeing(name, signals.values[j], j, table, answers[j], checks)
+    limits = [TINTED_UNNAMED if each else TINTED for each in unnamed] or [TINTED] * len(lamps)
+    whites = [
+        white_balance_mismatch(
+            f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks, limits[j]
+        )
+        for j, lamp in enumerate(lamps)
+    ]
+    reasons += [reason for white in whites for reason in white]
+    reasons += _vague(ssf, checks)
+    reasons += _unusual(ssf, family, checks)
+    reasons += _unnamed(ssf, family, checks) if any(unnamed) else []
+    fatal = any(isinstance(reason, Fatal) for reason in reasons)
+    if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in each)):
+        doubted = [j for j, white in enumerate(whites) if white]
+        reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
+    if any(isinstance(reason, Fatal) for reason in reasons):
+        return Verdict("refused", tuple(reasons), tuple(checks))
+    return Verdict("doubtful" if reasons else "accepted", tuple(reasons), tuple(checks))
+
+
+def _unexplained(
+    found: GoodnessOfFit, each: Sequence[GoodnessOfFit], table: ChartTable, checks: Checks
+) -> list[Reason]:
+    """Apply the thresholds of rules 2 and 3: report each shot's best explanation, or that there is none."""
+    hopeless = found.total > HOPELESS * found.count
+    over = found.total / found.count
+    reasons = []
+    for j, one in enumerate(each):
+        suspect = best_explanation(one)
+        if suspect is not None:
+            name, words = _reason_of(suspect, table)
+            value = over if hopeless else suspect.gain
+            bound = BLACK if not hopeless and suspect.gain <= strongest_explanation(one)[1] else None
+            words["shot"] = f"shot {j + 1}"
+            reasons.append(because(name, value, words, fatal=hopeless, threshold=bound))
+        _note_explanations(one, j, checks)
+    worst = max(one.z for one in each)
+    largest = max(found.z, worst)
+    checks.note("surprise", largest)
+    checks.note("hopeless", over)
+    if not reasons and (hopeless or largest > SURPRISE):
+        name = "contradiction" if len(each) > 1 and worst <= SURPRISE else "unexplained"
+        value = over if hopeless else largest
+        reasons.append(because(name, value, {"size": float(np.sqrt(over))}, fatal=hopeless))
+    return reasons
+
+
+def _note_explanations(one: GoodnessOfFit, j: int, checks: Checks) -> None:
+    """Record the strongest explanation of shot j with its limit, and the offset, which has its own limit."""
+    if not one.explanations:
+        return
+    strongest, enough = strongest_explanation(one)
+    checks.note("suspect", strongest.gain, j, limit=enough)
+    found = offset(one)
+    if found is not None:
+        checks.note("black", found.gain, j)
+
+
+def _reason_of(suspect: Explanation, table: ChartTable) -> tuple[str, dict[str, str | float]]:
+    """The reason's name for an explanation, and the values of its placeholders."""
+    if suspect.kind == "patch":
+        assert suspect.patch is not None
+        return "patch", {"patch": table.patches[suspect.patch]}
+    if suspect.kind == "veil":
+        return "veil" if suspect.amount > 0 else "bright_dark", {"amount": abs(suspect.amount)}
+    if suspect.kind == "black":
+        return "black", {"amount": abs(suspect.amount)}
+    return suspect.kind, {"exponent": 1 + suspect.amount} if suspect.kind == "tone" else {}
+
+
+def strangeness(ssf: Ssf) -> float | None:
+    """z(x) of rule 2: the length of the code as a standard normal number under the prior; None without a prior.
+
+    Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a scaled χ² (Satterthwaite 1946).
+    """
+    if ssf.std is None or ssf.code_covariance is None:
+        return None
+    K = np.eye(len(ssf.code_covariance)) - ssf.code_covariance
+    expected = float(np.trace(K))
+    if expected <= 0:  # the posterior equals the prior
+        return None
+    u = 2.0 * float(np.sum(K**2)) / (9.0 * expected**2)
+    return float((np.cbrt(np.sum(ssf.code**2) / expected) - (1.0 - u)) / np.sqrt(u))
+
+
+def _strange(ssf: Ssf, checks: Checks) -> list[Reason]:
+    """Check that the curves are probable under the prior."""
+    size = strangeness(ssf)
+    if size is not None:
+        checks.note("strange", size)
+    if size is None or size <= STRANGE:
+        return []
+    return [because("strange", size, {"size": size}, fatal=size > ALIEN)]
+
+
+def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
+    """Check rule 7: whether the camera needs a wider prior, or another basis than its maker's name suggests."""
+    wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
+    other = sum(weight.probability for weight in ssf.choice if family is not None and weight.basis != family)
+    if ssf.choice:
+        checks.note("unusual", max(wide, other))
+    if max(wide, other) <= UNUSUAL:
+        return []
+    words = {"probability": max(wide, other), "basis": ssf.basis}
+    return [because("unusual", max(wide, other), words)]
+
+
+def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
+    """Check rule 8: an unnamed light can be estimated only if the camera is probably a phone.
+
+    For other cameras, the curves and the light cannot be separated well. The rules list nearly all makers of phones;
+    a file that names no listed maker has prior odds of CLEAR : 1 against a phone.
+    """
+    phone, rest = (
+        sum(weight.probability for weight in ssf.choice if (weight.basis == PHONES) == same) for same in (True, False)
+    )
+    if family is None and rest > 0:  # else the prior odds already include the maker, or there was no choice
+        phone = phone / (phone + CLEAR * rest)
+    bound = UNNAMED if family == PHONES else CLEAR / (1.0 + CLEAR)
+    checks.note("unnamed", phone, limit=bound)
+    if phone >= bound:
+        return []
+    fatal = phone < UNNAMEABLE
+    name = "no_maker" if family is None and phone > 0 else "unnamed"
+    return [because(name, phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
+
+
+def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
+    """Check rule 9: the patches' colours against the chart's, for a simple camera model under the answer's lamp."""
+    score = agreement(values, plain_signals(table, answer.lamp[0]))
+    checks.note("poor_pose", score, j)
+    return [because("pose", score, {"shot": name, "score": score})] if score < POOR_POSE else []
+
+
+def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:
+    """Check that the 95 % band is narrow enough to tell cameras apart."""
+    if ssf.std is None:
+        return []
+    width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
+    checks.note("vague", width)
+    return [because("vague", width, {"width": width})] if width > VAGUE else []

@@ -1,0 +1,106 @@
+"""Checks the named lamp against rival lamps and against the raw white (rules 4 and 5 of docs/verdict.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.grid import Floats
+from camssf.photo.signals import Signals
+from camssf.recovery.sensitivity import Ssf
+from camssf.rules import rules
+from camssf.spectra import Lamp
+from camssf.verdict.checks import Checks
+from camssf.verdict.reasons import Reason, because
+
+_NUMBER = rules().number
+RIVAL, CONDEMNED = _NUMBER("verdict.rival"), _NUMBER("verdict.condemned")
+RIVALS = rules().rivals
+"""Lamps tried in place of the named one."""
+MISNAMED = _NUMBER("verdict.misnamed")
+"""Prior probability that a lamp is named wrongly."""
+MOST_RIVALLED = rules().whole("verdict.most_rivalled")
+TINTED, TINTED_UNNAMED = _NUMBER("verdict.tinted"), _NUMBER("verdict.tinted_unnamed")
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another lamp in place of a shot's own.
+
+    Attributes:
+        shot: 0-based.
+        lamp: the other lamp's name.
+        gain: increase in ln of the marginal likelihood over the named lamp, on the narrowed prior.
+    """
+
+    shot: int
+    lamp: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """The camera's white (3,) under a light of power (681,), from a file's colour matrix."""
+
+    light: Floats
+    white: Floats
+
+
+def rival_lamp(
+    rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Collection[int], checks: Checks
+) -> list[Reason]:
+    """Rule 4: find the best-fitting rival of all shots, and the probability that the named lamp is wrong.
+
+    Args:
+        rivals: of all shots.
+        lamps: the named lamps.
+        tinted_shots: 0-based, shots whose raw white also contradicts the lamp; the rival then refuses above RIVAL.
+        checks: receives the best rival's gain.
+    """
+    best = max(rivals, key=lambda rival: rival.gain, default=None)
+    if best is not None:
+        checks.note("rival", best.gain, best.shot)
+    if best is None or best.gain <= RIVAL:
+        return []
+    own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
+    # The best gain is subtracted because e^gain overflows if a lamp is grossly wrong.
+    odds = best.gain + np.log(np.mean(np.exp(own - best.gain)) * MISNAMED / (1.0 - MISNAMED))
+    words: dict[str, str | float] = {
+        "shot": f"shot {best.shot + 1}",
+        "rival": best.lamp,
+        "lamp": lamps[best.shot].name,
+        "probability": float(1.0 / (1.0 + np.exp(-odds))),
+    }
+    if best.shot in tinted_shots and best.gain <= CONDEMNED:
+        return [because("rival", best.gain, words, fatal=True, threshold=RIVAL)]
+    return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
+
+
+def white_balance_mismatch(
+    name: str,
+    lamp: Lamp,
+    neutrals: Sequence[Neutral],
+    signals: Signals,
+    j: int,
+    answer: Ssf,
+    checks: Checks,
+    limit: float,
+) -> list[Reason]:
+    """Rule 5: compare the raw white of shot j with the file's colour matrix; `answer` is that to shot j alone."""
+    raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
+    offs = []
+    for neutral in neutrals:
+        expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)
+        if not (expected > 0).all():
+            continue  # the curves predict no positive white; other rules catch this
+        ratio = np.log(raw / expected)
+        offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
+    if offs:
+        checks.note("tinted", min(offs), j, limit=limit)
+    if not offs or min(offs) <= limit:
+        return []
+    off = min(offs)
+    words: dict[str, str | float] = {"shot": name, "share": float(np.expm1(off)), "lamp": lamp.name}
+    return [because("tint", off, words, threshold=limit)]

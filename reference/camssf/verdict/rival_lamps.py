@@ -1,0 +1,89 @@
+"""Judges an answer, and computes how well other lamps fit in place of the named ones (rule 4 of docs/verdict.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from camssf.fit.capture_fit import CaptureFit
+from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.hypotheses import AUTO, FAMILIES
+from camssf.recovery.linear_model import linear_model
+from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.solve import log_evidence
+from camssf.rules import rules
+from camssf.spectra import read_lamp
+from camssf.verdict.goodness_of_fit import VerdictInputs
+from camssf.verdict.judge import judge
+from camssf.verdict.lamp import MOST_RIVALLED, RIVALS, Neutral, Rival
+from camssf.verdict.reasons import Verdict
+
+NARROW = rules().number("verdict.narrow")
+"""Factor on the prior's width for comparing lamps: cameras vary less than their basis, which is enlarged."""
+
+
+def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
+    """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each."""
+    settled = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
+    shots = fit.capture.shots
+    rho, tolerance = fit.white_reference()
+    return judge(
+        VerdictInputs(
+            fit.signals,
+            fit.capture.chart,
+            [shot.means for shot in shots],
+            [shot.pose for shot in shots],
+            settled.lamps,
+            rho,
+            tolerance,
+            fit.gains,
+        ),
+        ssf,
+        rivals=lambda: weigh_rivals(fit, ssf),
+        neutrals=[
+            [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
+            for shot in shots
+        ],
+        alone=alone,
+        family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
+        unnamed=fit.unnamed,
+    )
+
+
+def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
+    """Gain in ln marginal likelihood of other lamps, one shot at a time: rule 4 of docs/verdict.md.
+
+    If the signals choose the basis, they choose it again for every lamp: a phone under a wrong lamp may look like a
+    camera, and only the phones' basis then finds the right lamp. An unnamed light has no rivals, because all its
+    kinds were already compared; it keeps the kind that the answer found.
+
+    Args:
+        fit: before it is conditioned on the answer, with basis "auto" if the signals chose.
+        ssf: the answer.
+    """
+    named = [not each for each in fit.unnamed]
+    fit = fit if all(named) else fit.with_kinds(ssf.kinds)
+    capture, used = fit.capture, fit.signals.used
+    if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
+        return ()
+    scale = NARROW * ssf.prior_scale
+    asked = FAMILIES if fit.basis == AUTO else (fit.basis,)
+    bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in asked]
+    beliefs = [np.log(fit.prior_odds.get(basis.name, 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
+
+    def weighed(posed: CaptureFit) -> float:
+        given = posed.given(used)
+        return float(np.logaddexp.reduce([
+            log_evidence(linear_model(given, basis)) + belief for basis, belief in zip(bases, beliefs, strict=True)
+        ]))  # fmt: skip
+
+    given = weighed(fit) if any(named) else 0.0
+    found = []
+    for j, shot in enumerate(capture.shots):
+        for name in RIVALS if named[j] else ():
+            shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
+            other = replace(fit, capture=replace(capture, shots=shots))
+            found.append(Rival(j, name, weighed(other) - given))
+    return tuple(found)

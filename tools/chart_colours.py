@@ -1,0 +1,67 @@
+"""Makes data/finder.json from colour-science: the colours that the chart finder searches for, in Python and Kotlin.
+
+`python -m tools.chart_colours` writes the file, `--check` tests that the sources still give the same.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.find.chart_colours import FORMAT
+from camssf.photo.find.layouts import LAYOUTS
+from camssf.photo.find.search import plain_signals
+from camssf.spectra import ChartTable, colour_science, read_chart
+from tools.tabulate import Json, origin, write_or_check
+
+COMMAND = "python -m tools.chart_colours"
+PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "finder.json"
+SEMI_GLOSS = "ColorCheckerSG - After November 2014"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; returns 1 if `--check` finds a difference."""
+    return write_or_check(COMMAND, PLACE, tabulate, arguments)
+
+
+def tabulate() -> Json:
+    """The file's content: signals of a camera with Gaussian curves under a flat lamp, to four decimals."""
+    tables = {"classic24": read_chart("classic24"), "sg140": semi_gloss()}
+    return {
+        "format": FORMAT,
+        "generator": COMMAND,
+        "origin": origin(),
+        "kinds": {
+            name: {
+                "columns": LAYOUTS[name].columns,
+                "rows": LAYOUTS[name].rows,
+                "side": LAYOUTS[name].side[0],
+                "colours": [[round(float(s), 4) for s in row] for row in plain_signals(table)],
+            }
+            for name, table in tables.items()
+        },
+    }
+
+
+def semi_gloss() -> ChartTable:
+    """The Digital SG chart from its published colours, each a sum of three bands; its spectra are not public."""
+    science = colour_science()
+    chart = science.CCS_COLOURCHECKERS[SEMI_GLOSS]
+    names = [f"{column}{row}" for row in range(1, 11) for column in "ABCDEFGHIJKLMN"]
+    xyz = np.array([science.xyY_to_XYZ(chart.data[name]) for name in names])
+    shape = science.SpectralShape(380, 720, 0.5)
+    observer = science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
+    light = science.SDS_ILLUMINANTS["D50"].copy().align(shape).values
+    rise = 1 / (1 + np.exp((WAVELENGTHS[:, None] - np.array([490, 585])) / 12))
+    bands: Floats = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]], axis=1)
+    to_xyz = (bands * light[:, None]).T @ observer / (light @ observer[:, 1])
+    values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
+    white = names.index("E5")
+    return ChartTable("sg140", "bands", "sg140", tuple(names), values, np.full(140, 0.03), white, "colour-science")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
