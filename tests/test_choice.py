@@ -462,7 +462,7 @@ def test_the_choice_in_words() -> None:
     p = 1.0 / (1.0 + 30.0)
     found = choice_of(weighed(("phones", 1.0, 100.0, 30 * p), ("cameras", 1.0, 100.0 - np.log(1.5), p)))
     assert found is not None
-    assert (found.basis, found.odds, found.believed) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
+    assert (found.basis, found.odds, found.prior_odds) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
     assert found.words == (
         "The signals speak for phones, 30 : 1 against cameras, so it answers alone.",
         "The file's word for the maker is in these odds: 20 : 1 for phones.",
@@ -488,7 +488,7 @@ def test_the_words_of_a_real_choice() -> None:
     assert found is not None
     assert found.basis == "cameras"
     assert found.odds == pytest.approx(shares(ssf)["cameras"] / shares(ssf)["phones"])
-    assert found.believed == pytest.approx(20.0, rel=1e-6)
+    assert found.prior_odds == pytest.approx(20.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("function", [recover, answer])

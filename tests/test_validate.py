@@ -45,7 +45,7 @@ def score(predicted: Floats, **more: object) -> Scores:
 
 
 def test_a_perfect_prediction_scores_zero() -> None:
-    scores = score(Y.copy(), ssf_values=CAMERA.values, truth=CAMERA, how="by hand")
+    scores = score(Y.copy(), ssf_values=CAMERA.values, truth=CAMERA, method="by hand")
     np.testing.assert_array_equal(scores.rmsre_percent, 0)
     np.testing.assert_array_equal(scores.rmse, 0)
     assert scores.delta_e00 == 0
