@@ -8,12 +8,12 @@ import org.camssf.recovery.EstimatedLamp
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
 
-/** What an answer takes for granted, in words. */
+/** Lists in words what an answer assumes about its capture. */
 internal object Assumptions {
-    /** A kind less probable than this goes unsaid. */
+    /** Kinds of light less probable than this are not listed. */
     private const val SHOWN = 0.005
 
-    /** What the answer takes for granted beyond the fallbacks of Eq. (5). */
+    /** The answer's assumptions, apart from the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ. */
     fun of(capture: MeasuredCapture, ssf: Ssf, level: DoubleArray): List<Assumption> {
         val found = ArrayList<Assumption>()
         val table = capture.chart
@@ -41,7 +41,10 @@ internal object Assumptions {
         return found
     }
 
-    /** How the light fell, where no white frame says so, in words. */
+    /**
+     * Describes how even the light was, and how that was found; null if a white frame was taken and no gains were
+     * solved for.
+     */
     private fun uneven(where: String, shot: MeasuredShot, ssf: Ssf, level: DoubleArray): Assumption? {
         if (ssf.sharedGainCode.isEmpty()) {
             val flat = Assumption("uneven_light", "${where}the light was the same all over the chart.")
@@ -61,12 +64,12 @@ internal object Assumptions {
 
     private fun signed(value: Double): String = fixed(value, 0).let { if (it.startsWith("-")) it else "+$it" }
 
-    /** A lamp as it was told, in words. */
+    /** Describes a named lamp. */
     private fun named(lamp: Lamp): String =
         "the light was ${lamp.name} (${lamp.source}), smooth relative tolerance " +
             "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s)."
 
-    /** A light that nobody named, in words. */
+    /** Describes a light that was estimated from the signals. */
     private fun unnamed(light: EstimatedLamp): String {
         val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }

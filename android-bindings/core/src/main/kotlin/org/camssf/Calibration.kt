@@ -12,15 +12,16 @@ import org.camssf.recovery.Ssf
 import org.camssf.verdict.Verdict
 
 /**
- * How to solve; null takes the default.
+ * Options of solving; null takes the default.
  *
- * @param fit 1-based numbers of the patches that enter the fit; null for all, validated fold by fold; copied.
+ * @param fit 1-based numbers of the patches that enter the fit; null for all, which are then cross-validated fold by
+ *   fold. The list is copied.
  * @property l2 the quadratic penalty λ₂.
- * @property gamma the l1 penalty γ; on the paper's basis null chooses it by the discrepancy principle: the largest γ whose
- *   residual is not above the measured noise.
- * @property nonnegative coefficients ≥ 0; null asks for it on the paper's basis.
- * @property lightPerPatch how much the light may differ from patch to patch where each was photographed for itself, 8 % is
- *   0.08; null where they stood in one photo.
+ * @property gamma the l1 penalty γ. On the paper's basis null chooses it by the discrepancy principle: the largest γ
+ *   whose residual is not above the measured noise.
+ * @property nonnegative whether all coefficients are ≥ 0; null: only on the paper's basis.
+ * @property lightPerPatch relative difference of the light from patch to patch, one standard deviation, if each patch
+ *   was photographed separately; 8 % is 0.08. Null if the patches were in one photo.
  */
 public class Settings @JvmOverloads constructor(
     fit: List<Int>? = null,
@@ -33,23 +34,23 @@ public class Settings @JvmOverloads constructor(
     public val fit: List<Int>? = fit?.frozen()
 }
 
-/** Called with a stage in words and the part done, 0 to 1, on the thread that calibrates. */
+/** Receives the stage in words and the part done, 0 to 1, on the thread that calibrates. */
 public fun interface Progress {
-    /** One step. */
+    /** Called at each step. */
     public fun report(stage: String, part: Double)
 }
 
-/** What came of a capture: [Calibrated], or [Refused]. Nobody can change it; safe to pass between threads. */
+/** The outcome of a capture: [Calibrated] or [Refused]. Immutable; safe to pass between threads. */
 public sealed class Calibration {
     /** Accepted, doubtful or refused, with reasons. */
     public abstract val verdict: Verdict
 
-    /** What was assumed where something was missing. */
+    /** Assumptions made where information was missing; empty if refused. */
     public abstract val assumptions: List<Assumption>
 
     /**
-     * The result as "camssf-result/1", which `camssf report` and `camssf validate` read. It holds no time stamp: the same
-     * capture gives the same text.
+     * The result document, "camssf-result/1", for `camssf report` and `camssf validate`. It has no time stamp: the
+     * same capture gives the same text.
      */
     public abstract fun toJson(): String
 }
@@ -58,8 +59,8 @@ public sealed class Calibration {
  * The camera's curves, accepted or doubtful.
  *
  * @property ssf the curves, their bands, their duality gap and the channels' gain.
- * @property signals what was measured: Eq. (5).
- * @property scores how well the curves explain patches that they have not seen.
+ * @property signals the measured signals, Eq. (5).
+ * @property scores how well the curves predict patches that the fit did not use.
  */
 public class Calibrated internal constructor(private val solution: Solution, private val model: String) :
     Calibration() {
@@ -68,8 +69,8 @@ public class Calibrated internal constructor(private val solution: Solution, pri
     public val scores: Scores get() = solution.scores
 
     /**
-     * (k, n) times this, the signals are what the answer says that even light would have given, 1: to be held against the
-     * predictions. Ones where a white frame says how the light fell; a copy at each call.
+     * (k, n) factor 1 - ĥ that corrects the signals to even light, 1; the product compares with [Ssf.predicted]. Ones
+     * if the fit had no gain modes, as with a white frame. A copy at each call.
      */
     public val level: DoubleArray get() = solution.predictions.level.copyOf()
     override val verdict: Verdict get() = solution.verdict
@@ -80,14 +81,14 @@ public class Calibrated internal constructor(private val solution: Solution, pri
 
     override fun toJson(): String = ResultJson.of(solution, model)
 
-    /** The curves as CSV: wavelength_nm,red,green,blue at peak 1, then the standard deviations where known. */
+    /** The curves as CSV: wavelength_nm,red,green,blue with peak 1, then the standard deviations if there are any. */
     public fun toCsv(): String = CurvesCsv.of(solution.ssf)
 }
 
 /**
- * A capture that carries no answer.
+ * A capture from which no curves can be recovered.
  *
- * @property error why; its advice says what to do next.
+ * @property error the reason; its advice says what to do next.
  */
 public class Refused internal constructor(
     public val error: CalibrationException,

@@ -24,11 +24,10 @@ import kotlin.math.exp
 import kotlin.math.ln
 
 /**
- * One capture's rows to curves, by the model, again and again: with some patches left out, with another lamp, by one shot
- * alone.
+ * Fits curves to a capture and to parts of it: without some patches, with other lamps, or to one shot alone.
  *
- * @param engines the models to choose from, or the one that was asked for.
- * @param priorScale how much wider than its basis the prior of that one is taken.
+ * @param engines the models to choose from, or the model of the named basis alone.
+ * @param priorScale width of the prior relative to the learned one, for a single basis.
  */
 internal class CaptureFit(
     private val engines: List<Engine>,
@@ -41,25 +40,27 @@ internal class CaptureFit(
     private val n = table.patches.size
     private val k = capture.shots.size
 
-    /** The paper's basis, which knows of no error in the chart and has no prior. */
+    /** Whether the basis is the paper's, which has no prior and no error of the chart. */
     val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
 
-    /** What the file's own words for maker and model say of the basis beforehand: odds by basis. */
+    /** Prior odds by basis, from maker and model in the photo's metadata. */
     val believed: Map<String, Double> = capture.shots[0].photo.let { Choice.believed(it.make, it.model) }
 
-    /** How the light on the patches may be off. */
+    /** Gain modes of the light on the patches; none on the paper's basis. */
     val gains: Gains = if (paper) GainModes.none(capture) else GainModes.of(capture, settings.lightPerPatch)
 
     /** Whether the shots have white frames. */
     val framed: Boolean = capture.shots[0].means.white != null
 
-    /** Of the shots, as given. */
+    /** Each shot's lamp, as given. */
     val lamps: List<Lamp> = capture.shots.map { it.lamp }
 
-    /** Reflectance (681) of what stood for white: the white frame's card, or the chart's own white patch. */
+    /**
+     * ρ_w (681): reflectance of the white frame's target, or of the chart's own white patch without a white frame.
+     */
     val white: DoubleArray
 
-    /** One standard deviation of its relative error, 1. */
+    /** One standard deviation of the relative error of [white], 1. */
     val whiteTolerance: Double
 
     init {
@@ -68,17 +69,20 @@ internal class CaptureFit(
         whiteTolerance = if (framed) WHITE_TOLERANCE else table.sharedTolerance[table.white]
     }
 
-    /** The same on the basis, and in the light, that gave the answer: parts of it are held against these. */
+    /**
+     * This fit with the basis, prior width and kinds of light that `ssf` found, for fits to parts of the capture. If
+     * `ssf` was not chosen among hypotheses, it is this fit itself.
+     */
     fun settled(ssf: Ssf): CaptureFit {
         if (ssf.choice.isEmpty()) return this
         val lit = if (ssf.kinds.isEmpty()) capture else lit(ssf.kinds)
         return CaptureFit(engines.filter { it.basis == ssf.basis }, lit, signals, settings, ssf.priorScale)
     }
 
-    /** 1 - ĥ (k, n): times this, signals are what the answer says that even light would have given. */
+    /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */
     fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
 
-    /** The same with every light of that kind; "" leaves the lamp that was named. */
+    /** This fit with these kinds of light, one a shot; "" keeps the shot's lamp. */
     fun under(kinds: List<String>): CaptureFit = CaptureFit(engines, lit(kinds), signals, settings, priorScale)
 
     private fun lit(kinds: List<String>): MeasuredCapture {
@@ -88,18 +92,18 @@ internal class CaptureFit(
 
     private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
 
-    /** Patches, 0-based, that enter the fit of some shot, of `used` (k, n). */
+    /** 0-based patches that at least one shot uses; `used` is (k, n). */
     fun taken(used: BooleanArray): IntArray =
         (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
 
     /**
-     * The curves of the `used` (k, n) patches; they predict all of them.
+     * The curves from the `used` (k, n) patches; the result predicts all n patches.
      *
-     * @param gamma (1) or (3) the l1 penalty; null takes the settings' or the basis'.
-     * @param tell called before runs of a model that are many.
-     * @throws InvalidArgument more lights than can be told were not named.
+     * @param gamma (1) or (3) the l1 penalty; null takes that of the settings or of the basis.
+     * @param tell called before each run of a model if a light is unnamed, because there are many runs.
+     * @throws InvalidArgument too many shots have an unnamed light, or the basis cannot estimate one.
      * @throws LampUnfit a lamp without power on the grid.
-     * @throws NotConverged there is no proof.
+     * @throws NotConverged the duality gap is too large.
      */
     fun curves(used: BooleanArray, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
         val taken = taken(used)
@@ -117,7 +121,7 @@ internal class CaptureFit(
         return found.predicting(predictSignals(found.sharedValues, table.sharedValues, found.sharedLamp, white))
     }
 
-    /** All that the unnamed lights may be. */
+    /** All combinations of kinds for the unnamed lights. */
     private fun guesses(used: BooleanArray): List<LampGuess> {
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
@@ -136,8 +140,9 @@ internal class CaptureFit(
     }
 
     /**
-     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, each basis with its prior so many times
-     * as wide. Where there are several it is that of the mixture, by the maker's odds but for their common sum.
+     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, with each basis's prior `scale`
+     * times as wide. With several bases it is that of their mixture by prior odds, up to the ln of the sum of these
+     * odds.
      */
     fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double {
         val given = observation(used, lamps)
@@ -149,18 +154,21 @@ internal class CaptureFit(
     }
 
     /**
-     * Where the band of an answer to the `used` (k, n) patches comes from: each source's share (3); null where there is no
-     * band.
+     * Uncertainty budget of an answer to the `used` (k, n) patches: each source's share (3) of the variance; null
+     * without a prior.
      */
     fun shares(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
         atoms(ssf)?.let { Budget.explain(observation(used, lamps), it) }
 
-    /** (k, n, 3) how far every patch's true signal may lie from what an answer to the `used` ones predicts; or null. */
+    /**
+     * (k, n, 3) one standard deviation of each true signal minus its prediction by a fit to the `used` (k, n)
+     * patches; null without a prior.
+     */
     fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? = atoms(ssf)?.let {
         val all = BooleanArray(k * n) { true }
         val level = level(ssf)
         val shown = DoubleArray(3 * k * n) { at ->
-            // What was not used, as it would have been measured in this light.
+            // A masked signal is replaced by its prediction, in the uneven light of its shot.
             if (used[at / 3]) signals.sharedValues[at] else ssf.sharedPredicted[at] / level[at / 3]
         }
         val errors = DoubleArray(3 * k * n) { at -> if (used[at / 3]) signals.sharedError[at] else HIDDEN }
@@ -170,7 +178,7 @@ internal class CaptureFit(
 
     private fun atoms(ssf: Ssf): Atoms? = if (ssf.sharedStd == null) null else Atoms.of(ssf.basis, ssf.priorScale)
 
-    /** Of values (k, n, 3) those of the taken patches. */
+    /** Selects the `taken` patches from values (k, n, 3). */
     private fun rows(values: DoubleArray, taken: IntArray): Tensor {
         val t = taken.size
         val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + taken[at / 3 % t]) + at % 3] }
@@ -198,7 +206,7 @@ internal class CaptureFit(
         )
     }
 
-    /** (k, q, 681), filled up with zeros where a lamp has fewer. */
+    /** (k, q, 681) lamp modes, padded with zeros to the largest number of modes. */
     private fun modes(lamps: List<Lamp>): Tensor {
         val q = lamps.maxOf { it.sharedModes.size }
         val modes = DoubleArray(k * q * Grid.SIZE)
@@ -209,7 +217,7 @@ internal class CaptureFit(
     }
 
     private companion object {
-        /** Standard error of a signal that is used in another shot but not in this one: it then weighs nothing. */
+        /** Standard error of a masked signal, too large for it to change a curve: the model has no mask input. */
         val HIDDEN get() = Rules.shipped.number("calibration.hidden")
         val WHITE_TOLERANCE get() = Rules.shipped.number("calibration.white_tolerance")
     }

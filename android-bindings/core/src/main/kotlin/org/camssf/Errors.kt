@@ -1,11 +1,11 @@
 package org.camssf
 
 /**
- * Every way camssf says no: one tree, one code a leaf, the same codes in Python, Kotlin and JSON.
+ * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON.
  *
  * ```
  * CalibrationException
- * ├── InvalidArgument        invalid_argument    the call itself is wrong
+ * ├── InvalidArgument        invalid_argument    the call itself
  * ├── RawError                                   the file or frame
  * │   ├── UnreadableRaw      unreadable_raw
  * │   ├── UnsupportedRaw     unsupported_raw
@@ -22,18 +22,18 @@ package org.camssf
  * │   ├── Blurred            blurred
  * │   └── Glare              glare
  * ├── LampUnfit              lamp_unfit          the light
- * ├── NotConverged           not_converged       the solver's own proof failed
- * ├── CameraUnusual          camera_unusual      no basis knows such a camera
- * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface has
- * ├── PassportInvalid        passport_invalid    changed, foreign, ended or called back
- * └── OutOfMemory            out_of_memory       the photo is too large for the memory that is left
+ * ├── NotConverged           not_converged       the solver's duality gap
+ * ├── CameraUnusual          camera_unusual      the camera, unlike those of every basis
+ * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface can have
+ * ├── PassportInvalid        passport_invalid    a signed document
+ * └── OutOfMemory            out_of_memory       the photo, too large for the free memory
  * ```
  *
- * @property code the word of the vocabulary, the same in every language.
- * @property message what is wrong, with the file or patch it is about.
+ * @property code the error code, the same in every language.
+ * @property message what is wrong, with the file or patch concerned.
  * @property advice what to do next.
- * @property value the number that decided, where there is one.
- * @property threshold the bound it broke, where there is one.
+ * @property value the number that decided, if there is one.
+ * @property threshold the bound that it broke, if there is one.
  */
 public sealed class CalibrationException(
     public val code: String,
@@ -66,7 +66,7 @@ public sealed class RawError(
     cause: Throwable?,
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
-/** Missing, truncated, damaged, or not an image file. */
+/** The file is missing, truncated, damaged, or not an image. */
 public class UnreadableRaw @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -75,7 +75,7 @@ public class UnreadableRaw @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : RawError("unreadable_raw", message, advice, value, threshold, cause)
 
-/** A sound file in a form that camssf does not read. */
+/** The file is valid, but camssf does not support its format. */
 public class UnsupportedRaw @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -93,7 +93,7 @@ public class NotSensorRaw @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : RawError("not_sensor_raw", message, advice, value, threshold, cause)
 
-/** The chart in the photo, or its table, does not serve. */
+/** The chart in the photo, or its table, cannot be used. */
 public sealed class ChartError(
     code: String,
     message: String,
@@ -103,7 +103,7 @@ public sealed class ChartError(
     cause: Throwable?,
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
-/** No chart of the asked kind lies in the photo, or it is mirrored. */
+/** The photo shows no chart of the requested kind, or shows it mirrored. */
 public class ChartNotFound @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -121,7 +121,7 @@ public class ChartUnfit @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : ChartError("chart_unfit", message, advice, value, threshold, cause)
 
-/** The photo was taken in a way that carries no answer. */
+/** The photo was taken in a way from which no curves can be recovered. */
 public sealed class CaptureError(
     code: String,
     message: String,
@@ -131,7 +131,7 @@ public sealed class CaptureError(
     cause: Throwable?,
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
-/** Too many samples at the sensor's ceiling. */
+/** Too many samples are clipped. */
 public class Overexposed @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -140,7 +140,7 @@ public class Overexposed @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("overexposed", message, advice, value, threshold, cause)
 
-/** Signals too close to the black level. */
+/** The signals are too close to the black level. */
 public class Underexposed @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -149,7 +149,7 @@ public class Underexposed @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("underexposed", message, advice, value, threshold, cause)
 
-/** The light falls off across the chart and no white frame corrects it. */
+/** The light varies across the chart and no white frame corrects it. */
 public class UnevenLight @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -158,7 +158,7 @@ public class UnevenLight @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("uneven_light", message, advice, value, threshold, cause)
 
-/** Chart, white and dark frame were not taken alike. */
+/** Chart, white and dark frame were taken with different settings. */
 public class FramesDiffer @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -167,7 +167,7 @@ public class FramesDiffer @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("frames_differ", message, advice, value, threshold, cause)
 
-/** Photos of different physical cameras or lenses. */
+/** The photos are from different physical cameras or lenses. */
 public class UnitDiffers @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -176,7 +176,7 @@ public class UnitDiffers @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("unit_differs", message, advice, value, threshold, cause)
 
-/** Neighbouring patches run into each other. */
+/** Neighbouring patches are blurred into each other. */
 public class Blurred @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -185,7 +185,7 @@ public class Blurred @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CaptureError("blurred", message, advice, value, threshold, cause)
 
-/** Light that no patch reflects lies over the chart. */
+/** Stray light lies over the chart. */
 public class Glare @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -203,7 +203,7 @@ public class LampUnfit @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CalibrationException("lamp_unfit", message, advice, value, threshold, cause)
 
-/** The duality gap of the answer is not small: there is no curve to trust. */
+/** The duality gap of the answer is too large: the curves cannot be trusted. */
 public class NotConverged @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -213,8 +213,8 @@ public class NotConverged @JvmOverloads constructor(
 ) : CalibrationException("not_converged", message, advice, value, threshold, cause)
 
 /**
- * A camera unlike all that the bases were learned from, or not of the kind that its maker makes. By the rules of this version
- * that makes a result doubtful, by a reason of this code, and refuses none.
+ * The camera is unlike all cameras that the bases were learned from, or of another family than its maker's name
+ * suggests. In this version it makes a result doubtful, as a reason with this code, and never refuses it.
  */
 public class CameraUnusual @JvmOverloads constructor(
     message: String,
@@ -224,7 +224,7 @@ public class CameraUnusual @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CalibrationException("camera_unusual", message, advice, value, threshold, cause)
 
-/** A colour that no surface has under this lamp, so that the curves cannot carry it. */
+/** No surface can have this colour under this lamp. */
 public class ColourOutOfReach @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -233,7 +233,7 @@ public class ColourOutOfReach @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CalibrationException("colour_out_of_reach", message, advice, value, threshold, cause)
 
-/** The photo does not fit into the memory that the program may use. */
+/** The photo does not fit into the memory available to the program. */
 public class OutOfMemory @JvmOverloads constructor(
     message: String,
     advice: String,
@@ -242,7 +242,7 @@ public class OutOfMemory @JvmOverloads constructor(
     cause: Throwable? = null,
 ) : CalibrationException("out_of_memory", message, advice, value, threshold, cause) {
     internal companion object {
-        /** What helps, where a part of the photo was asked for already. */
+        /** Advice if only a part of the photo was requested already. */
         const val ADVICE =
             "Photograph at the sensor's ordinary resolution (12 megapixels are enough), let go of other " +
                 "photos and bitmaps, hand over files instead of mosaics in memory, or give the app a large heap " +
@@ -250,7 +250,7 @@ public class OutOfMemory @JvmOverloads constructor(
     }
 }
 
-/** A passport that is not whole, not signed by a trusted key, not in its time, or called back: trust nothing in it. */
+/** A passport was changed, has expired, was revoked, or is not signed by a trusted key: do not trust its content. */
 public class PassportInvalid @JvmOverloads constructor(
     message: String,
     advice: String,

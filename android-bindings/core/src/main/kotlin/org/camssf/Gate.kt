@@ -3,14 +3,14 @@ package org.camssf
 import java.util.concurrent.locks.ReentrantLock
 import kotlin.concurrent.withLock
 
-/** An [SsfCalibrator] was closed: before a call, or while the call ran, which then ends without a result. */
+/** Thrown by calls to an [SsfCalibrator] after its `close`, and by calls that were running when it was closed. */
 public class CalibratorClosed internal constructor() :
     IllegalStateException("This SsfCalibrator was closed. Open another.")
 
 /**
- * Lets runs through until it is shut, and shuts when the last has left.
+ * Counts running calls, rejects new ones after [close], and releases a shared resource after the last call.
  *
- * @param release what all runs need; called once.
+ * @param release releases what all calls need; called once.
  */
 internal class Gate(private val release: () -> Unit) {
     private val lock = ReentrantLock()
@@ -42,7 +42,10 @@ internal class Gate(private val release: () -> Unit) {
         }
     }
 
-    /** Waits until nobody is inside; a thread that is inside itself cannot, and the last to leave releases. */
+    /**
+     * Rejects new calls, waits until all running ones have ended, and releases. If this thread is itself inside a
+     * call, it does not wait: the last call to end releases.
+     */
     fun close(): Unit = lock.withLock {
         shut = true
         if (Thread.currentThread() in inside) return

@@ -5,7 +5,7 @@ public object Grid {
     /** Number of wavelengths. */
     public const val SIZE: Int = 681
 
-    /** Distance between neighbours, nm. */
+    /** Distance between neighbouring wavelengths, nm. */
     public const val STEP: Double = 0.5
 
     /** Wavelengths (681), nm; a new array at each call. */

@@ -3,11 +3,11 @@ package org.camssf
 import kotlin.math.abs
 import kotlin.math.hypot
 
-/** Small dense least squares by Householder's reflections. */
+/** Small dense least squares by Householder reflections. */
 internal object LeastSquares {
     /**
-     * x of least ‖A x - b‖ for A (rows, unknowns), rows ≥ unknowns; null where the columns depend on each other
-     * or something is not finite.
+     * The x that minimises ‖A x - b‖, for A (rows, unknowns) with rows ≥ unknowns; null if the columns are linearly
+     * dependent or a value is not finite.
      */
     fun solve(matrix: Array<DoubleArray>, right: DoubleArray): DoubleArray? {
         val a = Array(matrix.size) { matrix[it].copyOf() }
@@ -18,7 +18,7 @@ internal object LeastSquares {
             val length = norm(a, j, j)
             if (!(length > 1e-14 * sizes[j]) || !length.isFinite()) return null
             val head = if (a[j][j] > 0) -length else length
-            // The reflection that takes column j to head on its first place: v = column - head e.
+            // The Householder vector that maps column j to head e, e the first unit vector: v = column - head e.
             val v = DoubleArray(a.size - j) { a[j + it][j] }
             v[0] -= head
             val square = v.sumOf { it * it }

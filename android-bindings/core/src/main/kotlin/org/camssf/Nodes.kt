@@ -1,11 +1,11 @@
 package org.camssf
 
-/** The 5-nm nodes, between which surfaces and bases run straight. */
+/** The 69 nodes, 5 nm apart, between which surfaces and bases are linear. */
 internal object Nodes {
     const val SIZE = 69
     private const val EACH = 10
 
-    /** Onto the nodes (69) as the adjoint of [straight]: Σ f s over the grid is Σ fold(f) s over the nodes. */
+    /** Applies the adjoint of [straight], 681 → 69: Σ f s over the grid equals Σ fold(f) s over the nodes. */
     fun fold(values: DoubleArray): DoubleArray {
         val found = DoubleArray(SIZE)
         for (m in values.indices) {
@@ -16,7 +16,7 @@ internal object Nodes {
         return found
     }
 
-    /** On the grid what is known on the nodes. */
+    /** Interpolates linearly from the nodes (69) to the grid (681). */
     inline fun straight(node: (Int) -> Double): DoubleArray = DoubleArray(Grid.SIZE) { m ->
         val share = (m % EACH) / EACH.toDouble()
         val left = node(m / EACH)

@@ -7,10 +7,12 @@ import java.util.Collections
 import kotlin.math.abs
 import kotlin.math.withSign
 
-/** 0.1234 → "12.3 %" without the blank, as Python's messages have it: "12.3%". */
+/** Formats a share in percent as Python's messages do, without a blank: 0.1234 with one digit is "12.3%". */
 internal fun percent(value: Double, digits: Int): String = fixed(100.0 * value, digits) + "%"
 
-/** A number with so many digits behind the point, in any locale. As in Python, ties of the binary value go to even. */
+/**
+ * Formats a number with `digits` decimals, the same in any locale. As in Python, ties of the binary value go to even.
+ */
 internal fun fixed(value: Double, digits: Int): String {
     if (!value.isFinite()) {
         return if (value.isNaN()) {
@@ -25,7 +27,7 @@ internal fun fixed(value: Double, digits: Int): String {
     return if (1.0.withSign(value) < 0) "-$size" else size
 }
 
-/** A number with so many digits behind the point and an exponent, as Python's `:.1e`: 1.2e-05. */
+/** Formats a number with `digits` decimals and an exponent, as Python's `:.1e`: 1.2e-05. */
 internal fun scientific(value: Double, digits: Int): String {
     if (!value.isFinite() || value == 0.0) return fixed(value, digits) + if (value == 0.0) "e+00" else ""
     val found = BigDecimal(abs(value)).round(MathContext(digits + 1, RoundingMode.HALF_EVEN))
@@ -35,21 +37,21 @@ internal fun scientific(value: Double, digits: Int): String {
     return "${if (value < 0) "-" else ""}${size}e$power"
 }
 
-/** A number with up to six digits and no exponent: 0.5, 16383, 2856. */
+/** Formats a number with up to six significant digits and no exponent: 0.5, 16383, 2856. */
 internal fun short(value: Double): String = when {
     value.isNaN() || value.isInfinite() -> value.toString()
     value == 0.0 -> "0"
     else -> BigDecimal(value).round(MathContext(6, RoundingMode.HALF_EVEN)).stripTrailingZeros().toPlainString()
 }
 
-/** Middle value, or the mean of the two in the middle; NaN of nothing. */
+/** The median: the middle value, or the mean of the two middle values; NaN for an empty array. */
 internal fun median(values: DoubleArray): Double {
     if (values.isEmpty()) return Double.NaN
     val sorted = values.sortedArray()
     return (sorted[(sorted.size - 1) / 2] + sorted[sorted.size / 2]) / 2.0
 }
 
-/** Sum in NumPy's order (blocks of 128, eight running sums), so that means are equal to the last bit. */
+/** Sum in NumPy's order (blocks of 128, eight running sums), so that means equal Python's to the last bit. */
 internal fun sum(values: DoubleArray, from: Int = 0, until: Int = values.size): Double {
     val n = until - from
     if (n < 8) {
@@ -75,7 +77,7 @@ internal fun sum(values: DoubleArray, from: Int = 0, until: Int = values.size): 
 /** Mean in NumPy's order. */
 internal fun mean(values: DoubleArray): Double = sum(values) / values.size
 
-/** All of them, one behind the other. */
+/** Concatenates the arrays. */
 internal fun List<DoubleArray>.flatten(): DoubleArray {
     val all = DoubleArray(sumOf { it.size })
     var at = 0
@@ -86,5 +88,5 @@ internal fun List<DoubleArray>.flatten(): DoubleArray {
     return all
 }
 
-/** A copy that nobody can change, by a cast neither. */
+/** An unmodifiable copy; casting it to a MutableList does not make it writable. */
 internal fun <T> List<T>.frozen(): List<T> = Collections.unmodifiableList(ArrayList(this))

@@ -5,20 +5,22 @@ import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
 import org.camssf.verdict.Rival
 
-/** Other lamps in the place of those that were named: what rule 4 of the verdict weighs. */
+/** Computes how well other lamps fit in place of the named ones (rule 4 of docs/verdict.md). */
 internal object Rivals {
-    /** Lamps by name, which every verdict asks for. */
+    /** Lamps by name, read once, because every verdict needs the same ones. */
     private val known = HashMap<String, Lamp>()
 
     fun lamp(name: String): Lamp = synchronized(known) { known.getOrPut(name) { Lamp.read(name) } }
 
     /**
-     * How much better the same signals fit with other lamps, one shot at a time; none where the basis has no prior, or of
-     * many shots. Where the signals choose the basis, every lamp has the same choice. A light that nobody named has no
-     * rivals: all kinds were weighed; beside it stands what the answer takes it for.
+     * Gain in ln marginal likelihood of other lamps, one shot at a time; empty on a basis without a prior, or with
+     * more than [Light.MOST_RIVALLED] shots.
      *
-     * @param fit as it was asked, not settled on the basis that gave the answer.
-     * @param used (k, n) patches that entered it.
+     * If the signals choose the basis, they choose it again for every lamp. An unnamed light has no rivals, because
+     * all its kinds were already compared; it keeps the kind that the answer found.
+     *
+     * @param fit before it is conditioned on the answer.
+     * @param used (k, n) the patches that entered the fit.
      * @param tell called before each run of the model.
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {

@@ -9,11 +9,11 @@ import kotlinx.serialization.json.JsonPrimitive
 import org.camssf.model.Models
 
 /**
- * Every threshold of the product, the rival lamps and the words of the verdict: Python's own rules.json, so that no
- * number and no sentence stands in two places. docs/verdict.md describes the file.
+ * All thresholds, the rival lamps, makers' names and the texts of the verdict, from rules.json. Python reads the same
+ * file, so that no number and no text is duplicated. docs/verdict.md describes it.
  *
- * @property rivals lamps tried in the place of the named one.
- * @property makers beginnings of makers' names, in small letters, that speak for a basis.
+ * @property rivals lamps tried in place of the named one.
+ * @property makers for each basis, beginnings of makers' names that make it more probable, in lower case.
  */
 internal class Rules private constructor(
     private val numbers: Map<String, String>,
@@ -22,37 +22,37 @@ internal class Rules private constructor(
     val makers: Map<String, List<String>>,
     private val reasons: Map<String, Wording>,
 ) {
-    /** A number by group and word, "verdict.surprise". */
+    /** A number by group and word, for example "verdict.surprise". */
     fun number(name: String): Double = numbers.getValue(name).toDouble()
 
     /**
-     * A number that counts.
+     * A whole number by group and word.
      *
-     * @throws InvalidArgument it is no whole number.
+     * @throws InvalidArgument it is not a whole number.
      */
     fun whole(name: String): Int =
         numbers.getValue(name).toIntOrNull() ?: throw damaged("$name is ${numbers[name]}, which is no whole number")
 
-    /** How a bound of the verdict decides, by group and word; null for a number that is none. */
+    /** The bound of the verdict with this group and word; null if the number is not a bound. */
     fun bound(name: String): Bound? = bounds[name]
 
-    /** What the reason of that name says. */
+    /** The texts of the reason of that name. */
     fun wording(name: String): Wording = reasons.getValue(name)
 
     /**
      * How a bound of the verdict decides.
      *
-     * @property refused a verdict beyond it is refused, else doubtful.
-     * @property beyond "above" or "below", the side on which it breaks.
-     * @property graver of one that makes doubtful, name of the bound on the same quantity that refuses, or null.
+     * @property refused whether a verdict beyond it is refused; otherwise it is doubtful.
+     * @property beyond "above" or "below", the side on which the bound is broken.
+     * @property graver for a doubtful bound, the name of the bound on the same quantity that refuses, or null.
      */
     class Bound(val refused: Boolean, val beyond: String, val graver: String?)
 
     /**
-     * What a reason of the verdict says.
+     * The texts of a reason of the verdict.
      *
-     * @property code its word in the vocabulary of errors.
-     * @property limits names of the numbers that decide: doubtful, and after it refused where there is one.
+     * @property code its error code.
+     * @property limits names of the numbers that decide: the doubtful one, then the refusing one if it exists.
      */
     class Wording(
         val code: String,
@@ -72,7 +72,7 @@ internal class Rules private constructor(
         private val WORDS = setOf("code", "limits", "message", "advice")
 
         /**
-         * The rules that this app carries.
+         * The rules that are shipped with this app.
          *
          * @throws InvalidArgument the file is missing or damaged.
          */
@@ -90,9 +90,9 @@ internal class Rules private constructor(
         }
 
         /**
-         * Rules from the file's text; unknown and missing keys are errors.
+         * Parses the file's text; unknown and missing keys are errors.
          *
-         * @throws InvalidArgument the text is no such file.
+         * @throws InvalidArgument the text is not valid.
          */
         fun parse(text: String): Rules {
             val parsed = try {
@@ -126,7 +126,7 @@ internal class Rules private constructor(
             return Rules(numbers, bounds, different("rivals", file.getValue("rivals")), makers, reasons)
         }
 
-        /** A template with its placeholders filled in: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
+        /** Fills in the placeholders of a template: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
         fun fill(template: String, values: Map<String, Any>): String = PLACEHOLDER.replace(template) { found ->
             val (name, kind, digits) = found.destructured
             val value = values.getValue(name)

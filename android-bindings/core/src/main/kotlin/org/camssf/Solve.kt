@@ -16,7 +16,7 @@ import org.camssf.verdict.Judge
 import org.camssf.verdict.VerdictInputs
 import kotlin.math.max
 
-/** Measured patches → curves, scores and verdict, arranged as Python's `camssf.calibration.solve` does it. */
+/** Computes curves, scores and verdict from measured patches, in the order of Python's `camssf.calibration.solve`. */
 internal class Solve(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
@@ -28,9 +28,9 @@ internal class Solve(
     private val k = capture.shots.size
 
     /**
-     * All of it.
+     * Runs all stages of solving.
      *
-     * @throws CalibrationException there is no answer, or the settings are wrong.
+     * @throws CalibrationException a stage refuses, or the settings are invalid.
      */
     fun run(): Solution {
         val asked = asked()
@@ -69,7 +69,10 @@ internal class Solve(
         return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)
     }
 
-    /** Null on a basis without a prior, which has no band. */
+    /**
+     * The band's width, its width with each shot alone, and its budget; null on a basis without a prior, which has no
+     * band.
+     */
     private fun uncertainty(fit: CaptureFit, signals: Signals, ssf: Ssf, alone: List<Ssf>): Uncertainty? {
         val shares = fit.shares(signals.sharedUsed, ssf) ?: return null
         val used = signals.sharedUsed
@@ -89,7 +92,7 @@ internal class Solve(
             "unseen" to "what the prior leaves open and no patch has seen",
             "which lamp" to "how far the answers for each kind of light differ",
         )
-        // The shares of the likeliest kind's variance, and what the hypotheses differ by.
+        // Shares inside the most probable hypothesis, and the share of the variance that is between the hypotheses.
         val between = ssf.between
         val inside = DoubleArray(3) { 1.0 - (between?.get(it) ?: 0.0) }
         val own = shares.mapValues { (_, share) -> DoubleArray(3) { inside[it] * share[it] } }
@@ -105,7 +108,7 @@ internal class Solve(
         return "$plane of plane and $bowl of bowl across the chart, no white frame"
     }
 
-    /** Which of the n patches shall enter the fit. */
+    /** Mask (n) of the patches that may enter the fit. */
     private fun asked(): BooleanArray {
         val numbers = settings.fit ?: return BooleanArray(n) { true }
         if (numbers.isEmpty() || numbers.any { it !in 1..n }) {
@@ -125,7 +128,7 @@ internal class Solve(
         )
     }
 
-    /** A fit, told first: a chance to cancel. */
+    /** Reports the stage, which may end a cancelled run, then fits. */
     private fun curves(
         fit: CaptureFit,
         stage: Pair<String, Double>,
@@ -137,8 +140,8 @@ internal class Solve(
     }
 
     /**
-     * Predictions (k, n, 3) of patches that the fit had not seen, NaN elsewhere, how far the truth may lie from them, null
-     * without a prior, and how that was done in words.
+     * Predictions (k, n, 3) of patches by fits that did not use them, NaN elsewhere; one standard deviation of the
+     * true signals minus these, null without a prior; and the method in words.
      */
     private class Unseen(val values: DoubleArray, val std: DoubleArray?, val how: String)
 
@@ -156,7 +159,7 @@ internal class Solve(
             from.sharedPredicted.copyInto(values, at, at, at + 3)
             if (std != null) band?.copyInto(std, at, at, at + 3)
         }
-        // The white patch's signal is 1 whatever the curves, where it stood in for the white frame.
+        // Without a white frame the white patch is the reference: its signal is 1 for any curves.
         val rest = (0 until n).filter { !asked[it] && (fit.framed || it != table.white) }
         if (rest.isNotEmpty()) {
             for (j in 0 until k) for (i in rest) take(ssf, bands, j, i)
@@ -177,7 +180,7 @@ internal class Solve(
                     val at = j * n + i
                     if (!used[at]) continue
                     take(without, band, j, i)
-                    // Each fit has a light of its own; all are told in the answer's.
+                    // Each fold estimates its own illumination. Its predictions are rescaled to the full fit's.
                     for (c in 3 * at until 3 * at + 3) {
                         values[c] *= level[at] / own[at]
                         if (std != null) std[c] *= level[at] / own[at]
@@ -195,13 +198,15 @@ internal class Solve(
         return Scores.of(signals.levelled(fit.level(ssf)), predicted, table, fit.lamps, counts, unseen.how)
     }
 
-    /** What each shot's file foretells of its white. */
+    /** The camera's white points from each shot's file. */
     private fun foretold(): List<List<Foretold>> = capture.shots.map { shot ->
         shot.photo.neutrals.map { Foretold(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
     private companion object {
-        /** All patches enter the fit; each is predicted by a fit that left its quarter of the chart out. */
+        /**
+         * Number of folds of the cross-validation: each patch is predicted by a fit without the patches of its fold.
+         */
         val FOLDS get() = Rules.shipped.whole("calibration.folds")
 
         val FAINTEST get() = Rules.shipped.number("calibration.faintest")

@@ -26,14 +26,14 @@ import java.nio.channels.ClosedByInterruptException
 import java.util.Collections
 import java.util.concurrent.CancellationException
 
-/** Takes a line of what is done, and how long it took: for an app's own log. Called on the thread that calibrates. */
+/** Receives log lines: each stage with its duration, and the outcome. Called on the thread that calibrates. */
 public fun interface Logger {
-    /** One line, without a place or a time; files are named as their sources name them. */
+    /** One line, without source location or time; files have the names that their sources give. */
     public fun log(line: String)
 }
 
 /**
- * Recovers a camera's spectral sensitivity from photos of a ColorChecker, on this device; nothing leaves it.
+ * Recovers a camera's spectral sensitivities from photos of a ColorChecker, on this device; no data leaves it.
  *
  * ```
  * val chart = ChartTable.read("classic24")
@@ -46,30 +46,33 @@ public fun interface Logger {
  * }
  * ```
  *
- * Ownership: it holds its models in native memory; who opens it closes it. Open one and keep it, or open one for each
- * calibration. Threads: any; calls from several threads wait for each other at the model. A second `close` does
- * nothing; calls after it throw [CalibratorClosed], an [IllegalStateException]. Results belong to the caller and outlive
- * it.
+ * Ownership: it holds its models in native memory and must be closed by the code that opened it. Open one and keep
+ * it, or open one for each calibration. Threads: any; calls from several threads wait for each other at the model. A
+ * second `close` does nothing; other calls after it throw [CalibratorClosed], an [IllegalStateException]. Results
+ * belong to the caller and stay valid after `close`.
  */
 public class SsfCalibrator private constructor(
-    /** The basis of the curves: "auto", phones or cameras as the signals say; "phones", "cameras", or "gaussian". */
+    /**
+     * The basis of the curves: "phones", "cameras", "gaussian", or "auto" (phones or cameras, chosen by the signals).
+     */
     public val basis: String,
     private val engines: List<Engine>,
     private val logger: Logger?,
 ) : Closeable {
     private val gate = Gate { engines.forEach { it.close() } }
 
-    /** SHA-256 of the model files by their bases, lower-case hex: of "auto" two. */
+    /** SHA-256 of each model file by its basis, lower-case hex; "auto" has two. */
     public val modelHashes: Map<String, String> =
         Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
     /**
-     * From RAW photos to the camera's curves: reads each shot's frames in turn, moves the corners to the printed borders,
-     * measures the patches and solves (a few dozen runs of a model for one shot). Blocks: not for the main thread.
+     * Recovers the camera's curves from RAW photos: reads each shot's frames in turn, moves the corners to the
+     * printed borders, measures the patches and solves (a few dozen model runs for one shot). Blocks: do not call it
+     * on the main thread.
      *
      * @param progress called on this thread.
-     * @throws InvalidArgument the call itself is wrong; every other reason why there is no answer is a [Refused].
-     * @throws InterruptedException if the thread is interrupted; nothing is left behind.
+     * @throws InvalidArgument the call itself is wrong; every other reason for no answer is returned as a [Refused].
+     * @throws InterruptedException the thread was interrupted; all resources of the run are released.
      * @throws CalibratorClosed see [close].
      */
     @JvmOverloads
@@ -81,9 +84,9 @@ public class SsfCalibrator private constructor(
     ): Calibration = gate.through { run(capture, settings, tell(progress)) }
 
     /**
-     * [calibrate] on a thread of `dispatcher`, as it reads files and may wait at the model. Cancelling its job
-     * interrupts that thread and ends the run within the row of samples, or the run of the model, that is in work.
-     * `progress` is called there, not on the caller's dispatcher.
+     * Runs [calibrate] on a thread of `dispatcher`, because it reads files and may wait for the model. Cancelling the
+     * coroutine's job interrupts that thread; the run then ends after the current row of samples or the current model
+     * run. `progress` is called on that thread, not on the caller's dispatcher.
      *
      * @throws CalibratorClosed see [close].
      */
@@ -98,10 +101,10 @@ public class SsfCalibrator private constructor(
     }
 
     /**
-     * Measures one shot, so that its frames can be let go at once; [solve] takes several of them later.
+     * Measures one shot, so that its frames can be released at once; [solve] takes several measured shots later.
      *
-     * @throws CalibrationException the shot carries no answer, or the call is wrong.
-     * @throws InterruptedException if the thread is interrupted; nothing is left behind.
+     * @throws CalibrationException the shot cannot be measured, or the call is wrong.
+     * @throws InterruptedException the thread was interrupted; all resources of the run are released.
      */
     @Throws(InterruptedException::class)
     public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = gate.through {
@@ -109,12 +112,12 @@ public class SsfCalibrator private constructor(
     }
 
     /**
-     * From measured shots to curves, scores and verdict.
+     * Computes curves, scores and verdict from measured shots.
      *
-     * @param shots of one chart with one camera, as [measure] gave them.
-     * @param whiteReflectance of the white frames' card; null for a perfect diffuser.
+     * @param shots of one chart with one camera, from [measure].
+     * @param whiteReflectance of the target in the white frames, 90 % is 0.9; null for a perfect diffuser.
      * @throws InvalidArgument the call itself is wrong.
-     * @throws InterruptedException if the thread is interrupted.
+     * @throws InterruptedException the thread was interrupted.
      */
     @JvmOverloads
     @Throws(InterruptedException::class)
@@ -163,15 +166,15 @@ public class SsfCalibrator private constructor(
     }
 
     /**
-     * Ends runs that are in work, each with [CalibratorClosed], waits until they have ended (a row of samples, or a run
-     * of the model), and releases the models.
+     * Ends running calls, each with [CalibratorClosed], waits until they have ended (after the current row of samples
+     * or model run), and releases the models.
      *
-     * A `progress` or a [Logger] may call it: then its own run ends at the next step, and releases the models itself. They
-     * must not wait for a thread that is in this call.
+     * A `progress` or a [Logger] may call it; it then returns without waiting, and its own run ends at the next step
+     * and releases the models. They must not wait for a thread that is in this call.
      */
     override fun close(): Unit = gate.close()
 
-    /** Tells `progress` and the logger, and looks whether anybody still waits. */
+    /** Reports to `progress` and the logger, and ends the run if it was interrupted or closed. */
     private fun tell(progress: Progress?): Tell = object : Tell {
         private var before: String? = null
         private var since = 0L
@@ -195,7 +198,8 @@ public class SsfCalibrator private constructor(
 
     public companion object {
         /**
-         * Bases that [open] knows: "auto", "phones" and "cameras" learned from measured ones, "gaussian" the paper's.
+         * Names that [open] accepts: "auto"; "phones" and "cameras", learned from measured curves; "gaussian", the
+         * paper's basis.
          */
         @JvmField
         public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()
@@ -204,8 +208,8 @@ public class SsfCalibrator private constructor(
          * Loads the shipped model of a basis, for "auto" those of phones and cameras, and checks hash, grid and
          * vocabulary.
          *
-         * @param logger told what each run does, and refusals; null for none.
-         * @throws InvalidArgument there is no such basis, the app carries another model than this version's, or ONNX
+         * @param logger receives the stages and the outcome of each run; null for none.
+         * @throws InvalidArgument there is no such basis, the app contains another model than this version's, or ONNX
          *   Runtime is missing.
          */
         @JvmStatic
@@ -232,7 +236,10 @@ public class SsfCalibrator private constructor(
             return engines
         }
 
-        /** An interrupt that ended a read comes out as one, whatever the read made of it; the flag is cleared. */
+        /**
+         * Runs `work`. If an interrupt ended a read, this throws InterruptedException whatever the read threw, and
+         * clears the flag. OutOfMemoryError becomes [OutOfMemory].
+         */
         private fun <T> interruptible(work: () -> T): T = try {
             work()
         } catch (error: OutOfMemoryError) {
@@ -250,7 +257,7 @@ public class SsfCalibrator private constructor(
                 (it is InterruptedIOException && it !is SocketTimeoutException)
         }
 
-        /** Causes that are looked at: a chain may run in a circle. */
+        /** Largest number of causes to check: a chain of causes may be circular. */
         private const val DEEPEST = 16
     }
 }

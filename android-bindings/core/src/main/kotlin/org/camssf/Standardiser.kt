@@ -18,7 +18,7 @@ import kotlin.math.exp
 import kotlin.math.hypot
 import kotlin.math.ln
 
-/** What [Standardiser.standardise] writes. */
+/** The colour space that [Standardiser.standardise] writes. */
 public enum class Space {
     /** X, Y, Z; Y of a perfect white diffuser is 1. */
     XYZ,
@@ -28,23 +28,24 @@ public enum class Space {
 }
 
 /**
- * Standard colour on this device: raw signals of this camera under a lamp → CIE XYZ and Lab, with their covariance; the same
- * numbers as Python's `camssf.colour.standard_colour`.
+ * Converts raw signals of this camera under a lamp to CIE XYZ and Lab, with their covariance; the numbers equal those
+ * of Python's `camssf.colour.standard_colour`.
  *
- * Of 190 real surfaces the curves s and the lamp L give the signals y = Σ R L s / Σ L s, and an observer x̄ their
- * XYZ = Σ R L x̄ / Σ L ȳ. Between them stands XYZ = Cᵀ t(y), t = (r, g, b, √(r g), √(g b), √(r b)) or (r, g, b), C by least
- * squares with white kept, whichever misses less on surfaces left out. The raw ratios of the reference say what they can of
- * the lamp.
+ * For 190 real surfaces of reflectance R the curves s and the lamp L give the signals y = Σ R L s / Σ L s, and an
+ * observer x̄ gives XYZ = Σ R L x̄ / Σ L ȳ. The transform is XYZ = Cᵀ t(y) with t = (r, g, b, √(r g), √(g b), √(r b))
+ * or t = (r, g, b), whichever has the smaller error on left-out surfaces; C is fitted by least squares with white
+ * kept. The raw ratios of the reference constrain the lamp.
  *
  * ```
  * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
  * val standardiser = Standardiser.of(calibrated, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
  * val colour = standardiser.colourOf(strip)              // colour.lab, colour.labCovariance
- * standardiser.standardise(preview, into = pixels)       // any number of pixels, nothing allocated for each
+ * standardiser.standardise(preview, into = pixels)       // any number of pixels, no allocation for each
  * ```
  *
- * Making one takes some tens of milliseconds, `auto` four times that: make it anew where light or reference change, not for
- * each picture. It holds nothing native, opens nothing and cannot change; safe to share between threads.
+ * Creating one fits a transform for each lamp, four if the lamp is unknown: create it again if light or reference
+ * change, not for each picture. It holds no native memory and no files and is immutable; safe to share between
+ * threads.
  */
 public class Standardiser private constructor(
     private val lit: List<Lit>,
@@ -58,14 +59,17 @@ public class Standardiser private constructor(
     private val kinds = lit.map { it.kind }
     private val most = if (Kind.ROOT_POLYNOMIAL in kinds) Kind.ROOT_POLYNOMIAL else Kind.MATRIX
 
-    /** The lamps that were weighed, the one that was told alone. */
+    /** The compared lamps with their weights; a given lamp is the only one. */
     public val lamps: List<WeighedLamp> =
         lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i], each.kind) }.frozen()
 
-    /** χ² of the reference's raw ratios under the likeliest lamp, two degrees of freedom; null where nothing asks them. */
+    /**
+     * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
+     * used.
+     */
     public val surprise: Double? = lit[best()].light.surprise
 
-    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to where that was asked; a copy. */
+    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it; a copy. */
     public val white: DoubleArray get() = mean(3) { it.white }
 
     private fun best(): Int = weights.indices.maxByOrNull { weights[it] }!!
@@ -84,11 +88,11 @@ public class Standardiser private constructor(
     }
 
     /**
-     * The colour of a region that was measured in the photo of the reference, or in another one of the same exposure and
+     * The colour of a region, measured in the photo of the reference or in another photo of the same exposure and
      * light.
      *
-     * @throws ColourOutOfReach a colour that no surface has under this lamp.
-     * @throws InvalidArgument signals that are none.
+     * @throws ColourOutOfReach no surface can have this colour under this lamp.
+     * @throws InvalidArgument invalid signals or standard errors.
      */
     public fun colourOf(region: RawRegion): StandardColour = colourOf(region.sharedRaw, region.sharedError)
 
@@ -96,9 +100,9 @@ public class Standardiser private constructor(
      * The colour of raw signals.
      *
      * @param raw (3) R, G, B, black subtracted, in the reference's unit.
-     * @param standardError (3) of them.
-     * @throws ColourOutOfReach a colour that no surface has under this lamp.
-     * @throws InvalidArgument signals that are none.
+     * @param standardError (3) of `raw`.
+     * @throws ColourOutOfReach no surface can have this colour under this lamp.
+     * @throws InvalidArgument invalid signals or standard errors.
      */
     @JvmOverloads
     public fun colourOf(raw: DoubleArray, standardError: DoubleArray = DoubleArray(3)): StandardColour {
@@ -123,7 +127,7 @@ public class Standardiser private constructor(
         return found
     }
 
-    /** The colour of signals (3) in units of a perfect white, however far out of reach. */
+    /** The colour of signals (3) relative to a perfect white, without the check of reach. */
     internal fun seen(y: DoubleArray, error: DoubleArray): StandardColour {
         if (!y.all { it.isFinite() }) throw InvalidArgument("A signal is not finite.", "Give finite signals.")
         check(error)
@@ -133,7 +137,7 @@ public class Standardiser private constructor(
         return found
     }
 
-    /** One answer of several, by the law of total variance; what they differ by belongs to the lamp. */
+    /** Mixes the answers by the law of total variance; their differences count as lamp error. */
     private fun mixed(answers: List<StandardColour>): StandardColour {
         if (answers.size == 1) return answers[0]
         fun mean(size: Int, of: (StandardColour) -> DoubleArray): DoubleArray {
@@ -168,12 +172,13 @@ public class Standardiser private constructor(
     }
 
     /**
-     * Colours of pixels, for a live preview: no covariance, and nothing is allocated for each.
+     * Converts pixels, for a live preview: without covariance and without an allocation for each pixel.
      *
-     * @param raw R, G, B of each pixel in turn, black subtracted, in the reference's unit. Below black is black; NaN stays.
-     * @param into three numbers a pixel; may be `raw` itself.
-     * @param space what they are.
-     * @throws InvalidArgument arrays that do not fit.
+     * @param raw R, G, B of each pixel in turn, black subtracted, in the reference's unit. Values below black count
+     *   as black; NaN gives NaN.
+     * @param into receives three numbers a pixel; may be `raw` itself.
+     * @param space the colour space of the output.
+     * @throws InvalidArgument array sizes that do not fit.
      */
     @JvmOverloads
     public fun standardise(
@@ -190,7 +195,7 @@ public class Standardiser private constructor(
         return into
     }
 
-    /** [standardise] in full precision. */
+    /** [standardise] in double precision. */
     @JvmOverloads
     public fun standardise(
         raw: DoubleArray,
@@ -218,7 +223,7 @@ public class Standardiser private constructor(
         }
     }
 
-    /** One pixel's numbers, used again and again by one call. */
+    /** Work arrays of one pixel, reused by one call. */
     private inner class Pixel(private val space: Space) {
         val found = DoubleArray(3)
         private val y = DoubleArray(3)
@@ -234,7 +239,7 @@ public class Standardiser private constructor(
             for (i in weights.indices) {
                 val coefficients = lit[i].coefficients
                 xyz.fill(0.0)
-                // A matrix takes the first three terms.
+                // Kind.MATRIX has only the first three terms.
                 for (t in 0 until coefficients.size / 3) {
                     val term = terms[t]
                     xyz[0] += term * coefficients[3 * t]
@@ -249,12 +254,13 @@ public class Standardiser private constructor(
 
     public companion object {
         /**
-         * For a camera that was calibrated on this device.
+         * Creates a standardiser for a camera that was calibrated on this device.
          *
-         * @param lamp of the photo, by name, by kind or measured; null weighs the four kinds by what the reference's raw
-         *   ratios say.
+         * @param lamp of the photo, by name, by kind or measured; null mixes the four kinds by their likelihood given
+         *   the reference's raw ratios.
          * @param reference a white or grey surface in the same light.
-         * @throws InvalidArgument curves that carry no colour, or no lamp where the result's own white is not known.
+         * @throws InvalidArgument curves from which no colour can be computed, or no lamp if the result's own white
+         *   is unknown.
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          */
         @JvmStatic
@@ -270,11 +276,11 @@ public class Standardiser private constructor(
         }
 
         /**
-         * For a camera whose result was stored, on this device or on a desktop.
+         * Creates a standardiser for a camera whose result was stored, on this device or on a desktop.
          *
-         * @param result the text of a "camssf-result/1", as [Calibration.toJson] has it.
-         * @throws InvalidArgument a refused result, or a text that is none; curves that carry no colour, or no lamp where the
-         *   result's own white is not known.
+         * @param result the text of a "camssf-result/1", from [Calibration.toJson].
+         * @throws InvalidArgument a refused or invalid result; curves from which no colour can be computed, or no
+         *   lamp if the result's own white is unknown.
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          */
         @JvmStatic
@@ -288,8 +294,8 @@ public class Standardiser private constructor(
         }
 
         /**
-         * @param raw of the reference, for what its ratios say of the lamp; null to leave them unasked.
-         * @param error of it, relative.
+         * @param raw of the reference, whose ratios constrain the lamp; null to leave them out.
+         * @param error relative standard error of `raw`.
          */
         internal fun of(
             camera: ColourCamera,
@@ -338,10 +344,12 @@ public class Standardiser private constructor(
             return light
         }
 
-        /** Of a lamp that nothing tells, in the order of `camssf.spectra.families`. */
+        /** Kinds that are compared for an unknown lamp, in the order of `camssf.spectra.families`. */
         private val KINDS = listOf("daylight", "bulb", "white-led", "fluorescent")
 
-        /** χ² of the reference's two ratios above which the lamp is not the one that was named: 1 in 10,000. */
+        /**
+         * χ² of the reference's two ratios above which the named lamp is rejected; its probability is 1 in 10,000.
+         */
         private const val CONTRADICTED = 18.4
         private const val LAMP = 1
     }

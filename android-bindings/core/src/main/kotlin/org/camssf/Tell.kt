@@ -1,15 +1,15 @@
 package org.camssf
 
-/** How a run tells what it does, and learns that nobody waits for it any more. */
+/** Reports the progress of a run and ends a run that was cancelled. */
 internal interface Tell {
-    /** Tells the stage in words and the part done, 0 to 1; [check]s first. */
+    /** Calls [check], then reports the stage in words and the part done, 0 to 1. */
     operator fun invoke(stage: String, part: Double)
 
-    /** Ends a run whose thread was interrupted or whose calibrator was closed; cheap, for inner loops. */
+    /** Throws if the thread was interrupted or the calibrator was closed; cheap enough for inner loops. */
     fun check()
 
     companion object {
-        /** Nobody listens, and nobody ends it. */
+        /** Reports nothing and never ends a run. */
         val NOBODY: Tell = object : Tell {
             override fun invoke(stage: String, part: Double) = Unit
 

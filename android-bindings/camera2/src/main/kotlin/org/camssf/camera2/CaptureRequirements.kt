@@ -7,14 +7,14 @@ import android.hardware.camera2.CaptureResult
 import android.util.Range
 
 /**
- * Something that a camera, request or result lacks.
+ * A requirement that a camera, request or result does not meet.
  *
  * @property key Camera2's name of the setting.
- * @property found what it holds, "not set" where nothing.
- * @property wanted what it should hold.
- * @property fatal true where the frame would not be what is asked for: samples other than the sensor's own, which
- *   [RawFrames.read] refuses, or an exposure that the camera cannot set. Else the calibration runs, at a cost that
- *   [advice] names.
+ * @property found its value; "not set" if it has none.
+ * @property wanted the value that it should have.
+ * @property fatal true if the frame would not be what was requested: for example samples other than the sensor's own,
+ *   which [RawFrames.read] refuses, or an exposure that the camera cannot set. Otherwise the calibration runs, with
+ *   the disadvantage that [advice] names.
  * @property advice what to do.
  */
 public class Shortfall(
@@ -24,34 +24,34 @@ public class Shortfall(
     public val fatal: Boolean,
     public val advice: String,
 ) {
-    /** One line. */
+    /** The shortfall as one line. */
     override fun toString(): String = "$key is $found, wanted $wanted: $advice"
 }
 
 /**
- * What an app must ask Camera2 for, so that a RAW frame can be measured.
+ * The settings that an app must request from Camera2, so that a RAW frame can be measured.
  *
  * | setting | wanted | why |
  * |---|---|---|
  * | noise reduction | off | every other mode may smooth the RAW samples themselves |
- * | test pattern | off | else there is no light in the samples |
- * | lens shading map | on, shading mode not off | how much darker the corners are, where no white frame tells it |
- * | exposure | by hand, the same for chart, white and dark frame | automatic exposure differs between them |
+ * | test pattern | off | a test pattern replaces the light in the samples |
+ * | lens shading map | on, shading mode not off | it gives the vignetting if there is no white frame |
+ * | exposure | set manually, the same for chart, white and dark frame | automatic exposure differs between them |
  * | flash | off, not fired | its spectrum would be part of the lamp's |
- * | focus | on the chart, locked | the app's own part: [apply] leaves it as it is |
+ * | focus | on the chart, locked | set by the app: [apply] does not change it |
  *
  * Begin with `TEMPLATE_STILL_CAPTURE`, focus on the chart and lock (`CONTROL_AF_TRIGGER`, until the state is
- * `FOCUSED_LOCKED`), and take all frames with that same focus mode. `TEMPLATE_MANUAL` switches the autofocus off and
+ * `FOCUSED_LOCKED`), and take all frames with the same focus mode. `TEMPLATE_MANUAL` switches the autofocus off and
  * needs the capability MANUAL_SENSOR.
  *
- * Zoom, crop, white balance, tone curves, stabilisation and the post-RAW boost do not touch RAW.
+ * Zoom, crop, white balance, tone curves, stabilisation and the post-RAW boost do not affect RAW samples.
  */
 public object CaptureRequirements {
     /**
-     * Sets all of it but the focus, as far as the camera offers it; [check] then says what is lacking.
+     * Sets all of these except the focus, as far as the camera offers them; [check] then lists what is missing.
      *
-     * @param builder of `TEMPLATE_STILL_CAPTURE`, or another.
-     * @param camera that it is for; without MANUAL_SENSOR the exposure stays automatic.
+     * @param builder from `TEMPLATE_STILL_CAPTURE` or another template.
+     * @param camera the camera of the request; without MANUAL_SENSOR the exposure stays automatic.
      * @param exposureTime ns.
      * @param iso sensitivity.
      */
@@ -66,16 +66,17 @@ public object CaptureRequirements {
         }
         builder.set(CaptureRequest.FLASH_MODE, CameraMetadata.FLASH_MODE_OFF)
         if (!isManual(camera)) return
-        builder.set(CaptureRequest.CONTROL_MODE, CameraMetadata.CONTROL_MODE_AUTO) // a scene mode would set its own
+        // A scene mode would override the values below.
+        builder.set(CaptureRequest.CONTROL_MODE, CameraMetadata.CONTROL_MODE_AUTO)
         builder.set(CaptureRequest.CONTROL_AE_MODE, CameraMetadata.CONTROL_AE_MODE_OFF)
         builder.set(CaptureRequest.SENSOR_EXPOSURE_TIME, exposureTime)
         builder.set(CaptureRequest.SENSOR_SENSITIVITY, iso)
     }
 
     /**
-     * What the camera itself cannot do; empty for a camera that serves fully.
+     * What the camera itself does not offer; empty if it offers everything.
      *
-     * @param manualExposure whether chart, white and dark frame need one exposure: false for a chart alone.
+     * @param manualExposure true if chart, white and dark frame need the same exposure; false for a chart alone.
      */
     @JvmStatic
     @JvmOverloads
@@ -92,7 +93,7 @@ public object CaptureRequirements {
         return found.list
     }
 
-    /** What the request lacks of the table above, as far as the camera offers it; ask before `build()`. */
+    /** What the request lacks of the table above, as far as the camera offers it; call this before `build()`. */
     @JvmStatic
     public fun check(request: CaptureRequest.Builder, camera: CameraCharacteristics): List<Shortfall> {
         val found = Findings()
@@ -108,7 +109,7 @@ public object CaptureRequirements {
         return found.list
     }
 
-    /** What came back otherwise than wanted, as far as the camera offers it. */
+    /** What differs in the result from the table above, as far as the camera offers it. */
     @JvmStatic
     public fun check(result: CaptureResult, camera: CameraCharacteristics): List<Shortfall> {
         val found = Findings()
@@ -158,7 +159,7 @@ public object CaptureRequirements {
             val off = mode == CameraMetadata.NOISE_REDUCTION_MODE_OFF
             val can = hasQuietRaw(camera)
             val advice = if (can) "Ask for OFF." else "The camera cannot do without; the samples may be smoothed."
-            // A result without the mode says nothing against the samples.
+            // Without the mode in a result, nothing shows that the samples were changed.
             unless(off, "noiseReduction.mode", mode, "0 (OFF)", can && mode != null, advice)
         }
 

@@ -10,17 +10,18 @@ import org.camssf.UnsupportedRaw
 import org.camssf.photo.dng.DngSource
 import java.io.IOException
 
-/** Photos that the user chose, as the storage access framework names them. */
+/** Opens photos that the user chose with the storage access framework. */
 public object Photos {
     /**
-     * Opens a photo for the DNG reader; the caller closes it. May block on a provider in the network: not on the main
-     * thread.
+     * Opens a photo for the DNG reader; the caller closes it.
      *
-     * A file stays where it is: the reader goes through it once for its SHA-256 and decodes what it needs. What a
-     * provider can only stream is taken into memory, 256 MB at most.
+     * A provider may use the network and block, so do not call this on the main thread.
      *
-     * @throws UnreadableRaw where the photo is gone, the app may not read it, or its provider fails.
-     * @throws UnsupportedRaw where a stream is longer.
+     * A file is not copied: the reader reads it once for its SHA-256 and decodes only what it needs. If a provider
+     * can only stream, the photo is read into memory, 256 MB at most.
+     *
+     * @throws UnreadableRaw the photo does not exist, the app may not read it, or its provider fails.
+     * @throws UnsupportedRaw a stream is longer than that.
      */
     @JvmStatic
     public fun open(resolver: ContentResolver, uri: Uri): DngSource {
@@ -34,13 +35,13 @@ public object Photos {
             throw UnreadableRaw("$name cannot be opened.", "Copy it to the phone and choose it again.", cause = error)
         } catch (error: SecurityException) {
             throw UnreadableRaw("The app may not read $name.", "Choose it again in the file picker.", cause = error)
-        } catch (error: RuntimeException) { // whatever a provider throws comes through
+        } catch (error: RuntimeException) { // the provider's exceptions reach the app
             val advice = "Copy it to the phone's own storage and choose it there."
             throw UnreadableRaw("The app that keeps $name failed.", advice, cause = error)
         }
     }
 
-    /** Closes the descriptor, but where the source does it. */
+    /** The source of a file; closes the descriptor unless the source will close it. */
     private fun source(file: ParcelFileDescriptor, name: String): DngSource {
         val stream = ParcelFileDescriptor.AutoCloseInputStream(file)
         var kept = false
@@ -52,7 +53,10 @@ public object Photos {
         }
     }
 
-    /** The name that the file picker shows, or the address' last part where the provider throws; no path. */
+    /**
+     * The name that the file picker shows, or the last part of the address if there is none or the provider throws;
+     * no path.
+     */
     @JvmStatic
     public fun name(resolver: ContentResolver, uri: Uri): String {
         val shown = try {

@@ -15,14 +15,17 @@ import org.camssf.photo.PreviewFit
 import org.camssf.photo.PreviewMap
 import org.camssf.photo.Region
 
-/** Camera2's preview frames for [CaptureGuide], and the way from a preview to the RAW frame's mosaic. */
+/**
+ * Converts Camera2's preview frames for [CaptureGuide], and maps coordinates of a preview to the RAW frame's mosaic.
+ */
 public object PreviewFrames {
     /**
-     * A frame to be searched, read where it stands: keep the image open until [CaptureGuide.look] has returned, then close
-     * it at once.
+     * A picture of a preview frame, which is read from the image's own buffers.
      *
-     * @param image of format YUV_420_888, whatever its strides.
-     * @throws InvalidArgument another format, planes that are too short, or a closed image.
+     * Keep the image open until [CaptureGuide.look] has returned, then close it immediately.
+     *
+     * @param image of format YUV_420_888, with any strides.
+     * @throws InvalidArgument the image has another format, its planes are too short, or it is closed.
      */
     @JvmStatic
     public fun picture(image: Image): Picture {
@@ -42,12 +45,14 @@ public object PreviewFrames {
     }
 
     /**
-     * What a preview's `ImageReader` is given as its listener: takes the latest frame, lets the guide look, closes it, and
-     * hands on what is to be said, on the reader's handler, which should not be the main thread's. Frames that come while
-     * it looks are dropped.
+     * The listener for a preview's `ImageReader`: it takes the latest frame, passes it to the guide, closes it, and
+     * passes on the guidance.
      *
-     * @param guide used by this listener alone.
-     * @param said takes each frame's guidance; what it throws goes on to the handler, after the image has been closed.
+     * It runs on the reader's handler, which should not be the main thread's. Frames that arrive meanwhile are
+     * dropped.
+     *
+     * @param guide used by this listener only.
+     * @param said receives each frame's guidance; its exceptions reach the handler, after the image has been closed.
      */
     @JvmStatic
     public fun listener(guide: CaptureGuide, said: (Guidance) -> Unit): ImageReader.OnImageAvailableListener =
@@ -57,8 +62,8 @@ public object PreviewFrames {
         }
 
     /**
-     * The lens' focal length in longer sides of the whole sensor, for [CaptureGuide]; its usual 0.75 where the camera does
-     * not tell. A zoom multiplies it.
+     * Focal length of the lens / longer side of the whole sensor, for [CaptureGuide]; 0.75 if the camera does not
+     * report it. With zoom, multiply it by the zoom ratio.
      */
     @JvmStatic
     public fun focal(camera: CameraCharacteristics): Double {
@@ -69,14 +74,14 @@ public object PreviewFrames {
     }
 
     /**
-     * From a preview's frames to the mosaic: their corners ([org.camssf.finder.Sighting.corners]) become the RAW frame's
-     * (`toMosaic`), which [RawFrames] reads.
+     * The map from preview frames to the mosaic that [RawFrames] reads: `toMosaic` converts corners found in a frame
+     * ([org.camssf.finder.Sighting.corners]).
      *
-     * @param camera that takes both.
+     * @param camera the camera of both.
      * @param width of the frames, px.
      * @param height of the frames, px.
-     * @param result of a preview frame, for its crop region; null where the app sets none.
-     * @param zoom `CONTROL_ZOOM_RATIO`, where the app sets one.
+     * @param result of a preview frame, for its crop region; null if the app sets none.
+     * @param zoom `CONTROL_ZOOM_RATIO`, if the app sets one.
      */
     @JvmStatic
     @JvmOverloads
@@ -89,15 +94,16 @@ public object PreviewFrames {
     ): PreviewMap = PreviewMap.ofPicture(crop(camera, result, zoom).shapedAs(width, height), width, height)
 
     /**
-     * From a view that shows the preview to the mosaic: taps (`toMosaic`), and corners drawn over the view (`fromMosaic`).
+     * The map from a view that shows the preview to the mosaic: `toMosaic` converts taps, `fromMosaic` corners to be
+     * drawn over the view.
      *
-     * @param camera that takes both.
-     * @param stream width and height of the stream that the view shows, px, as the sensor lies.
+     * @param camera the camera of both.
+     * @param stream width and height of the stream that the view shows, px, in the sensor's orientation.
      * @param view width and height of the view, px.
-     * @param display by how many degrees the screen is turned: 0, 90, 180 or 270.
+     * @param display rotation of the screen: 0, 90, 180 or 270 degrees.
      * @param fit how the stream fills the view.
-     * @param result of a preview frame, for its crop region; null where the app sets none.
-     * @param zoom `CONTROL_ZOOM_RATIO`, where the app sets one.
+     * @param result of a preview frame, for its crop region; null if the app sets none.
+     * @param zoom `CONTROL_ZOOM_RATIO`, if the app sets one.
      */
     @JvmStatic
     @JvmOverloads
@@ -117,20 +123,20 @@ public object PreviewFrames {
         return PreviewMap.ofView(crop, turned, front, view.first, view.second, fit)
     }
 
-    /** What previews show, in samples of the pre-correction active array, which is the mosaic. */
+    /** The area that previews show, in samples of the pre-correction active array, which is the mosaic. */
     private fun crop(camera: CameraCharacteristics, result: CaptureResult?, zoom: Double): PreviewCrop {
         val mosaic = camera.get(CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE)
         val active = camera.get(CameraCharacteristics.SENSOR_INFO_ACTIVE_ARRAY_SIZE) ?: mosaic
         if (active == null) {
             throw InvalidArgument("The camera does not tell its active array.", "Ask for the corners by hand.")
         }
-        // Both arrays are told in pixels of the whole sensor; crop regions in the active array's own.
+        // Both arrays are in pixels of the whole sensor; crop regions are in pixels of the active array.
         val x = active.left - (mosaic ?: active).left
         val y = active.top - (mosaic ?: active).top
         val region = result?.get(CaptureResult.SCALER_CROP_REGION)
         val all = PreviewCrop.of(Region(x, y, x + active.width(), y + active.height())).zoomed(zoom)
         if (region == null) return all
-        // Of a zoomed field of view the region is a part, in the active array's numbers.
+        // With zoom, the region is a part of the zoomed field of view, in coordinates of the active array.
         val (across, down) = all.width / active.width() to all.height / active.height()
         return PreviewCrop(
             all.left + region.left * across,

@@ -27,13 +27,14 @@ import java.nio.ByteOrder
 import java.security.MessageDigest
 
 /**
- * One RAW frame and how it came about.
+ * One RAW frame and how it was captured.
  *
- * @property mosaic the samples and what the camera says about them, as the DNG reader would give them.
- * @property noiseReduction the mode that ran (CameraMetadata.NOISE_REDUCTION_MODE_*), null where the result is silent.
- * @property lensShadingApplied whether the sensor's driver brightened the corners of the RAW samples already; null where
- *   the camera is silent. Where true, [mosaic] has no gain maps, since they must not be applied again.
- * @property shortfalls what was not as wanted, nothing of it fatal.
+ * @property mosaic the samples and the camera's metadata, as the DNG reader would give them.
+ * @property noiseReduction the mode that ran (CameraMetadata.NOISE_REDUCTION_MODE_*); null if the result does not
+ *   contain it.
+ * @property lensShadingApplied true if the camera has already corrected the lens shading of the RAW samples; null if
+ *   it does not report this. If true, [mosaic] has no gain maps, because they must not be applied again.
+ * @property shortfalls settings that differ from the wanted ones; none of them is fatal.
  */
 public class RawFrame internal constructor(
     public val mosaic: Mosaic,
@@ -45,11 +46,11 @@ public class RawFrame internal constructor(
 /**
  * One RAW frame whose samples stay in its image, outside the heap, until they are measured.
  *
- * @property photo for a `Shot`; it reads the image's buffer part by part. The image must stay open until the shot is
- *   measured, and is closed by who acquired it.
+ * @property photo for a `Shot`; it reads the image's buffer in parts. The image must stay open until the shot is
+ *   measured; whoever acquired it closes it.
  * @property noiseReduction see [RawFrame].
  * @property lensShadingApplied see [RawFrame].
- * @property shortfalls what was not as wanted, nothing of it fatal.
+ * @property shortfalls settings that differ from the wanted ones; none of them is fatal.
  */
 public class OpenRawFrame internal constructor(
     public val photo: PhotoSource,
@@ -58,31 +59,36 @@ public class OpenRawFrame internal constructor(
     public val shortfalls: List<Shortfall>,
 )
 
-/** Camera2's RAW_SENSOR frames → mosaics. */
+/** Converts Camera2's RAW_SENSOR frames to mosaics. */
 public object RawFrames {
     /**
-     * Copies a frame out of its image. Close the image at once afterwards: the camera has few of them, and this neither
-     * keeps nor closes it. Any thread; takes the time of a copy.
+     * Copies a frame out of its image.
      *
-     * The mosaic equals what the platform's own DNG of this frame holds, but for its black level (the DNG's is cut to
-     * 1/100), white level (the DNG's is the static one) and bad pixels (not read here).
+     * Close the image immediately afterwards, because the camera has only a few; this function neither keeps nor
+     * closes it. It may be called on any thread and takes the time of a copy.
      *
-     * Of a logical multi-camera, let one physical camera write the image (`OutputConfiguration.setPhysicalCameraId`) and
-     * hand over that camera's characteristics and result (`TotalCaptureResult.getPhysicalCameraResults`): otherwise the
-     * frame may come from another lens than they describe. Where the result names the physical camera (Android 10), frames
-     * of two of them are refused as one capture (`unit_differs`).
+     * The mosaic equals the content of the platform's own DNG of this frame, except for the black level (the DNG's is
+     * cut to 1/100), the white level (the DNG has the static one) and bad pixels (not read here).
      *
-     * @param image of format RAW_SENSOR, as big as the pixel array or as the pre-correction active array.
-     * @param camera that took it.
+     * With a logical multi-camera, let one physical camera write the image
+     * (`OutputConfiguration.setPhysicalCameraId`) and pass that camera's characteristics and result
+     * (`TotalCaptureResult.getPhysicalCameraResults`). Otherwise the frame may come from another lens than they
+     * describe. If the result names the physical camera (Android 10), a capture with frames of two physical cameras
+     * is refused (`unit_differs`).
+     *
+     * @param image of format RAW_SENSOR, with the size of the pixel array or of the pre-correction active array.
+     * @param camera characteristics of the camera that took it.
      * @param result of the same capture.
      * @param name for messages and results.
-     * @param region copy only this part of the active area, as far as it lies inside: `ChartPose.region(corners)` is what
-     *   a calibration needs.
-     * @throws InvalidArgument an image of another format or capture, or a closed one; a region outside the photo.
-     * @throws OutOfMemory the part does not fit into the heap: ask for a smaller one, or take [open].
-     * @throws UnsupportedRaw a colour filter or size that camssf does not read.
-     * @throws NotSensorRaw a test pattern changed the samples, or noise reduction that the camera could have left out;
-     *   where it offers no OFF, the frame is taken and [RawFrame.shortfalls] names it.
+     * @param region part of the active area to copy, clipped to that area; a calibration needs only
+     *   `ChartPose.region(corners)`.
+     * @throws InvalidArgument the image has another format, is from another capture or is closed; or the region is
+     *   outside the photo.
+     * @throws OutOfMemory the part does not fit into the heap: copy a smaller one, or use [open].
+     * @throws UnsupportedRaw camssf does not support the colour filter or the size, or the camera does not report a
+     *   needed value.
+     * @throws NotSensorRaw a test pattern changed the samples, or noise reduction ran although the camera offers OFF.
+     *   If it does not offer OFF, the frame is accepted and [RawFrame.shortfalls] lists it.
      */
     @JvmStatic
     @JvmOverloads
@@ -100,12 +106,14 @@ public object RawFrames {
     }
 
     /**
-     * A frame that is measured where it lies: a 50-megapixel photo takes 100 MB of heap by [read], and by this nothing
-     * but the rows in work. Close the image once the shot is measured.
+     * Opens a frame that is measured in its image's own buffer.
      *
-     * @throws InvalidArgument as [read], and when the image is closed before the shot is measured.
-     * @throws UnsupportedRaw as [read].
-     * @throws NotSensorRaw as [read].
+     * [read] needs 2 bytes of heap per sample; this function needs heap only for the rows in use. Close the image
+     * after the shot has been measured.
+     *
+     * @throws InvalidArgument as for [read], and if the image is closed before the shot is measured.
+     * @throws UnsupportedRaw as for [read].
+     * @throws NotSensorRaw as for [read].
      */
     @JvmStatic
     public fun open(
@@ -118,7 +126,7 @@ public object RawFrames {
         val frame = Frame(image, camera, result, name)
         val sha256 by lazy { frame.sha256() }
         val photo = PhotoSource { region ->
-            sameCapture(image, result, name) // and open still
+            sameCapture(image, result, name) // also checks that the image is still open
             frame.mosaic(region, sha256)
         }
         return OpenRawFrame(photo, result.get(CaptureResult.NOISE_REDUCTION_MODE), frame.shaded, shortfalls)
@@ -140,7 +148,7 @@ public object RawFrames {
 
     private val ORIENTATIONS = mapOf(0 to 1, 90 to 6, 180 to 3, 270 to 8)
 
-    /** What a frame says, and how to get at its samples. */
+    /** Metadata of a frame, and access to its samples. */
     private class Frame(
         image: Image,
         camera: CameraCharacteristics,
@@ -191,7 +199,10 @@ public object RawFrames {
             return part
         }
 
-        /** Of all samples of the active area, row by row, low byte first: what a result says of a copied frame, too. */
+        /**
+         * SHA-256 of all samples of the active area, row by row, low byte first; the same as for a completely copied
+         * frame.
+         */
         fun sha256(): String {
             val digest = MessageDigest.getInstance("SHA-256")
             val bytes = ByteArray(2 * area.width)
@@ -220,11 +231,11 @@ public object RawFrames {
         )
     }
 
-    /** A key that this Android may not have yet: API 29 brought the physical camera's. */
+    /** A key that this version of Android may not have: the physical camera's key needs API 29. */
     private inline fun <reified T> newer(name: String): T? =
         runCatching { CaptureResult::class.java.getField(name).get(null) as? T }.getOrNull()
 
-    /** API 31. */
+    /** The camera's id; null before API 31. */
     private fun cameraId(result: CaptureResult): String? =
         runCatching { CaptureResult::class.java.getMethod("getCameraId").invoke(result) as? String }.getOrNull()
 
@@ -272,7 +283,7 @@ public object RawFrames {
         return Mosaic.CFA_ORDERS.getOrNull(order) ?: throw UnsupportedRaw("$name: filter arrangement $order.", advice)
     }
 
-    /** The active part of the image, in its own pixels. */
+    /** The active area of the image, in the image's own pixels. */
     private fun area(image: Image, camera: CameraCharacteristics, name: String): Region {
         val active = need(camera, CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE, name)
         val whole = need(camera, CameraCharacteristics.SENSOR_INFO_PIXEL_ARRAY_SIZE, name)
@@ -282,13 +293,14 @@ public object RawFrames {
             throw UnsupportedRaw("$name has $w × $h samples, the sensor $whole.", "Ask for its ordinary pixel mode.")
         }
         if (active.left % 2 != 0 || active.top % 2 != 0) {
-            // Documented as the sensor's corner, written into DNG as the active area's: they differ by a column or row.
+            // The filter arrangement is documented as the one at the sensor's corner, but DNG has it at the active
+            // area's corner: at an odd place the two differ by a column or row.
             throw UnsupportedRaw("$name: the active array begins at an odd place.", "Choose another camera.")
         }
         return Region(active.left, active.top, active.right, active.bottom)
     }
 
-    /** The samples of an image's active area, where they lie. */
+    /** The samples of an image's active area, read from its own buffer. */
     private class Samples(private val image: Image, private val area: Region, private val name: String) {
         private val stride: Int
 
@@ -316,7 +328,7 @@ public object RawFrames {
         fun copy(part: Region, into: ShortArray) {
             val bytes = image.planes[0].buffer.duplicate()
             bytes.limit(bytes.capacity())
-            for (row in 0 until part.height) { // which may begin at an odd byte
+            for (row in 0 until part.height) { // a row may begin at an odd byte
                 bytes.position((stride.toLong() * (area.top + part.top + row) + 2L * (area.left + part.left)).toInt())
                 bytes.slice().order(ByteOrder.nativeOrder()).asShortBuffer().get(into, row * part.width, part.width)
             }
@@ -328,7 +340,7 @@ public object RawFrames {
         return DoubleArray(4) { pattern.getOffsetForIndex(it and 1, it shr 1).toDouble() }
     }
 
-    /** Four maps, one a position of the colour filters, as the platform's DNG writer makes them. */
+    /** Four maps, one for each position of the colour filters, as the platform's DNG writer makes them. */
     private fun gainMaps(map: LensShadingMap, cfa: String, area: Region): List<GainMap> {
         val greens = cfa.indices.filter { cfa[it] == 'G' }
         val places = mapOf(
@@ -364,7 +376,9 @@ public object RawFrames {
         )
     }
 
-    /** One pair a colour; of the two greens the noisier one, as in the platform's DNG. */
+    /**
+     * One pair of noise parameters for each colour; for green, that of the noisier green, as in the platform's DNG.
+     */
     private fun noise(result: CaptureResult, cfa: String): DoubleArray? {
         val profile = result.get(CaptureResult.SENSOR_NOISE_PROFILE)?.takeIf { it.size == 4 } ?: return null
         val green = cfa.indices.filter { cfa[it] == 'G' }.maxByOrNull { profile[it].first }!!

@@ -3,12 +3,12 @@ package org.camssf.colour
 import kotlin.math.abs
 import kotlin.math.sqrt
 
-/** Small dense linear algebra of symmetric matrices, rows of (n, n). */
+/** Dense linear algebra of small symmetric matrices (n, n), given as rows. */
 internal object Symmetric {
-    /** Jacobi's sweeps: quadratic convergence needs less than ten. */
+    /** Limit of Jacobi sweeps; with quadratic convergence, fewer than ten suffice. */
     private const val SWEEPS = 64
 
-    /** Lower triangle of Cholesky's factorisation, A = L Lᵀ; null where A is not positive definite. */
+    /** Cholesky factor L, a lower triangle, with A = L Lᵀ; null if A is not positive definite. */
     fun root(matrix: Array<DoubleArray>): Array<DoubleArray>? {
         val rows = Array(matrix.size) { DoubleArray(matrix.size) }
         for (i in rows.indices) {
@@ -22,7 +22,7 @@ internal object Symmetric {
         return rows
     }
 
-    /** L⁻¹ times the rows of a matrix (n, m), in place. */
+    /** Forward substitution: replaces a matrix B (n, m) by L⁻¹ B, in place. */
     fun forward(root: Array<DoubleArray>, right: Array<DoubleArray>) {
         for (i in root.indices) {
             for (j in 0 until i) add(right[i], -root[i][j], right[j])
@@ -31,13 +31,13 @@ internal object Symmetric {
     }
 
     /**
-     * Eigenvalues, the largest first, each with its unit vector, by Jacobi's rotations: small ones beside large ones have
-     * their digits, too.
+     * Eigenvalues in descending order, each with its unit eigenvector, by Jacobi rotations, which keep the relative
+     * accuracy of small eigenvalues.
      */
     fun eigen(matrix: Array<DoubleArray>): List<Pair<Double, DoubleArray>> {
         val n = matrix.size
         val a = Array(n) { matrix[it].copyOf() }
-        val axes = Array(n) { i -> DoubleArray(n).also { it[i] = 1.0 } } // rows are the vectors
+        val axes = Array(n) { i -> DoubleArray(n).also { it[i] = 1.0 } } // rows are the eigenvectors
         repeat(SWEEPS) {
             var turned = false
             for (p in 0 until n) {
@@ -86,14 +86,14 @@ internal object Symmetric {
     private const val ROUNDING = 1e-17
 }
 
-/** Least squares with several right sides, by columns. */
+/** Linear least squares with several right-hand sides, stored by columns. */
 internal object Columns {
-    /** Columns that have less than this share of their length for themselves depend on the others. */
+    /** A column counts as linearly dependent if orthogonalisation leaves less than this fraction of its length. */
     private const val DEPENDENT = 1e-10
 
     /**
-     * X (unknowns) of (sides), least ‖A X - B‖, by Gram and Schmidt's modified orthogonalisation, which spoils the columns;
-     * null where those of A depend on each other.
+     * X, (unknowns) of (sides), that minimises ‖A X - B‖, by modified Gram-Schmidt orthogonalisation; null if the
+     * columns of A are linearly dependent. It overwrites `columns`.
      *
      * @param columns of A, then of B.
      */

@@ -21,7 +21,7 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * What the calibration saw of white: it ties the three channels' scales together.
+ * The calibration's raw white, which fixes the relative scale of the three channels.
  *
  * @property raw (3) white signal of each channel relative to green.
  * @property lamp of that shot.
@@ -29,20 +29,21 @@ import kotlin.math.sqrt
 internal class OwnWhite(val raw: DoubleArray, val lamp: Lamp)
 
 /**
- * Curves for colour.
+ * A camera's curves and the modes of their errors, for colour computations.
  *
  * @property values each channel's peak = 1.
- * @property modes directions in which they may be off, each one standard deviation long and independent of the others.
- * @property own the calibration's white; null where it is not known.
+ * @property modes independent error modes of the curves, each one standard deviation long; empty for curves without
+ *   uncertainty.
+ * @property own the calibration's white; null if it is not known.
  */
 internal class ColourCamera private constructor(val values: Three, val modes: List<Three>, val own: OwnWhite?) {
     companion object {
         /**
-         * The curves of a result document, with the modes that its covariance gives; where it has none, those of its
-         * bands: errors are then taken to be smooth over 10 nm.
+         * Reads the camera of a result document. The modes come from the document's covariance if possible; otherwise
+         * from its bands, assuming that errors are smooth over 10 nm and independent between the channels.
          *
-         * @param lamp of its first shot, where it is at hand; else it is read by its name.
-         * @throws InvalidArgument a refused result, or a text that is none.
+         * @param lamp lamp of its first shot; if null, it is read by its name in the document.
+         * @throws InvalidArgument a refused result, or a text that is not a result document.
          */
         fun parse(document: String, lamp: Lamp? = null): ColourCamera {
             val result = try {
@@ -54,7 +55,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
                 of(result, lamp)
             } catch (error: CalibrationException) {
                 throw error
-            } catch (error: RuntimeException) { // a field that is missing, or of another form
+            } catch (error: RuntimeException) { // a missing or malformed field
                 throw broken(error)
             }
         }
@@ -87,14 +88,17 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             val light = lamp ?: try {
                 Lamp.read(result.list("shots").first().jsonObject.part("lamp").text("name"))
             } catch (_: InvalidArgument) {
-                return null // a lamp that was measured into a file: what ties the channels is not known
+                return null // the lamp was a measured file, so the relative scale of the channels is not known
             }
             val raw = result.numbers("channel_gain").also { check(it.size == 3) { "${it.size} gains" } }
             val seen = List(3) { dot(light.sharedValues, values[it]) }
             return if (raw.all { it > 0 } && seen.all { it > 0 }) OwnWhite(raw, light) else null
         }
 
-        /** From the document's covariance; null where it has none, or it is not that of its own bands. */
+        /**
+         * Modes from the document's covariance; null if it has none, or if it does not reproduce the document's
+         * bands.
+         */
         private fun ofCode(result: JsonObject, values: Three, std: Three, own: OwnWhite): List<Three>? {
             val triangle = (result["code_covariance"] as? JsonArray)?.let { numbers(it) } ?: return null
             val basis = LearnedBasis.of(result.text("basis")) ?: return null
@@ -116,10 +120,10 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
         }
 
         /**
-         * Modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
+         * Modes of curves with peak 1, from the covariance (3 r, 3 r) of their code.
          *
-         * The basis is anchored to the white L, so no code changes Σ L s dλ: that gives the curves' scale. With
-         * ŝ = s / s_p, p where s peaks, an error d s moves ŝ by (d s - ŝ d s_p) / s_p.
+         * The basis is anchored to the white L, so no code changes Σ L s dλ; this gives the curves' scale. With
+         * ŝ = s / s_p, where s peaks at p, an error d s changes ŝ by (d s - ŝ d s_p) / s_p.
          */
         private fun modes(
             values: Three,
@@ -154,7 +158,9 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             return largest(steps)
         }
 
-        /** Modes whose variance at each wavelength is the band's. */
+        /**
+         * Modes whose variance at each wavelength is that of the band; errors are independent between the channels.
+         */
         private fun ofBands(std: Three): List<Three> {
             val smooth = Directions.of(BAND_CORRELATION).columns
             val sizes = DoubleArray(Grid.SIZE) { m -> sqrt(smooth.sumOf { it[m] * it[m] }) }
@@ -170,7 +176,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             )
         }
 
-        /** The same covariance by as few directions as matter, the largest first. */
+        /** Reduces the modes to principal ones, the largest first; those below LEAST are left out. */
         private fun largest(modes: List<Three>): List<Three> {
             val gram = Array(modes.size) { DoubleArray(modes.size) }
             for (a in modes.indices) {
@@ -198,18 +204,21 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
 
         private val none = emptyList<Three>()
 
-        /** Length over which errors of a curve are taken to be alike where only its band is known, nm. */
+        /** Correlation length of a curve's errors if only its band is known, nm. */
         private const val BAND_CORRELATION = 10.0
 
-        /** Largest difference between a document's bands and those that its covariance gives, in parts of the largest. */
+        /**
+         * Largest difference between a document's bands and those of its covariance, as a fraction of the largest
+         * band.
+         */
         private const val SAME_BAND = 0.02
 
-        /** Directions that hold less than this share of the largest one's variance are left out. */
+        /** Modes with less than this fraction of the largest one's variance are left out. */
         private const val LEAST = 1e-6
     }
 }
 
-/** Curves and lamp of which no colour can be made. */
+/** The error for curves and a lamp from which no colour can be computed. */
 internal object NoColour {
     fun error(): InvalidArgument = InvalidArgument(
         "These curves, as uncertain as they are, carry no colour under this lamp.",

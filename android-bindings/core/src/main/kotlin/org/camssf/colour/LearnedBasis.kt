@@ -4,10 +4,10 @@ import org.camssf.Nodes
 import org.camssf.recovery.BasisConstants
 
 /**
- * A learned basis on the grid.
+ * A learned basis of camera curves on the grid.
  *
- * @property mean μ of R, G, B.
- * @property dictionary of each of them its r atoms (681).
+ * @property mean mean curves μ of R, G, B.
+ * @property dictionary for each channel its r atoms (681).
  */
 internal class LearnedBasis private constructor(val mean: Three, val dictionary: List<Array<DoubleArray>>) {
     val atoms: Int get() = dictionary[0].size
@@ -15,7 +15,7 @@ internal class LearnedBasis private constructor(val mean: Three, val dictionary:
     companion object {
         private val made = HashMap<BasisConstants, LearnedBasis>()
 
-        /** The shipped one of this name; null for any other name. */
+        /** The bundled basis of this name, cached; null if there is none. */
         fun of(name: String): LearnedBasis? = BasisConstants.of(name)?.let { constants ->
             synchronized(made) { made.getOrPut(constants) { straight(constants) } }
         }

@@ -9,15 +9,15 @@ import kotlin.math.ln
 import kotlin.math.max
 
 /**
- * Lamp and curves as far as they are known, and the directions in which both may be off.
+ * Posterior mean of a lamp and a camera's curves, with their joint error modes.
  *
- * @property power (681) expected.
- * @property curves expected.
- * @property powerModes (K) of (681), absolute; nothing but zeros from `ofLamp` on.
- * @property curveModes (K), absolute; the same K errors.
- * @property ofLamp how many of the K, the first ones, vanish where the lamp is known.
- * @property logEvidence ln of the density of the reference's ratios; 0 where there are none.
- * @property surprise χ² of these ratios, two degrees of freedom; null where there are none.
+ * @property power (681) posterior mean.
+ * @property curves posterior mean.
+ * @property powerModes (K) of (681), absolute; zero from index `ofLamp` on.
+ * @property curveModes (K), absolute, of the same K errors.
+ * @property ofLamp number of errors that come from the lamp; they are the first ones.
+ * @property logEvidence ln of the density of the reference's ratios; 0 without them.
+ * @property surprise χ² of these ratios, two degrees of freedom; null without them.
  */
 internal class Light private constructor(
     val name: String,
@@ -31,10 +31,11 @@ internal class Light private constructor(
 ) {
     companion object {
         /**
-         * What is known of the light: lamp and curves, conditioned on the raw ratios of a reference by Gauss-Newton
-         * steps, as `camssf.colour.light` has it.
+         * Conditions lamp and curves on the raw ratios of a reference by Gauss-Newton steps, as in Python's
+         * `camssf.colour.light`.
          *
-         * @param ratios (2) ln of the reference's raw red and blue over its green; null where nothing compares with it.
+         * @param ratios (2) ln of the reference's raw red and blue over its green; null without a usable reference.
+         *   Ignored if the camera's own white is not known.
          * @param error one standard deviation of them.
          */
         fun see(camera: ColourCamera, lamp: Lamp, ratios: DoubleArray?, error: Double): Light {
@@ -53,7 +54,7 @@ internal class Light private constructor(
                     (if (a == b) 1.0 else 0.0) - known
                 }
             }
-            // The lamp's come first: later columns move no lamp.
+            // The lamp's errors come first, so later columns of the Cholesky factor do not change the lamp.
             val root = Symmetric.root(covariance) ?: throw NoColour.error()
             val bend = bend(modes, mean)
             return Light(
@@ -79,7 +80,7 @@ internal class Light private constructor(
             )
         }
 
-        /** Directions (681) in which a lamp may be off, relative to it: its modes, and its smooth error. */
+        /** Error modes (681) of a lamp, relative to its power: its own modes, and its smooth error. */
         fun modes(lamp: Lamp): List<DoubleArray> {
             if (!(lamp.tolerance > 0)) return lamp.sharedModes
             val smooth = Directions.of(Rules.shipped.number("covariance.lamp_correlation")).columns
@@ -101,14 +102,20 @@ internal class Light private constructor(
 
         private const val STEPS = 4
 
-        /** Relative error of the calibration's own white ratios, beside its lamp's: its target, drift, noise. */
+        /**
+         * Relative error of the calibration's white ratios from target, drift and noise, in addition to its lamp's
+         * error.
+         */
         private const val OWN_WHITE = 0.01
 
-        /** No lamp is taken to be darker than this part of what was told. */
+        /** Lower limit of a lamp's power, as a fraction of the named lamp's. */
         private const val DARKEST = 0.02
     }
 
-    /** What the ratios say: of lamp and curves, mean and covariance I - gain · slope; and how they surprise. */
+    /**
+     * The update by the reference's ratios: posterior mean, gain and slope of the joint errors (covariance I - gain ·
+     * slope), and the χ² of the ratios.
+     */
     private class Told(
         private val camera: ColourCamera,
         private val own: OwnWhite,
@@ -132,7 +139,7 @@ internal class Light private constructor(
             repeat(STEPS) {
                 val (expected, noise) = look()
                 off = DoubleArray(2) { ratios[it] - expected[it] + dot(slope[it], mean) }
-                // Green's noise is in both.
+                // Both ratios contain the noise of green.
                 spread = DoubleArray(3) {
                     val (a, b) = PAIRS[it]
                     dot(slope[a], slope[b]) + noise[it] + error * error * (if (a == b) 2 else 1)
@@ -152,13 +159,16 @@ internal class Light private constructor(
 
         fun taken(a: Int, b: Int): Double = gain[0][a] * slope[0][b] + gain[1][a] * slope[1][b]
 
-        /** S⁻¹ of a vector, S = (s₀ s₁; s₁ s₂). */
+        /** S⁻¹ times the vector (r, b), with S = (s₀ s₁; s₁ s₂). */
         private fun solved(s: DoubleArray, r: Double, b: Double): Pair<Double, Double> {
             val determinant = s[0] * s[2] - s[1] * s[1]
             return (s[2] * r - s[1] * b) / determinant to (s[0] * b - s[1] * r) / determinant
         }
 
-        /** Expected ln ratios and the covariance of what is not in the modes; sets their slopes. */
+        /**
+         * Expected ln ratios at the current mean, and the covariance of the errors that are not in the modes; sets
+         * `slope`.
+         */
         private fun look(): Pair<DoubleArray, DoubleArray> {
             val curves = moved(camera, mean, p)
             val bend = bend(modes, mean)
@@ -186,7 +196,7 @@ internal class Light private constructor(
             return DoubleArray(2) { log[it][0] } to noise
         }
 
-        /** (2, count) of values by channel: red's and blue's less green's. */
+        /** (2, count) the values of red and of blue, each minus that of green. */
         private inline fun againstGreen(count: Int, value: (Int, Int) -> Double): Array<DoubleArray> {
             val found = Array(2) { DoubleArray(count) }
             for (i in 0 until count) {
@@ -198,7 +208,7 @@ internal class Light private constructor(
         }
 
         private companion object {
-            /** Of a symmetric (2, 2). */
+            /** Index pairs of a symmetric (2, 2) matrix. */
             val PAIRS = listOf(0 to 0, 0 to 1, 1 to 1)
         }
     }

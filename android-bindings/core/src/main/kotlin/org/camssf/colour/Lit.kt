@@ -10,10 +10,10 @@ import kotlin.math.ln
 import kotlin.math.max
 
 /**
- * Colour under one lamp: the transform, the transforms that it were, had each error of lamp and curves been so, and what
- * the surfaces tell of signals that look like theirs. `camssf.colour.standard` in its order.
+ * Computes colours under one lamp, in the same order of steps as Python's `camssf.colour.standard`. It holds the
+ * transform, the transforms refitted with each error of lamp and curves, and the errors on cross-validated surfaces.
  *
- * @param tolerance relative error of the reference.
+ * @param tolerance relative error of the reference's reflectance.
  */
 internal class Lit(val light: Light, view: View, tolerance: Double) {
     private val functions = Tables.observer(view.observer)
@@ -30,21 +30,24 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
     /** (3) XYZ of the white that Lab is relative to. */
     val white: DoubleArray = aim ?: chosen.white
 
-    /** (p, 3) of the colour as stated, adapted where that was asked. */
+    /** (p, 3) coefficients of the stated XYZ, chromatically adapted if the view asks for it. */
     val coefficients: DoubleArray = turned(chosen.coefficients, turn)
 
-    /** White-balanced light as the curves see it, on the grid and on the nodes. */
+    /** Lamp times curves, on the grid. */
     private val seen: Three = Learned.lit(light.power, light.curves)
     private val level = DoubleArray(3) { seen[it].sum() }
     private val matrix = Array(3) { c -> Nodes.fold(DoubleArray(Grid.SIZE) { seen[c][it] / level[c] }) }
 
-    /** The answers with each error in turn, one standard deviation up and down. */
+    /** The refitted transforms for each error, one standard deviation up and down. */
     private val steps: List<Pair<Step, Step>>
 
-    /** (K) of (n, 3): how the surfaces' signals answer to each error, in parts of their level. */
+    /** (K) of (n, 3) changes of the surfaces' signals by each error, divided by their level. */
     private val relative: List<DoubleArray>
 
-    /** (K') of (3): relative moves by the reference's smooth error, and by light that differs between places. */
+    /**
+     * (K') of (3) relative changes of the signals by the reference's smooth error and by light that varies with
+     * place.
+     */
     private val ofReference: List<DoubleArray>
 
     /** ln r/g and ln b/g of the surfaces, (n, 2). */
@@ -63,7 +66,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         missed = List(chosen.signals.size / 3) { outer(chosen.residual, 3 * it) }
     }
 
-    /** A transform and the white of its lamp. */
+    /** A refitted transform, and the white that Lab is relative to. */
     private class Step(val coefficients: DoubleArray, val white: DoubleArray)
 
     private fun step(k: Int, sign: Double, truth: Pair<DoubleArray, DoubleArray>): Step {
@@ -100,7 +103,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         }
     }
 
-    /** The colour of signals (3) with standard errors (3), in units of a perfect white. */
+    /** Computes the colour of signals (3) with standard errors (3), in units of a perfect white diffuser. */
     fun colour(y: DoubleArray, error: DoubleArray): StandardColour {
         val xyz = xyz(y)
         val slopes = Spaces.slopes(xyz, white)
@@ -132,13 +135,16 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         return StandardColour(xyz, Spaces.lab(xyz, white), parts, reach)
     }
 
-    /** XYZ (3) of signals (3), as stated. */
+    /** Stated XYZ (3) of signals (3). */
     private fun xyz(y: DoubleArray): DoubleArray = apply(coefficients, y)
 
     private fun apply(coefficients: DoubleArray, y: DoubleArray): DoubleArray =
         DoubleArray(3).also { kind.apply(coefficients, y, 0, it, 0) }
 
-    /** By the errors of the curves and of the lamp: half of what the answers up and down differ by. */
+    /**
+     * Covariances by the errors of the curves and of the lamp: each step is half the difference between the answers
+     * up and down.
+     */
     private fun stepped(y: DoubleArray): Pair<Spread, Spread> {
         val found = List(2) { Spread(DoubleArray(9), DoubleArray(9)) }
         for ((k, sides) in steps.withIndex()) {
@@ -152,7 +158,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         return found[0] to found[1]
     }
 
-    /** Covariance (3, 3) of XYZ under the lamp by moves (3) of the signals. */
+    /** Covariance (3, 3) of XYZ under the lamp by changes (3) of the signals. */
     private fun bySignal(y: DoubleArray, moves: List<DoubleArray>): DoubleArray = sum(
         moves.map { move ->
             val up = apply(chosen.coefficients, DoubleArray(3) { y[it] + move[it] })
@@ -162,8 +168,9 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
     )
 
     /**
-     * Covariance (3, 3) of what the transform misses on surfaces that look alike: those near in ln r/g and ln b/g count
-     * most, and all of them as much as COMMON near ones; the errors grow with the level of the signals.
+     * Covariance (3, 3) of the transform's error on surfaces that look similar to the camera. It is a weighted mean
+     * over cross-validated surfaces: those near in ln r/g and ln b/g count most, and all together count as much as
+     * COMMON near ones. Errors are proportional to the level of the signals.
      */
     private fun metamers(alike: DoubleArray, bright: Double): DoubleArray {
         val near = DoubleArray(9)
@@ -172,7 +179,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         return DoubleArray(9) { near[it] / whole * (bright * bright) }
     }
 
-    /** (n) weights, 1 for a surface of the very same ratios. */
+    /** (n) weights of similarity, 1 for a surface of the same ratios. */
     private fun likeness(y: DoubleArray): DoubleArray {
         val own = DoubleArray(2) { ratio(y, 0, it) }
         return DoubleArray(known.size / 2) { i ->
@@ -188,13 +195,13 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
     }
 
     private companion object {
-        /** Surfaces whose ln r/g and ln b/g differ by so much are alike: what their colours miss tells of this one. */
+        /** Standard deviation of the similarity weight, in ln r/g and ln b/g. */
         const val NEARBY = 0.25
 
-        /** Surfaces that stand for all others, where few are alike. */
+        /** Weight of all surfaces together, as a number of similar ones. */
         const val COMMON = 5.0
 
-        /** Coefficients (p, 3) of XYZ that is then turned. */
+        /** Coefficients (p, 3) followed by the adaptation matrix `turn` (3, 3); unchanged if it is null. */
         fun turned(coefficients: DoubleArray, turn: DoubleArray?): DoubleArray {
             if (turn == null) return coefficients
             return DoubleArray(coefficients.size) { at ->

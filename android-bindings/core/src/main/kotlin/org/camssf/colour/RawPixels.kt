@@ -4,24 +4,24 @@ import org.camssf.InvalidArgument
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Region
 
-/** A mosaic's colour-filter cells as pixels of a live preview: no demosaicing, each pixel is the mean of whole cells. */
+/** Converts a mosaic to pixels of a live preview without demosaicing: each pixel is the mean of whole CFA cells. */
 public class RawPixels private constructor(
-    /** What is read, px of the active area as the sensor stores it; borders on whole cells. */
+    /** The part that is read, px of the active area in the sensor's orientation; its borders lie on whole cells. */
     public val area: Region,
     private val cells: Int,
 ) {
-    /** Pixels in a row. */
+    /** Number of pixels in a row. */
     public val columns: Int get() = area.width / (2 * cells)
 
-    /** Rows of pixels. */
+    /** Number of rows of pixels. */
     public val rows: Int get() = area.height / (2 * cells)
 
     /**
-     * R, G, B of each pixel in turn, row by row, DN above black. A pixel with a sample at the ceiling has no colour: NaN.
+     * Computes R, G, B of each pixel, row by row, DN above black. A pixel with a clipped sample is NaN.
      *
-     * @param photo any of the same size; it must hold the area.
-     * @param into 3 · [rows] · [columns] numbers, so that a preview allocates none.
-     * @throws InvalidArgument an array of another size, or a photo that does not hold the area.
+     * @param photo a photo whose region contains [area].
+     * @param into receives 3 · [rows] · [columns] numbers; a preview can reuse it for every frame.
+     * @throws InvalidArgument an array of another size, or a photo that does not contain [area].
      */
     @JvmOverloads
     public fun read(photo: Mosaic, into: FloatArray = FloatArray(3 * rows * columns)): FloatArray {
@@ -37,7 +37,7 @@ public class RawPixels private constructor(
         }
         val order = photo.cfa
         val black = photo.black
-        // Where in the cell each colour lies; green does so twice.
+        // Position of red and blue in the cell; the other two are green.
         val red = order.indexOf('R')
         val blue = order.indexOf('B')
         val greens = (black[red xor 1] + black[blue xor 1]) / 2
@@ -72,10 +72,10 @@ public class RawPixels private constructor(
 
     public companion object {
         /**
-         * How to read an area, with `cells` × `cells` colour-filter cells to a pixel.
+         * Creates a reader of an area, with `cells` × `cells` CFA cells per pixel.
          *
-         * @param area cut to whole pixels.
-         * @throws InvalidArgument no whole pixel lies in it.
+         * @param area cropped to whole pixels.
+         * @throws InvalidArgument the area contains no whole pixel, or `cells` is not 1 to 64.
          */
         @JvmStatic
         @JvmOverloads
@@ -93,7 +93,7 @@ public class RawPixels private constructor(
             return RawPixels(Region(left, top, left + 2 * cells * columns, top + 2 * cells * rows), cells)
         }
 
-        /** So that a sum of samples is a whole number. */
+        /** Limit of `cells`, so that the sum of a pixel's samples does not overflow an Int. */
         private const val MOST = 64
     }
 }

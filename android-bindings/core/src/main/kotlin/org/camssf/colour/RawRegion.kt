@@ -16,7 +16,7 @@ import kotlin.math.hypot
 /**
  * A rectangle's raw signals.
  *
- * @property area where it lies, px of the active area as the sensor stores it.
+ * @property area its position, px of the active area in the sensor's orientation.
  */
 public class RawRegion internal constructor(
     public val area: Region,
@@ -31,15 +31,16 @@ public class RawRegion internal constructor(
 
     public companion object {
         /**
-         * Measures rectangles of one photo as patches are (docs/patches.md): dust and hot pixels are left out, the noise
-         * comes from the samples themselves. The mosaic is a DNG's or that of a Camera2 frame; it must hold the areas.
+         * Measures rectangles of one photo in the same way as chart patches (docs/patches.md): dust and hot pixels
+         * are left out, and the noise is estimated from the samples. The mosaic comes from a DNG or a Camera2 frame;
+         * it must contain the areas.
          *
-         * @param areas 12 × 12 pixels or more each.
-         * @param dark a dark frame of the same settings, whose samples are taken off instead of the black level.
-         * @throws InvalidArgument an area that leaves the photo or holds too few samples; lens shading that shall be
-         *   applied and is not there.
-         * @throws Overexposed samples at the ceiling.
-         * @throws CalibrationException a dark frame of other settings, and gain maps that camssf does not apply.
+         * @param areas rectangles of at least 12 × 12 pixels.
+         * @param dark a dark frame with the same settings; its signal is subtracted instead of the black level.
+         * @throws InvalidArgument an area that extends beyond the photo or holds too few samples; `lensShading` is
+         *   APPLY, but the file holds no gain maps.
+         * @throws Overexposed clipped samples.
+         * @throws CalibrationException a dark frame with other settings, or gain maps that camssf cannot apply.
          */
         @JvmStatic
         @JvmOverloads
@@ -86,7 +87,7 @@ public class RawRegion internal constructor(
             }
         }
 
-        /** Corners (4, 2) of which measuring takes the inner part: the pixels' borders lie half a pixel outside. */
+        /** Corners (4, 2), enlarged so that the inner part that is measured is exactly the area's samples. */
         private fun quad(photo: Mosaic, area: Region, number: Int): DoubleArray {
             if (area.width <= 0 || area.height <= 0) {
                 throw InvalidArgument("Region $number is empty.", "Give columns and rows, the last ones exclusive.")

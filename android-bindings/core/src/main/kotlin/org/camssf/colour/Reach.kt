@@ -4,18 +4,21 @@ import org.camssf.LeastSquares
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** Signals → how far they lie from what any surface could give under the lamp. */
+/** Distance of signals from those that any surface can give under the lamp. */
 internal object Reach {
-    /** Standard deviations from the nearest reflectance between 0 and 1: by chance 1 in 1,000 of three numbers. */
+    /**
+     * Largest accepted distance, in standard deviations; three Gaussian numbers exceed it by chance in 1 of 1,000
+     * cases.
+     */
     const val FARTHEST = 4.0
 
     /**
-     * min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R straight between the 5-nm nodes, by Wolfe's algorithm for the point of a
+     * min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R linear between 5-nm nodes, by Wolfe's algorithm for the point of a
      * polytope that is nearest to the origin (Math. Program. 1976, 11, 128).
      *
      * @param y (3) signals.
      * @param spread (3, 3) their covariance Σ.
-     * @param matrix A, (3) of (69): the light as the curves see it, white 1.
+     * @param matrix A, (3) of (69): lamp times curves, scaled so that white gives 1.
      */
     fun distance(y: DoubleArray, spread: DoubleArray, matrix: Array<DoubleArray>): Double {
         val floor = 1e-12 + 1e-6 * (spread[0] + spread[4] + spread[8]) / 3
@@ -33,7 +36,10 @@ internal object Reach {
         }
     }
 
-    /** Length of the shortest vector of a polytope in three dimensions, told by its outermost point against a direction. */
+    /**
+     * Distance of a polytope in three dimensions from the origin. `outermost` gives the polytope's extreme point
+     * opposite to a direction.
+     */
     private fun nearest(outermost: (DoubleArray) -> DoubleArray): Double {
         var corners = listOf(outermost(doubleArrayOf(1.0, 1.0, 1.0)))
         var weights = doubleArrayOf(1.0)
@@ -65,7 +71,7 @@ internal object Reach {
         return sqrt(dot(x, x))
     }
 
-    /** Weights, which sum to 1, of the shortest vector in the flat through the corners; null where they have none. */
+    /** Weights, with sum 1, of the shortest vector in the affine hull of the corners; null if it is not unique. */
     private fun flattest(corners: List<DoubleArray>): DoubleArray? {
         if (corners.size == 1) return doubleArrayOf(1.0)
         val base = corners[0]

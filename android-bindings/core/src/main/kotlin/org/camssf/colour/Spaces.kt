@@ -22,7 +22,7 @@ internal object Spaces {
         SLOPE / 116
     }
 
-    /** CIE 1976 L*a*b* of XYZ seen under a white (3): CIE 15. In place of XYZ where both are the same array. */
+    /** CIE 1976 L*a*b* of XYZ seen under a white (3): CIE 15. `into` may be the same array as `xyz`. */
     fun lab(xyz: DoubleArray, white: DoubleArray, into: DoubleArray = DoubleArray(3)): DoubleArray {
         val x = curve(xyz[0] / white[0])
         val y = curve(xyz[1] / white[1])
@@ -39,7 +39,7 @@ internal object Spaces {
         return doubleArrayOf(0.0, 116 * y, 0.0, 500 * x, -500 * y, 0.0, 0.0, 200 * y, -200 * z)
     }
 
-    /** (3, 3) that takes XYZ seen under one white to another: CAT16, adapted wholly. */
+    /** (3, 3) matrix that adapts XYZ from one white to another: CAT16, complete adaptation. */
     fun adaptation(source: DoubleArray, target: DoubleArray): DoubleArray {
         val to = times(CAT16, target)
         val from = times(CAT16, source)
@@ -56,7 +56,7 @@ internal object Spaces {
         a[row] * b[it % 3] + a[row + 1] * b[it % 3 + 3] + a[row + 2] * b[it % 3 + 6]
     }
 
-    /** How a covariance (3, 3) looks through a matrix: M Σ Mᵀ. */
+    /** Covariance (3, 3) transformed by a matrix: M Σ Mᵀ. */
     fun through(matrix: DoubleArray, covariance: DoubleArray): DoubleArray =
         product(product(matrix, covariance), DoubleArray(9) { matrix[it % 3 * 3 + it / 3] })
 

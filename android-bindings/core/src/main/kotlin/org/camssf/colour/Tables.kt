@@ -13,10 +13,10 @@ import org.camssf.spectra.numbers
 import org.camssf.spectra.part
 import org.camssf.spectra.text
 
-/** Three curves or functions on [Grid], one behind the other: (3) of (681). */
+/** Three curves or functions on [Grid], (3) of (681). */
 internal typealias Three = Array<DoubleArray>
 
-/** Real surfaces and standard observers: Python's own table (colour.json). */
+/** Reflectances of real surfaces, and standard observers: colour.json, the same file as in Python. */
 internal object Tables {
     private val file: JsonObject by lazy {
         val found = try {
@@ -32,12 +32,12 @@ internal object Tables {
         found
     }
 
-    /** (n, 69) reflectances on the 5-nm nodes, straight between them. */
+    /** (n, 69) reflectances on the 5-nm nodes, linear between them. */
     val surfaces: Array<DoubleArray> by lazy {
         file.part("surfaces").list("values").map { numbers(it) }.toTypedArray()
     }
 
-    /** Colour-matching functions of each observer, straight between 1-nm nodes. */
+    /** Colour-matching functions of each observer, linear between 1-nm nodes. */
     private val observers: Map<String, Three> by lazy {
         val table = file.part("observers")
         table.part("values").mapValues { (_, rows) ->

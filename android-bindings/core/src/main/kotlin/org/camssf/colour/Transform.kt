@@ -8,10 +8,10 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * What curves make of the surfaces under a lamp, white-balanced, and their true colours.
+ * The surfaces' white-balanced signals under a lamp, and their true XYZ.
  *
  * @property signals (n, 3), row by row.
- * @property xyz (n, 3).
+ * @property xyz (n, 3) true values.
  * @property white (3) XYZ of a perfect white.
  */
 internal class Learned(val signals: DoubleArray, val xyz: DoubleArray, val white: DoubleArray) {
@@ -34,12 +34,12 @@ internal class Learned(val signals: DoubleArray, val xyz: DoubleArray, val white
             return through(seen) { scale } to DoubleArray(3) { seen[it].sum() / scale }
         }
 
-        /** L times each of three curves, on the grid. */
+        /** The lamp's power times each of three curves, on the grid. */
         fun lit(power: DoubleArray, curves: Three): Three = Array(3) { c ->
             DoubleArray(Grid.SIZE) { power[it] * curves[c][it] }
         }
 
-        /** Σ R seen / scale of every surface, (n, 3). */
+        /** Σ R · seen / scale for every surface R, (n, 3). */
         inline fun through(seen: Three, scale: (Int) -> Double): DoubleArray {
             val found = DoubleArray(3 * Tables.surfaces.size)
             for (c in 0..2) {
@@ -53,12 +53,12 @@ internal class Learned(val signals: DoubleArray, val xyz: DoubleArray, val white
 }
 
 /**
- * White-balanced signals to XYZ under a lamp: a matrix of r, g, b, or a root-polynomial of degree 2 (Finlayson, Mackiewicz
- * and Hurlbert, IEEE Trans. Image Process. 2015, 24, 1460), whichever misses less on surfaces that its fit had not seen.
+ * A transform of white-balanced signals to XYZ under a lamp: a matrix of r, g, b, or a root-polynomial of degree 2
+ * (Finlayson, Mackiewicz and Hurlbert, IEEE Trans. Image Process. 2015, 24, 1460). Cross-validation chooses which.
  *
- * @property coefficients (p, 3) of X, Y, Z; each column sums to white's.
+ * @property coefficients (p, 3) for X, Y, Z; each column sums to white's.
  * @property white (3) XYZ of a perfect white under the lamp.
- * @property residual (n, 3) XYZ of each surface that the fit had not seen less its true one, over its level.
+ * @property residual (n, 3) XYZ of each surface in cross-validation minus the true one, divided by `level`.
  * @property signals (n, 3) of the surfaces.
  */
 internal class Transform private constructor(
@@ -72,9 +72,10 @@ internal class Transform private constructor(
         private const val FOLDS = 5
 
         /**
-         * The transform that errs least on surfaces it has not seen, or the one of that kind.
+         * Returns the transform of the kind with the smallest cross-validation error (mean ΔE00), or of `kind` if it
+         * is given.
          *
-         * @throws InvalidArgument curves that do not see the lamp, or two that are alike.
+         * @throws InvalidArgument a curve without a response to the lamp, or linearly dependent curves.
          */
         fun choose(power: DoubleArray, curves: Three, functions: Three, kind: Kind?): Transform {
             val seen = List(3) { dot(power, curves[it]) }
@@ -89,7 +90,7 @@ internal class Transform private constructor(
             val foretold = kinds.associateWith { unseen(told, it) }
             val lamp = told.white
             val truth = labs(told.xyz, lamp)
-            // The first of equals has fewer coefficients.
+            // With equal errors the first kind wins; it has fewer coefficients.
             val best = if (kind != null) {
                 kind
             } else {
@@ -109,7 +110,7 @@ internal class Transform private constructor(
         private fun labs(xyz: DoubleArray, white: DoubleArray): List<DoubleArray> =
             List(xyz.size / 3) { Spaces.lab(doubleArrayOf(xyz[3 * it], xyz[3 * it + 1], xyz[3 * it + 2]), white) }
 
-        /** XYZ of every surface by a fit to the other folds, (n, 3). */
+        /** Cross-validated XYZ (n, 3): each fold is predicted by a fit to the other folds. */
         private fun unseen(told: Learned, kind: Kind): DoubleArray {
             val found = DoubleArray(told.xyz.size)
             for (fold in 0 until FOLDS) {
@@ -120,14 +121,14 @@ internal class Transform private constructor(
         }
 
         /**
-         * Coefficients (p, 3) by least squares in XYZ under Σ coefficients = white, from the surfaces that are asked; null
-         * where the curves depend on each other.
+         * Coefficients (p, 3) by least squares in XYZ, subject to Σ coefficients = white, from the surfaces for which
+         * `asked` is true; null if the signals are linearly dependent.
          */
         inline fun fit(told: Learned, kind: Kind, asked: (Int) -> Boolean = { true }): DoubleArray? {
             val p = kind.terms
             val rows = (0 until told.xyz.size / 3).filter { asked(it) }
             val terms = DoubleArray(p)
-            // The directions in which coefficients may move, and behind them what the fixed part leaves of X, Y, Z.
+            // The free directions of the coefficients, then the residual of X, Y, Z without the fixed part.
             val columns = Array(p + 2) { DoubleArray(rows.size) }
             rows.forEachIndexed { row, i ->
                 kind.terms(told.signals, 3 * i, terms)
@@ -141,15 +142,15 @@ internal class Transform private constructor(
             }
         }
 
-        /** How bright the signals (3) from there on are: errors of a surface grow with it. */
+        /** Mean of the three signals from index `from` on; a surface's errors are proportional to it. */
         fun level(signals: DoubleArray, from: Int = 0): Double =
             max((signals[from] + signals[from + 1] + signals[from + 2]) / 3, 1e-9)
     }
 }
 
-/** Which products of r, g, b a transform takes. Those of a matrix come first. */
+/** Terms in r, g, b that a transform uses; the kind with the fewest terms comes first. */
 public enum class Kind(
-    /** As results and Python's options name it. */
+    /** Its name in results and in Python's options. */
     public val word: String,
     internal val terms: Int,
 ) {
@@ -160,7 +161,7 @@ public enum class Kind(
     ROOT_POLYNOMIAL("root-polynomial", 6),
     ;
 
-    /** (p - 1, p) orthonormal directions in which coefficients may move while their sum stays. */
+    /** (p - 1, p) orthonormal directions that do not change the sum of the coefficients. */
     internal val free: Array<DoubleArray> = Array(terms - 1) { a ->
         val size = sqrt((a + 1.0) * (a + 2.0))
         DoubleArray(terms) {
@@ -174,7 +175,7 @@ public enum class Kind(
         }
     }
 
-    /** The terms of the signals (3) from there on. Below black is black. */
+    /** Computes the terms of the three signals from index `from` on; negative signals count as 0. */
     internal fun terms(signals: DoubleArray, from: Int, into: DoubleArray) {
         val r = max(signals[from], 0.0)
         val g = max(signals[from + 1], 0.0)
@@ -188,7 +189,7 @@ public enum class Kind(
         into[5] = sqrt(r * b)
     }
 
-    /** XYZ (3) of the signals (3), both from there on. */
+    /** Computes XYZ (3) at index `to` of `into` from the three signals at index `from`. */
     internal fun apply(coefficients: DoubleArray, signals: DoubleArray, from: Int, into: DoubleArray, to: Int) {
         val terms = DoubleArray(terms)
         terms(signals, from, terms)

@@ -3,9 +3,9 @@ package org.camssf.colour
 import org.camssf.InvalidArgument
 import kotlin.math.sqrt
 
-/** Whose eyes. */
+/** CIE standard observer. */
 public enum class Observer(
-    /** As results and Python's options name it. */
+    /** Its name in results and in Python's options. */
     public val word: String,
 ) {
     /** CIE 1931, 2°. */
@@ -17,7 +17,7 @@ public enum class Observer(
 
 /** The white that colours are stated for. */
 public enum class Adapted(
-    /** As results and Python's options name it. */
+    /** Its name in results and in Python's options. */
     public val word: String,
 ) {
     /** The light itself. */
@@ -31,11 +31,11 @@ public enum class Adapted(
 }
 
 /**
- * How colour is to be stated.
+ * How colours are stated.
  *
  * @property observer CIE 1931 (2°) or 1964 (10°).
  * @property white that Lab is relative to, and that XYZ is adapted to.
- * @property kind of transform; null for the one that misses less on surfaces left out of its fit.
+ * @property kind of transform; null to choose it by cross-validation.
  */
 public class View @JvmOverloads constructor(
     public val observer: Observer = Observer.CIE_1931,
@@ -46,11 +46,12 @@ public class View @JvmOverloads constructor(
 /**
  * The white or grey surface, in the same light, that raw signals are divided by.
  *
- * @param raw (3) its raw signals R, G, B, black subtracted, in any unit that the other regions and pixels have, too; copied.
- * @param standardError (3) of these; zeros unless given; copied.
- * @property reflectance of the surface, 1 of a perfect diffuser.
- * @property tolerance relative error of its reflectance, one standard deviation: smooth over 100 nm.
- * @throws InvalidArgument a reference without light, or a reflectance that is none.
+ * @param raw (3) its raw signals R, G, B, black subtracted, in the same unit as those of the other regions and
+ *   pixels; copied.
+ * @param standardError (3) standard errors of `raw`; zeros by default; copied.
+ * @property reflectance of the surface, 0.02 to 1.2; 1 for a perfect diffuser.
+ * @property tolerance relative error of its reflectance, one standard deviation, smooth over 100 nm.
+ * @throws InvalidArgument a reference that is too dark, or an invalid reflectance, tolerance or number of signals.
  */
 public class Reference @JvmOverloads constructor(
     raw: DoubleArray,
@@ -85,41 +86,41 @@ public class Reference @JvmOverloads constructor(
         }
     }
 
-    /** A surface that was measured in the photo. */
+    /** A reference that was measured in the photo. */
     @JvmOverloads
     public constructor(region: RawRegion, reflectance: Double = 1.0, tolerance: Double = TOLERANCE) :
         this(region.sharedRaw, region.sharedError, reflectance, tolerance)
 
     private companion object {
-        /** Relative error of a reference of which nothing else is said. */
+        /** Default relative error of a reference. */
         const val TOLERANCE = 0.01
     }
 }
 
-/** Where the uncertainty of a colour comes from. */
+/** Sources of a colour's uncertainty. */
 public enum class Part {
-    /** What the calibration left open of the curves. */
+    /** Uncertainty of the calibrated curves. */
     CURVES,
 
-    /** What is not known of the light. */
+    /** Uncertainty of the lamp's spectrum. */
     LAMP,
 
-    /** Of region and reference. */
+    /** Noise of region and reference. */
     NOISE,
 
-    /** A white that is not quite neutral, and light that differs between the two places. */
+    /** A reference that is not exactly neutral, and light that differs between the two places. */
     REFERENCE,
 
-    /** Surfaces that look alike to the camera and not to the observer. */
+    /** Surfaces that look the same to the camera but not to the observer. */
     METAMERS,
 }
 
 /**
- * A lamp that was weighed.
+ * A lamp that was compared, and its weight.
  *
  * @property name of the lamp, or its kind.
- * @property weight its probability among those that were weighed; 1 where the lamp was told.
- * @property kind of its transform.
+ * @property weight its probability among the lamps compared; 1 if the lamp was named.
+ * @property kind kind of its transform.
  */
 public class WeighedLamp internal constructor(
     public val name: String,
@@ -128,10 +129,10 @@ public class WeighedLamp internal constructor(
 )
 
 /**
- * A standard colour, with what is not known of it. Y of a perfect white diffuser is 1. Arrays are copies at each call. Safe
- * to pass between threads.
+ * A standard colour with its covariance. Y of a perfect white diffuser is 1. Arrays are copies at each call. Safe to
+ * pass between threads.
  *
- * @property reach how far the signals lie from those of any surface, in standard deviations.
+ * @property reach distance of the signals from those that any surface can give, in standard deviations.
  */
 public class StandardColour internal constructor(
     internal val sharedXyz: DoubleArray,
@@ -139,7 +140,7 @@ public class StandardColour internal constructor(
     internal val parts: List<Spread>,
     public val reach: Double,
 ) {
-    /** (3) under the view's observer, adapted to its white. */
+    /** (3) XYZ for the view's observer, adapted to its white. */
     public val xyz: DoubleArray get() = sharedXyz.copyOf()
 
     /** (3) L*, a*, b*. */
@@ -151,7 +152,7 @@ public class StandardColour internal constructor(
     /** (3, 3) covariance of [lab], row-major. */
     public val labCovariance: DoubleArray get() = sum { it.lab }
 
-    /** (3) standard deviations of L*, a*, b* by what they come from. */
+    /** (3) standard deviations of L*, a*, b* from one source. */
     public fun deviation(of: Part): DoubleArray = parts[of.ordinal].lab.let { own ->
         DoubleArray(3) { sqrt(own[4 * it]) }
     }

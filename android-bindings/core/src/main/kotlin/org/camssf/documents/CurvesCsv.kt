@@ -4,7 +4,7 @@ import org.camssf.Grid
 import org.camssf.recovery.Ssf
 import org.camssf.short
 
-/** Curves → CSV: wavelength_nm,red,green,blue at peak 1, then the standard deviations where known. */
+/** Writes curves as CSV: wavelength_nm,red,green,blue with peak 1, then the standard deviations if they are known. */
 internal object CurvesCsv {
     fun of(ssf: Ssf): String {
         val columns =

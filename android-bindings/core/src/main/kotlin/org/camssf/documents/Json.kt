@@ -4,7 +4,7 @@ import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonObjectBuilder
 import kotlinx.serialization.json.JsonPrimitive
 
-/** Numbers as they are, row by row. */
+/** The numbers as a JSON array, unrounded; matrices row by row. */
 internal fun array(values: DoubleArray): JsonArray = JsonArray(values.map { JsonPrimitive(it) })
 
 internal fun JsonObjectBuilder.text(name: String, value: String) {

@@ -23,14 +23,14 @@ import org.camssf.verdict.Verdict
 import kotlin.math.roundToInt
 import kotlin.math.sqrt
 
-/** Results → "camssf-result/1" (Python's data/result.schema.json). It forms nothing anew: it writes what it is given. */
+/** Writes results as "camssf-result/1" (schema: Python's data/result.schema.json). It computes no results. */
 internal object ResultJson {
     private val pretty = Json {
         prettyPrint = true
     }
 
     /**
-     * An answer.
+     * Writes a result with curves.
      *
      * @param model SHA-256 of the model file.
      */
@@ -70,7 +70,9 @@ internal object ResultJson {
         return write(document)
     }
 
-    /** What the fit knows of each shot's light, where nobody named it, and of each patch by shot and number. */
+    /**
+     * The fit's data: the estimated lamp of each shot with an unnamed light, and each patch by shot and patch number.
+     */
     private class Fit(val lights: List<EstimatedLamp?>, val patch: (Int, Int) -> Fitted)
 
     private fun weight(of: Hypothesis): JsonObject = buildJsonObject {
@@ -81,7 +83,7 @@ internal object ResultJson {
         if (of.kinds.isNotEmpty()) put("kinds", JsonArray(of.kinds.map { JsonPrimitive(it) }))
     }
 
-    /** A refusal. */
+    /** Writes a refused result. */
     fun of(begun: Begun, verdict: Verdict): String = write(
         buildJsonObject {
             head(begun, begun.signals, verdict, emptyList(), null, Fit(emptyList()) { _, _ -> Fitted.NONE })
@@ -109,7 +111,7 @@ internal object ResultJson {
 
     private fun finite(values: DoubleArray): DoubleArray? = values.takeIf { all -> all.all { it.isFinite() } }
 
-    /** The part that needs no curves. */
+    /** The members that need no curves. */
     private fun JsonObjectBuilder.head(
         begun: Begun,
         signals: List<Signals?>,
@@ -207,7 +209,7 @@ internal object ResultJson {
         }
     }
 
-    /** How wide the band is, and would be with each shot alone, and where it comes from. */
+    /** Half-width of the band, the half-width with each shot alone, and the uncertainty budget. */
     private fun uncertainty(solution: Solution): JsonElement {
         val known = solution.uncertainty ?: return JsonNull
         return buildJsonObject {
@@ -228,7 +230,7 @@ internal object ResultJson {
         }
     }
 
-    /** The lower triangle of a symmetric matrix with its diagonal, row after row. */
+    /** The lower triangle of a symmetric matrix, including its diagonal, row by row. */
     private fun triangle(matrix: DoubleArray): DoubleArray {
         val size = sqrt(matrix.size.toDouble()).roundToInt()
         return List(size) { matrix.copyOfRange(it * size, it * size + it + 1) }.flatten()
@@ -239,6 +241,6 @@ internal object ResultJson {
         listOf("red", "green", "blue").forEachIndexed { c, name -> put(name, array(channels[c])) }
     }
 
-    /** Of camssf, the same as the Python package's. */
+    /** Version of camssf, equal to the Python package's. */
     const val VERSION = "0.1.0"
 }

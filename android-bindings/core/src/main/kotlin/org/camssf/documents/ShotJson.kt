@@ -17,7 +17,7 @@ import org.camssf.recovery.EstimatedLamp
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** What a fit knows of a patch, three numbers each but for the light's level; null where it knows nothing. */
+/** The fit's data for a patch: three numbers each, except the light correction `level`; null if not available. */
 internal class Fitted(
     val used: Boolean,
     val level: Double,
@@ -29,7 +29,7 @@ internal class Fitted(
     val unseenStd: DoubleArray? = null,
 ) {
     companion object {
-        /** Where there was no fit. */
+        /** The value if there was no fit. */
         val NONE = Fitted(false, 1.0, null, null, null, null)
     }
 }
@@ -37,12 +37,13 @@ internal class Fitted(
 /** One shot in a result document. */
 internal object ShotJson {
     /**
-     * A measured shot.
+     * Writes a measured shot.
      *
-     * @param signals of this shot alone; null where they could not be formed: what was measured is shown all the same.
+     * @param signals of this shot alone; null if they could not be computed. The measured data are written in any
+     *   case.
      * @param colours (n, 3) sRGB of the table.
-     * @param light what the signals say of it, where nobody named it.
-     * @param fitted by patch.
+     * @param light the estimated lamp of an unnamed light; null for a named lamp.
+     * @param fitted the fit's data of each patch, by patch number.
      */
     fun of(
         shot: MeasuredShot,
@@ -116,7 +117,7 @@ internal object ShotJson {
         )
     }
 
-    /** A shot that was not measured to its end. */
+    /** Writes a shot whose measurement was not finished. */
     fun of(shot: InWork): JsonObject = buildJsonObject {
         put("lamp", lamp(shot.lamp))
         text("white_reference", "white patch")
@@ -136,7 +137,7 @@ internal object ShotJson {
         if (!lamp.unnamed) put("power", array(power(lamp)))
     }
 
-    /** (681) of mean 1. */
+    /** (681) power scaled to a mean of 1. */
     private fun power(lamp: Lamp): DoubleArray {
         val mean = mean(lamp.sharedValues)
         return DoubleArray(Grid.SIZE) { lamp.sharedValues[it] / mean }

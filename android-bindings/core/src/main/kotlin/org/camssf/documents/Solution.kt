@@ -7,24 +7,25 @@ import org.camssf.photo.Signals
 import org.camssf.recovery.Ssf
 import org.camssf.verdict.Verdict
 
-/** A source's share (3) in the variance of the curves, and its size in words. */
+/** Share (3) of an error source in the variance of the curves R, G, B, and the size of the error in words. */
 internal class Share(val source: String, val size: String, val share: DoubleArray)
 
 /**
- * How wide the band is, mean half-width of the visible part in parts of the peak, and why.
+ * Width of the uncertainty band and its budget. Half-widths are means over the visible range, relative to the peak.
  *
- * @property alone the same with each shot alone; empty where there is one.
- * @property budget shares that add up to 1.
+ * @property alone half-width with each shot alone; empty if there is only one shot.
+ * @property budget the error sources; their shares add up to 1.
  */
 internal class Uncertainty(val halfWidth: Double, val alone: List<Double>, val budget: List<Share>)
 
 /**
- * What curves say of patches beside `Ssf.predicted`, (k, n, 3) each.
+ * Predictions for patches in addition to `Ssf.predicted`, (k, n, 3) each unless stated otherwise.
  *
- * @property level (k, n) times this, signals are what the answer says that even light would have given.
- * @property std one standard deviation of the true signals less `Ssf.predicted`; null without a prior.
- * @property unseen predictions of fits that had not seen the patch; NaN where every fit had.
- * @property unseenStd as `std`, of `unseen`.
+ * @property level (k, n) light correction: signals times this are those under even illumination, according to the
+ *   fit.
+ * @property std one standard deviation of the true signals minus `Ssf.predicted`; null without a prior.
+ * @property unseen cross-validated predictions, by fits without the patch; NaN if every fit used it.
+ * @property unseenStd as `std`, for `unseen`.
  */
 internal class Predictions(
     val level: DoubleArray,
@@ -34,9 +35,9 @@ internal class Predictions(
 )
 
 /**
- * Everything one calibration found: what a result document tells.
+ * All results of one calibration, as written to a result document.
  *
- * @property uncertainty null where there is no band.
+ * @property uncertainty null if there is no band.
  */
 internal class Solution(
     val capture: MeasuredCapture,

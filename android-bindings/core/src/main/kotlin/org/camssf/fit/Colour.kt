@@ -14,15 +14,15 @@ import kotlin.math.pow
 import kotlin.math.sin
 import kotlin.math.sqrt
 
-/** Colours for the report: XYZ under a lamp → Lab and sRGB under D65, as Python's `camssf.fit.scores` has them. */
+/** Converts XYZ under a lamp to Lab and sRGB under D65 for the report, as Python's `camssf.fit.scores`. */
 internal object Colour {
-    /** CIE's D65 of the 2° observer, Y = 1, from x = 0.3127, y = 0.3290. */
+    /** White point of CIE D65, 2° observer, Y = 1, from x = 0.3127, y = 0.3290. */
     private val D65 = doubleArrayOf(0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290)
 
-    /** CAT02 (CIE 159:2004). */
+    /** CAT02, row-major (CIE 159:2004). */
     private val CAT02 = doubleArrayOf(0.7328, 0.4296, -0.1624, -0.7036, 1.6975, 0.0061, 0.0030, 0.0136, 0.9834)
 
-    /** IEC 61966-2-1. */
+    /** XYZ to linear sRGB (IEC 61966-2-1). */
     private val SRGB = doubleArrayOf(3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)
     private val BACK = Homography(CAT02).inverse()!!.matrix
     private val observer by lazy { Bundled.observer() }
@@ -46,7 +46,7 @@ internal object Colour {
         return srgb(adapted(xyz(table.values, light), white(light)))
     }
 
-    /** XYZ (n, 3) seen under a white (3), as von Kries and CAT02 see it under D65. */
+    /** XYZ (n, 3) seen under a white (3), adapted to D65 by von Kries with CAT02. */
     fun adapted(xyz: DoubleArray, white: DoubleArray): DoubleArray {
         val from = times(CAT02, white, 0)
         val to = times(CAT02, D65, 0)
@@ -56,7 +56,7 @@ internal object Colour {
             val moved = DoubleArray(3) { cones[it] * (to[it] / from[it]) }
             times(BACK, moved, 0).copyInto(found, i)
         }
-        // A lamp of one line gives an eye's cone nothing to adapt to.
+        // Under a lamp of one line a cone response of the white can be 0: values that are not finite become 0.
         return DoubleArray(found.size) { if (found[it].isFinite()) found[it] else 0.0 }
     }
 

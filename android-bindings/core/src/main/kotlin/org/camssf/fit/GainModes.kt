@@ -10,21 +10,24 @@ import org.camssf.spectra.ChartLayout
 import kotlin.math.max
 
 /**
- * Poses → gain modes: how the light on the patches may be off where no white frame says so. Python's
- * camssf.fit.gain_modes, in its order.
+ * Gain modes: uneven light on the patches without a white frame (docs/maths.md, "Light that falls unevenly").
+ * Python's camssf.fit.gain_modes, in its order.
  */
 internal object GainModes {
-    /** Least share of the light that a level may leave. */
+    /** Lower limit of the factors by which gain modes change the light. */
     private const val DARKEST = 0.02
 
     /**
-     * Gain modes (k, g, n) of a capture's patches. With a white frame the light on every patch is known: none. Without one
-     * the chart's white patch stands in for all, so that the light is told relative to it: X and Y, X², XY and Y², and a
-     * level of its own, each less its value there.
+     * Gain modes (k, g, n) of a capture's patches, and the size of each channel's own part relative to them.
      *
-     * @param perPatch how much the light on one patch may differ from that on any other, where each was photographed for
-     *   itself; null where they stood in one photo.
-     * @throws InvalidArgument light that differs by nothing, or by more than all of it.
+     * With a white frame the light on every patch is known, so there are no modes. Without one the chart's white
+     * patch is the reference for all, and modes are relative to it: X and Y, X², XY and Y², and the white patch's own
+     * level, each minus its value at the white patch.
+     *
+     * @param perPatch relative difference of the light from patch to patch, one standard deviation, if each patch was
+     *   photographed separately: one mode a patch; without a white frame the white patch's gain is in all others.
+     *   Null if the patches were in one photo.
+     * @throws InvalidArgument `perPatch` outside (0, 1].
      */
     fun of(capture: MeasuredCapture, perPatch: Double?): Gains {
         val white = capture.chart.white
@@ -52,19 +55,19 @@ internal object GainModes {
         return Gains(Tensor(modes, k, g, n), own)
     }
 
-    /** No modes: on a basis without a prior, which has no place for them. */
+    /** No modes, for a basis without a prior: there the fit has no errors but those of the signals. */
     fun none(capture: MeasuredCapture): Gains {
         val (k, n) = capture.shots.size to capture.chart.patches.size
         return Gains(Tensor(DoubleArray(0), k, 0, n), 0.0)
     }
 
-    /** A mode a patch; the white's own gain, where it stands in, is in all others. */
+    /** One mode a patch; the gain of patch `white`, the reference of all, is common to all the others. */
     private fun onePerPatch(n: Int, size: Double, white: Int?): List<DoubleArray> {
         val alone = (0 until n).filter { it != white }.map { i -> DoubleArray(n) { if (it == i) size else 0.0 } }
         return if (white == null) alone else alone + DoubleArray(n) { if (it == white) 0.0 else size }
     }
 
-    /** Plane, bowl and the white's own level over the patches of one photo, relative to patch `white`. */
+    /** Plane, bowl and the white patch's own level over the patches of one photo, relative to patch `white`. */
     private fun smooth(pose: ChartPose, white: Int, n: Int): List<DoubleArray> {
         val (x, y) = places(pose, n)
         val plane = Rules.shipped.number("gains.plane")
@@ -77,7 +80,8 @@ internal object GainModes {
             { bowl * x[it] * y[it] },
             { bowl * y[it] * y[it] },
         )
-        // A level of its own only where the white stands at the chart's edge: in the middle a bowl knows its light.
+        // The level exists only if the white patch is at the chart's edge: inside, plane and bowl describe its light
+        // too.
         val layout = ChartLayout.of(pose.layout)
         val edge = layout == null ||
             white % layout.columns in setOf(0, layout.columns - 1) ||
@@ -86,7 +90,9 @@ internal object GainModes {
         return ways.map { way -> DoubleArray(n) { way(it) - way(white) } }
     }
 
-    /** Where the patches stand in the photo: 0 in their middle, from -1 to 1 along the longer side. */
+    /**
+     * (n) x and (n) y positions of the patches in the photo: 0 at their middle, from -1 to 1 along the longer side.
+     */
     private fun places(pose: ChartPose, n: Int): List<DoubleArray> {
         val centres = List(2) { axis ->
             DoubleArray(n) { i -> (0..3).sumOf { pose.sharedQuads[8 * i + 2 * it + axis] } / 4 }
@@ -98,7 +104,7 @@ internal object GainModes {
         }
     }
 
-    /** 1 - ĥ (k, n) of v̂ (k, g): times this, signals are what the answer says that even light would have given. */
+    /** 1 - ĥ (k, n) from v̂ (k, g): the factor that corrects the signals to even light. */
     fun level(gains: Gains, code: DoubleArray): DoubleArray {
         val (k, g, n) = gains.modes.shape
         if (code.isEmpty()) return DoubleArray(k * n) { 1.0 }

@@ -9,9 +9,9 @@ import org.camssf.spectra.Lamp
 import kotlin.math.sqrt
 
 /**
- * How well the answer explains patches that it has not seen.
+ * How well the curves predict patches that the fit did not use ("unseen").
  *
- * Neither score notices a wrong lamp, which is on both of its sides.
+ * Neither score detects a wrong lamp, which affects both of its sides.
  *
  * @property deltaE00 mean CIEDE2000 between measured and synthetic patch colours.
  * @property unseen how the unseen patches were chosen, in words.
@@ -27,11 +27,11 @@ public class Scores internal constructor(
     public val rmsrePercent: DoubleArray get() = sharedRmsre.copyOf()
 
     internal companion object {
-        /** A signal below this share of the white has no relative error: no sensor measures it. */
+        /** A signal not above this share of the white has no relative error and is left out of RMSRE. */
         private val FAINTEST get() = Rules.shipped.number("calibration.faintest")
 
         /**
-         * Scores predictions (k, n, 3) for the entries (k, n) that `counts` marks, as Python's `camssf.fit.scores` does.
+         * Scores predictions (k, n, 3) for the entries (k, n) that `counts` marks, as Python's `camssf.fit.scores`.
          *
          * @throws InvalidArgument no unseen patch is left.
          */
@@ -88,7 +88,7 @@ public class Scores internal constructor(
                 100.0 * sqrt(total / valid.size)
             }
 
-        /** The 3 × 3 matrix that takes a shot's signals to XYZ (n, 3), by least squares over its used patches. */
+        /** The 3 × 3 matrix that converts a shot's signals to XYZ (n, 3), by least squares over its used patches. */
         private fun matrix(signals: Signals, shot: Int, target: DoubleArray): Array<DoubleArray> {
             val n = signals.patches
             val used = (0 until n).filter { signals.sharedUsed[shot * n + it] }
@@ -97,7 +97,7 @@ public class Scores internal constructor(
                 DoubleArray(3) { signals.sharedValues[3 * (shot * n + i) + it] }
             }.toTypedArray()
             val columns = List(3) { c -> LeastSquares.solve(rows, DoubleArray(fit.size) { target[3 * fit[it] + c] }) }
-            // Signals that are multiples of each other name no colours: grey, then.
+            // If the signals are linearly dependent there is no such matrix: all colours become grey.
             return Array(3) { a -> DoubleArray(3) { c -> columns[c]?.get(a) ?: 1.0 / 3 } }
         }
     }

@@ -7,15 +7,15 @@ import kotlin.math.max
 import kotlin.math.pow
 import kotlin.math.sqrt
 
-/** How well colours of patches agree with a table's. */
+/** Correlation of measured patch colours with those that a chart table predicts. */
 internal object Agreement {
     /**
-     * Correlation of patch colours with what the table predicts, -1 to 1, whatever cast and exposure.
+     * Correlation of patch colours with the table's prediction, -1 to 1, independent of colour cast and exposure.
      *
-     * From ln c each channel's mean over the patches is taken out (a free gain a channel); the rest is split into
-     * lightness, the mean over channels, and chroma, the difference from it, which counts double.
+     * Each channel's mean over the patches is subtracted from ln c (a free gain per channel). The rest is split into
+     * lightness, the mean over channels, and chroma, the difference from it; chroma counts double.
      *
-     * @param measured (n, 3) DN above black; values below 0.2 % of the largest count as that.
+     * @param measured (n, 3) DN above black; values below 0.2 % of the largest are raised to that.
      * @param expected (n, 3) predicted signals, any scale.
      */
     fun of(measured: DoubleArray, expected: DoubleArray): Double {
@@ -41,9 +41,9 @@ internal object Agreement {
     }
 
     /**
-     * (n, 3) signals of a plain camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a lamp.
+     * Computes the (n, 3) signals of a generic camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a lamp.
      *
-     * @param power (681) of the lamp; flat where it is null.
+     * @param power (681) of the lamp; a flat spectrum if null.
      */
     fun expected(table: ChartTable, power: DoubleArray? = null): DoubleArray {
         val grid = Grid.WAVELENGTHS

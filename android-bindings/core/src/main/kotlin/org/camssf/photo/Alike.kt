@@ -6,12 +6,14 @@ import org.camssf.short
 import kotlin.math.abs
 import kotlin.math.max
 
-/** Whether frames of one shot were taken alike. */
+/** Checks that all frames of a shot were taken with the same camera and settings. */
 internal object Alike {
-    /** Relative difference up to which two exposures are the same: files round them. */
+    /** Relative difference up to which two exposures count as equal, because files round them. */
     private val SAME get() = Rules.shipped.number("patches.alike")
 
-    /** Refuses a frame that was not taken with the chart photo's camera and settings. */
+    /**
+     * Throws [FramesDiffer] or `UnitDiffers` unless the frame was taken with the chart photo's camera and settings.
+     */
     fun check(chart: Facts, frame: Facts, word: String) {
         val differ = ArrayList<String>()
         if (frame.width != chart.width || frame.height != chart.height) {

@@ -3,11 +3,11 @@ package org.camssf.photo
 import org.camssf.frozen
 
 /**
- * Samples that the file calls bad (DNG opcodes 4 and 5).
+ * Samples that the file declares as bad (DNG opcodes 4 and 5).
  *
- * @property list the opcode list that holds it: 1 refers to the stored picture, 2 to the active area.
- * @property constant opcode 4: every sample of just this value is bad; null for a list of places.
- * @param points opcode 5: (n, 2) row and column of single samples, else empty; copied.
+ * @property list the opcode list that contains it: 1 refers to the stored picture, 2 to the active area.
+ * @property constant opcode 4: every sample with exactly this value is bad; null for opcode 5.
+ * @param points opcode 5: (n, 2) row and column of single samples; empty for opcode 4; copied.
  * @param areas opcode 5: rectangles; copied.
  */
 public class BadPixels(
@@ -18,7 +18,7 @@ public class BadPixels(
 ) {
     private val ownPoints = points.copyOf()
 
-    /** Opcode 5: (n, 2) row and column of single samples, else empty; a copy at each call. */
+    /** Opcode 5: (n, 2) row and column of single samples; empty for opcode 4; a copy at each call. */
     public val points: IntArray get() = ownPoints.copyOf()
 
     /** Opcode 5: rectangles. */

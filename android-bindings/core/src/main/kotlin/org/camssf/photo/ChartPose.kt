@@ -9,11 +9,11 @@ import kotlin.math.max
 import kotlin.math.min
 
 /**
- * Where the chart lies. Points are in pixels of the active area, where the centre of the first sample is (0, 0). Safe to
- * pass between threads; arrays are copied at each call (24 patches: 1.5 kB).
+ * Position of the chart in a photo. Points are in pixels of the active area; the centre of the first sample is
+ * (0, 0). Safe to pass between threads; arrays are copied at each call (24 patches: 1.5 kB).
  *
  * @property layout name of the [ChartLayout].
- * @property quarterTurns how often 90° clockwise turns the chart as photographed from upright: 0 to 3.
+ * @property quarterTurns number of 90° clockwise turns of the chart as photographed, relative to upright: 0 to 3.
  * @property method "detected" or "by hand".
  * @property score agreement with the chart's own colours, 0 to 1 (correlation).
  */
@@ -26,13 +26,13 @@ public class ChartPose internal constructor(
     public val score: Double,
     notes: List<String>,
 ) {
-    /** What the user should know. */
+    /** Messages for the user about how the pose was found. */
     public val notes: List<String> = notes.frozen()
 
     /** Outer corners of the block of patches (outer borders of the corner patches), named as on the chart. */
     public val corners: Corners get() = Corners.of(*sharedCorners)
 
-    /** Corners of each patch, on its borders, in the chart's reading order; made anew at each call. */
+    /** Corners of each patch, on its borders, in the chart's reading order; a new list at each call. */
     public val patches: List<Corners>
         get() = List(sharedQuads.size / 8) { Corners.of(*sharedQuads.copyOfRange(8 * it, 8 * it + 8)) }
 
@@ -43,21 +43,22 @@ public class ChartPose internal constructor(
         private const val SMALLEST = 64
 
         /**
-         * The pose from four rough corners (taps, a viewfinder's overlay): turned by the colours, moved to the printed
-         * borders where these lie near, else kept, which `notes` says. The same rule as Python's
-         * `find_chart(mosaic, table, corners=...)`.
+         * Computes the pose from four rough corners (taps, a viewfinder's overlay). The patch colours determine the
+         * orientation. The corners are moved to the printed borders if these are found nearby; if not, the corners
+         * are kept and `notes` says so. The algorithm is that of Python's `find_chart(mosaic, table, corners=...)`.
          *
          * @param mosaic the photo of the chart; its region must hold the part that [region] names.
-         * @param corners of the block of patches, one after the other around it from any of them, px of the active area,
-         *   off by half a patch at most.
+         * @param corners of the block of patches in order around it, starting at any of them, px of the active area;
+         *   each is off by half a patch at most.
          * @throws ChartNotFound the colours inside the corners do not agree with the chart, or it is mirrored.
-         * @throws InvalidArgument the corners are no convex quadrilateral in the photo.
+         * @throws InvalidArgument the corners do not form a convex quadrilateral inside the photo, or the table's
+         *   layout is unknown.
          */
         @JvmStatic
         public fun refine(mosaic: Mosaic, corners: Corners, chart: ChartTable): ChartPose =
             refine(Whole(mosaic), corners, chart)
 
-        /** The same of a photo that is read part by part. */
+        /** As above, for a photo that is read part by part. */
         internal fun refine(photo: Reading, corners: Corners, chart: ChartTable): ChartPose {
             val facts = photo.facts
             val layout = ChartLayout.of(chart.layout)
@@ -80,7 +81,7 @@ public class ChartPose internal constructor(
             return PoseSearch(photo, layout, Agreement.expected(chart), rough).pose()
         }
 
-        /** The part of a photo that [refine] looks at and that patches are measured in; it may reach beyond the photo. */
+        /** The part of a photo that [refine] and the patch measurement read; it may extend beyond the photo. */
         @JvmStatic
         public fun region(corners: Corners): Region {
             val (left, right) = reach(corners.points.map { it.x })
@@ -88,7 +89,10 @@ public class ChartPose internal constructor(
             return Region(left, top, right, bottom)
         }
 
-        /** First and one behind the last pixel of the corners' box, 15 % and 8 px wider. */
+        /**
+         * First pixel and one past the last pixel of the corners' bounding box, widened by 15 % and 8 px on each
+         * side.
+         */
         private fun reach(places: List<Double>): Pair<Int, Int> {
             val margin = 0.15 * (places.max() - places.min()) + 8
             return max(places.min() - margin, 0.0).toInt() / 2 * 2 to max(places.max() + margin, 1.0).toInt()
@@ -106,7 +110,7 @@ public class ChartPose internal constructor(
     }
 }
 
-/** A corner of the chart, or the part around it, does not lie in the photo. */
+/** The error for a corner of the chart, or the part around it, that lies outside the photo. */
 internal fun outside(name: String, width: Int, height: Int) = InvalidArgument(
     "A corner lies outside $name, a photo of $width × $height px.",
     "Give corners in pixels of the RAW photo, x from 0 to ${width - 1} and y from 0 to ${height - 1}: points on a " +

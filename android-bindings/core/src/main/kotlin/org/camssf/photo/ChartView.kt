@@ -10,8 +10,8 @@ import kotlin.math.pow
 import kotlin.math.sqrt
 
 /**
- * A reduced picture of a part of a mosaic: mean colours of CFA cells, one pixel for `step` mosaic pixels from
- * (`left`, `top`) on.
+ * A reduced picture of a part of a mosaic: mean colours of CFA cells. One pixel covers `step` × `step` mosaic
+ * pixels; the first starts at (`left`, `top`).
  *
  * @property colours (height, width, 3) DN above black.
  */
@@ -29,7 +29,10 @@ internal class ChartView private constructor(
     fun fromMosaic(points: DoubleArray): DoubleArray =
         DoubleArray(points.size) { (points[it] - (step - 1) / 2.0 - if (it % 2 == 0) left else top) / step }
 
-    /** (height, width) sum over channels of √(signal / its 98th percentile): even noise, and dark patches not lost. */
+    /**
+     * (height, width) sum over channels of √(signal / its 98th percentile). The root equalises the noise and keeps
+     * dark patches visible.
+     */
     fun brightness(): DoubleArray {
         val total = DoubleArray(width * height)
         for (c in 0..2) {
@@ -50,10 +53,10 @@ internal class ChartView private constructor(
 
     companion object {
         /**
-         * The part `left until right`, `top until bottom` of a photo in whole-number blocks of cells, so many that no
-         * side is longer than `longest`. Only the blocks' sums are kept.
+         * Reduces the part `box` of a photo in square blocks of whole cells, large enough that no side is longer
+         * than `longest`. Only the blocks' sums are kept.
          *
-         * @throws InvalidArgument if those samples are not there.
+         * @throws InvalidArgument the photo does not hold these samples, or the part is smaller than one cell.
          */
         fun of(photo: Reading, longest: Int, box: Region): ChartView {
             val left = box.left / 2 * 2
@@ -66,7 +69,7 @@ internal class ChartView private constructor(
                 throw InvalidArgument("The corners leave no picture.", "Give the corners of the whole chart.")
             }
             val whole = Region(left, top, left + 2 * columns * factor, top + 2 * rows * factor)
-            val sums = Array(4) { LongArray(rows * columns) } // by the cell's position
+            val sums = Array(4) { LongArray(rows * columns) } // by position in the cell
             photo.scan(whole) { y, x, count, samples, at ->
                 val row = (y - top) / 2 / factor * columns
                 for (side in 0..1) {
@@ -96,14 +99,17 @@ internal class ChartView private constructor(
             return ChartView(columns, rows, 2 * factor, left, top, colours)
         }
 
-        /** Mean of factor² samples as a whole number; halves go to the even one, or up if factor is 2 (as OpenCV does). */
+        /**
+         * Mean of factor² samples as a whole number; halves are rounded to even, or up if factor is 2 (as OpenCV
+         * does).
+         */
         private fun block(sum: Long, factor: Int): Float = when (factor) {
             1 -> sum.toFloat()
             2 -> ((sum + 2) / 4).toFloat()
             else -> Math.rint((sum.toFloat() * (1f / (factor * factor))).toDouble()).toFloat()
         }
 
-        /** The value below which the share q lies, straight between the sorted values, in float32. */
+        /** The quantile q, 0 to 1, with linear interpolation between the sorted values, in float32. */
         fun percentile(values: FloatArray, q: Double): Float {
             val sorted = values.sortedArray()
             val place = (sorted.size - 1) * q

@@ -6,7 +6,7 @@ import kotlin.math.atan2
 import kotlin.math.roundToInt
 
 /**
- * A place in a photo.
+ * A position in a photo.
  *
  * @property x px of the active area; the centre of the first sample is 0.
  * @property y px of the active area, downwards.
@@ -14,9 +14,9 @@ import kotlin.math.roundToInt
 public data class Point(public val x: Double, public val y: Double)
 
 /**
- * Four corners, one after the other around a block of patches. The names are the **chart's**, not the photo's: where the
- * chart lies upside down, its top left is the photo's bottom right. Of rough corners (taps) any may come first, camssf
- * finds out which it is; of a [ChartPose] the names are true.
+ * Four corners in order around a block of patches. The names are the **chart's**, not the photo's: if the chart is
+ * upside down, its top left is the photo's bottom right. Rough corners (taps) may start at any corner; camssf
+ * determines which one it is. In a [ChartPose] the names are correct.
  *
  * @property topLeft px.
  * @property topRight px.
@@ -36,10 +36,10 @@ public data class Corners(
         }
     }
 
-    /** The four of them, from the top left on. */
+    /** The four corners, starting at the top left. */
     public val points: List<Point> get() = listOf(topLeft, topRight, bottomRight, bottomLeft)
 
-    /** How often 90° clockwise turns the chart as photographed from upright: 0 to 3. */
+    /** Number of 90° clockwise turns of the chart as photographed, relative to upright: 0 to 3. */
     public val quarterTurns: Int
         get() {
             val acrossX = topRight.x + bottomRight.x - topLeft.x - bottomLeft.x
@@ -48,14 +48,14 @@ public data class Corners(
             return (turns % 4 + 4) % 4
         }
 
-    /** The same four, beginning with another: the top left of `turned(1)` is this one's top right. */
+    /** The same four corners, starting at another one: the top left of `turned(1)` is this object's top right. */
     public fun turned(quarters: Int): Corners {
         val all = points
         val (a, b, c, d) = List(4) { all[((it + quarters) % 4 + 4) % 4] }
         return Corners(a, b, c, d)
     }
 
-    /** x, y of the four, eight numbers; a new array at each call. */
+    /** x, y of the four corners, eight numbers; a new array at each call. */
     public fun toArray(): DoubleArray = DoubleArray(8) { if (it % 2 == 0) points[it / 2].x else points[it / 2].y }
 
     public companion object {
@@ -63,10 +63,11 @@ public data class Corners(
             "Give four points x, y in pixels of the photo, one after the other around the block of patches."
 
         /**
-         * From four taps in whatever order: clockwise about their middle, as seen in the photo, beginning with any. Bring
-         * taps to the mosaic first ([PreviewMap.toMosaic]): a mirrored preview runs the other way round.
+         * Sorts four taps in any order clockwise around their centre, as seen in the photo; the first corner is
+         * arbitrary. Convert taps to the mosaic first ([PreviewMap.toMosaic]), because a mirrored preview reverses
+         * the order.
          *
-         * @throws InvalidArgument another count, or a number that is not finite.
+         * @throws InvalidArgument not exactly four taps, or a number that is not finite.
          */
         @JvmStatic
         public fun around(taps: List<Point>): Corners {
@@ -77,9 +78,9 @@ public data class Corners(
         }
 
         /**
-         * From x, y of four points, eight numbers.
+         * Creates corners from x, y of four points, eight numbers.
          *
-         * @throws InvalidArgument another count, or a number that is not finite.
+         * @throws InvalidArgument not exactly eight numbers, or a number that is not finite.
          */
         @JvmStatic
         public fun of(vararg numbers: Double): Corners {

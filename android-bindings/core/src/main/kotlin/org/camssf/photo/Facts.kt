@@ -1,6 +1,6 @@
 package org.camssf.photo
 
-/** What a photo says of itself, without its samples. */
+/** Metadata of a photo, without its samples. */
 internal class Facts(
     val origin: Mosaic.Origin,
     val width: Int,
@@ -18,7 +18,7 @@ internal class Facts(
     fun clipped(region: Region): Region =
         Region(maxOf(region.left, 0), maxOf(region.top, 0), minOf(region.right, width), minOf(region.bottom, height))
 
-    /** A mosaic of these facts. */
+    /** A mosaic with this metadata and these samples. */
     fun mosaic(region: Region, samples: ShortArray): Mosaic =
         Mosaic(origin, width, height, region, samples, sensor, corrections, colours)
 }

@@ -4,10 +4,10 @@ package org.camssf.photo
  * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.
  *
  * It applies to the samples (y, x) with `y = top, top + rowPitch, ... < bottom` and
- * `x = left, left + columnPitch, ... < right`, after black subtraction, the gain interpolated between the points.
+ * `x = left, left + columnPitch, ... < right`, after black subtraction; the gain is interpolated between the points.
  *
- * @property list the opcode list that holds it: 1 acts before linearisation, on the stored picture; 2 on the mosaic's
- *   active area; 3 on the demosaiced picture.
+ * @property list the opcode list that contains it: 1 acts before linearisation, on the stored picture; 2 on the
+ *   mosaic's active area; 3 on the demosaiced picture.
  * @property area the samples it applies to.
  * @property plane first plane; a mosaic has plane 0, list 3 has R, G, B.
  * @property planes number of planes.
@@ -29,11 +29,11 @@ public class GainMap(
      *
      * @property pointsV rows of the grid.
      * @property pointsH columns of the grid.
-     * @property spacingV distance of the grid's rows, in parts of the picture's height.
-     * @property spacingH distance of the grid's columns, in parts of the picture's width.
-     * @property originV place of the first row, in parts of the picture's height.
-     * @property originH place of the first column, in parts of the picture's width.
-     * @property mapPlanes gains a point; plane i has the entry min(i, mapPlanes - 1).
+     * @property spacingV distance between the grid's rows, as a fraction of the picture's height.
+     * @property spacingH distance between the grid's columns, as a fraction of the picture's width.
+     * @property originV position of the first row, as a fraction of the picture's height.
+     * @property originH position of the first column, as a fraction of the picture's width.
+     * @property mapPlanes gains per point; plane i uses entry min(i, mapPlanes - 1).
      * @param gains (pointsV, pointsH, mapPlanes) row-major; copied.
      */
     public class Net(
@@ -52,25 +52,25 @@ public class GainMap(
         public val gains: FloatArray get() = sharedGains.copyOf()
     }
 
-    /** Rows of the net. */
+    /** Rows of the grid. */
     public val pointsV: Int get() = net.pointsV
 
-    /** Columns of the net. */
+    /** Columns of the grid. */
     public val pointsH: Int get() = net.pointsH
 
-    /** Distance of the net's rows, in parts of the picture's height. */
+    /** Distance between the grid's rows, as a fraction of the picture's height. */
     public val spacingV: Double get() = net.spacingV
 
-    /** Distance of the net's columns, in parts of the picture's width. */
+    /** Distance between the grid's columns, as a fraction of the picture's width. */
     public val spacingH: Double get() = net.spacingH
 
-    /** Place of the first row, in parts of the picture's height. */
+    /** Position of the first row, as a fraction of the picture's height. */
     public val originV: Double get() = net.originV
 
-    /** Place of the first column, in parts of the picture's width. */
+    /** Position of the first column, as a fraction of the picture's width. */
     public val originH: Double get() = net.originH
 
-    /** Gains a point. */
+    /** Gains per point. */
     public val mapPlanes: Int get() = net.mapPlanes
 
     /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */

@@ -4,7 +4,7 @@ import org.camssf.LeastSquares
 import kotlin.math.abs
 import kotlin.math.hypot
 
-/** A map of the plane by a (3, 3) matrix, row-major. Points are x, y one after the other in an array. */
+/** A projective map of the plane: a (3, 3) matrix, row-major. Point arrays hold x and y alternately. */
 internal class Homography(val matrix: DoubleArray) {
     fun x(x: Double, y: Double): Double = (matrix[0] * x + matrix[1] * y + matrix[2]) / depth(x, y)
 
@@ -17,12 +17,12 @@ internal class Homography(val matrix: DoubleArray) {
         if (it % 2 == 0) x(points[at], points[at + 1]) else y(points[at], points[at + 1])
     }
 
-    /** This map after the other one. */
+    /** The composition: the other map first, then this one. */
     operator fun times(other: Homography): Homography = Homography(
         DoubleArray(9) { i -> (0..2).sumOf { matrix[i / 3 * 3 + it] * other.matrix[3 * it + i % 3] } },
     )
 
-    /** The map back, or null where there is none. */
+    /** The inverse map; null if the matrix is singular. */
     fun inverse(): Homography? {
         val m = matrix
         val cofactors = doubleArrayOf(
@@ -36,7 +36,7 @@ internal class Homography(val matrix: DoubleArray) {
     }
 
     companion object {
-        /** The map of four points to four points; null where three of them lie on a line. */
+        /** The map from four points to four others; null if three of them lie on a line. */
         fun of(source: DoubleArray, target: DoubleArray): Homography? {
             val rows = Array(8) { DoubleArray(8) }
             val right = DoubleArray(8)

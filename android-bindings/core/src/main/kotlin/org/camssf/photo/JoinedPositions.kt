@@ -5,9 +5,10 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * Positions of the CFA cell → colours, lens shading applied and the two greens joined: rules 6 and 7 of docs/patches.md.
+ * Combines the statistics of the CFA cell's positions into colours: lens shading is applied and the two greens are
+ * averaged. Rules 6 and 7 of docs/patches.md.
  *
- * @param n patches.
+ * @param n number of patches.
  * @param black (4) level of R, the green on R's rows, the green on B's rows, B, DN.
  * @param white level, DN.
  */
@@ -28,7 +29,7 @@ internal class JoinedPositions(private val n: Int, private val black: DoubleArra
     }
 
     private fun gradient(i: Int): Double {
-        val scale = white - black[i % 4] // 1 % of the range: dark frames
+        val scale = white - black[i % 4] // at least 1 % of the range, because a dark frame's signal is about 0
         return sample(i).change / max(abs(sample(i).mean - black[i % 4]), 0.01 * scale)
     }
 

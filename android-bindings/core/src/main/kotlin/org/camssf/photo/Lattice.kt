@@ -11,12 +11,12 @@ import kotlin.math.roundToInt
 import kotlin.math.sqrt
 
 /**
- * The lattice of a chart's patches in a picture: the centre of patch (column i, row j) is (i, j), its borders lie
- * sx/2, sy/2 away.
+ * The lattice of a chart's patches in a picture. The centre of patch (column i, row j) has the lattice coordinates
+ * (i, j); its borders are sx/2 and sy/2 away.
  *
- * @property map lattice coordinates → px.
+ * @property map maps lattice coordinates to px.
  * @property side patch edge (sx, sy) in pitches.
- * @property locked share of borders that were seen within 0.05 pitch of where they should be.
+ * @property locked share of borders found within 0.05 pitch of their expected position, 0 to 1.
  */
 internal class Lattice(val layout: ChartLayout, val map: Homography, val side: DoubleArray, val locked: Double) {
     /** (4, 2) outer corners of the block of patches, px. */
@@ -33,7 +33,8 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     }.flatten()
 
     /**
-     * Moves the lattice to the printed borders, by the numbered rule of Python's `refine_corners`; null if it was lost.
+     * Fits the lattice to the printed borders by the numbered rules of Python's `refine_corners`; null if the fit
+     * fails.
      *
      * @param image (height, width) brightness on which the patches are brighter than the gaps.
      */
@@ -78,7 +79,10 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         return Lattice(layout, map * back, doubleArrayOf(s[8], s[9]), inPlace.toDouble() / borders.size)
     }
 
-    /** A border as seen: lattice place (u, v), axis 0 for a vertical one, its patch's index there, side -1 or 1. */
+    /**
+     * A detected border at (u, v) in lattice coordinates. `axis` is 0 for a vertical border, `index` is its patch's
+     * index along that axis, `sign` is its side, -1 or 1.
+     */
     private class Border(
         val u: Double,
         val v: Double,
@@ -103,7 +107,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     }
 
     private class Picture(val image: DoubleArray, val width: Int, val height: Int) {
-        /** Bilinear sample; NaN outside. */
+        /** Bilinear interpolation; NaN outside the picture. */
         fun at(x: Double, y: Double): Double {
             if (!(x >= 0 && x <= width - 1 && y >= 0 && y <= height - 1)) return Double.NaN
             val i = min(y.toInt(), height - 2)
@@ -117,7 +121,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         }
     }
 
-    /** Rules 1 and 2. */
+    /** Finds the borders of all patches: rules 1 and 2. */
     private fun borders(picture: Picture, window: Double): List<Border> {
         val reach = ((window + 0.08) / 0.02).roundToInt()
         val offsets = DoubleArray(2 * reach + 1) { 0.02 * (it - reach) }
@@ -147,7 +151,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         }
     }
 
-    /** Mean over 9 places along a border of patch i, `offset` outwards of it. */
+    /** Mean over 9 points parallel to a border of patch i, `offset` pitches outwards from it. */
     private fun profile(picture: Picture, i: Int, axis: Int, sign: Int, offset: Double): Double {
         var total = 0.0
         for (place in ALONG) {
@@ -160,7 +164,9 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         return total / ALONG.size
     }
 
-    /** Where a profile falls most steeply, and by how much; a height that is not finite where nothing was seen. */
+    /**
+     * Position of the steepest fall of a profile, and its height, which is not finite if no samples were available.
+     */
     private fun border(profile: DoubleArray, offsets: DoubleArray, window: Double): Pair<Double, Double> {
         val sums = DoubleArray(profile.size + 1)
         for (i in profile.indices) sums[i + 1] = sums[i] + profile[i]
@@ -188,7 +194,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     }
 
     companion object {
-        /** How far from the expected place each round looks for a border, in pitches. */
+        /** Search distance from the expected border in each round, in pitches. */
         private val WINDOWS = doubleArrayOf(0.50, 0.25, 0.15, 0.10, 0.10)
         private val ALONG = DoubleArray(9) { -0.3 + 0.6 * it / 8 }
         private val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
@@ -200,7 +206,9 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
             SQUARE[it] * side[it % 2] / 2 + if (SQUARE[it] > 0) last else 0
         }
 
-        /** The lattice whose block has these corners (4, 2), px, with the layout's own gap; null if they are degenerate. */
+        /**
+         * The lattice whose block has these corners (4, 2), px, and the layout's gaps; null if they are degenerate.
+         */
         fun of(layout: ChartLayout, corners: DoubleArray): Lattice? {
             val side = doubleArrayOf(layout.sideX, layout.sideY)
             val map = Homography.of(block(layout, side), corners) ?: return null
@@ -217,7 +225,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
             return turns.all { it > 0 } || turns.all { it < 0 }
         }
 
-        /** Signed; positive if the corners run clockwise as seen (y down). */
+        /** Signed area; positive if the corners run clockwise as seen (y down). */
         fun area(quad: DoubleArray): Double = (0..3).sumOf { i ->
             val j = (i + 1) % 4
             quad[2 * i] * quad[2 * j + 1] - quad[2 * j] * quad[2 * i + 1]

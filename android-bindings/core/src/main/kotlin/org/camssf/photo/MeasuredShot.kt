@@ -5,15 +5,15 @@ import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
 /**
- * One measured shot: small, so that an app may measure right after the photo and solve later.
+ * One measured shot. It is small, so an app can measure right after taking the photo and solve later.
  *
  * @property lamp its light.
- * @property photo what the chart photo's file says.
- * @property white what the white frame's file says, or null.
- * @property dark what the dark frame's file says, or null.
- * @property pose where the chart lies in the photo.
+ * @property photo metadata of the chart photo.
+ * @property white metadata of the white frame, or null.
+ * @property dark metadata of the dark frame, or null.
+ * @property pose the chart's position in the photo.
  * @property means the patch statistics of all frames.
- * @property lensShading what was done about the shading that the file describes.
+ * @property lensShading treatment of the shading that the file describes.
  */
 public class MeasuredShot internal constructor(
     public val lamp: Lamp,
@@ -24,21 +24,21 @@ public class MeasuredShot internal constructor(
     public val means: PatchMeans,
     public val lensShading: LensShading,
 ) {
-    /** The same under another lamp. */
+    /** The same measurement with another lamp. */
     internal fun under(lamp: Lamp): MeasuredShot = MeasuredShot(lamp, photo, white, dark, pose, means, lensShading)
 
     /**
-     * The shot as text ("camssf-shot/1"; 13 kB, under a lamp known by kind up to 93), for a file or an activity's saved
-     * state: an app may measure right after the photo and solve when it is started again. It holds the photo's name, and
-     * the camera's serial number and the time where the file tells them.
+     * The shot as text ("camssf-shot/1"; 13 kB, up to 93 kB under a lamp known only by kind), for a file or an
+     * activity's saved state. It contains the photo's name and, if the file has them, the camera's serial number and
+     * the capture time.
      */
     public fun toText(): String = SavedShot.write(this)
 
     public companion object {
         /**
-         * The shot that [toText] wrote, equal to the last bit.
+         * Reads a shot that [toText] wrote; all numbers are equal bit for bit.
          *
-         * @throws org.camssf.InvalidArgument another text, a later version's, or damage.
+         * @throws org.camssf.InvalidArgument the text is not a saved shot, has another version, or is damaged.
          */
         @JvmStatic
         public fun fromText(text: String): MeasuredShot = SavedShot.read(text)
@@ -46,10 +46,10 @@ public class MeasuredShot internal constructor(
 }
 
 /**
- * k measured shots of one chart with one camera: what `SsfCalibrator.solve` needs.
+ * k measured shots of one chart with one camera: the input of `SsfCalibrator.solve`.
  *
  * @property chart the chart's table.
- * @property whiteReflectance of the white frame's card, one number; null for a perfect diffuser.
+ * @property whiteReflectance reflectance of the white frame's target, one number; null for a perfect diffuser.
  */
 public class MeasuredCapture internal constructor(
     shots: List<MeasuredShot>,

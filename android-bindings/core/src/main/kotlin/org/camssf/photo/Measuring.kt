@@ -6,15 +6,15 @@ import org.camssf.Tell
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** The shot whose photo was read when the measuring ended before its time. */
+/** A shot that is being measured: its photo has been read, but the measurement is not finished. */
 internal class InWork(val lamp: Lamp, val photo: Photo, val saturation: Double, val pose: ChartPose?)
 
 /**
- * What is known so far, for the evidence of a refusal.
+ * The data of a capture so far, for the report of a refusal.
  *
- * @property lamps of all shots, for the hashes of their files.
- * @property shots that were finished.
- * @property inWork the one that was not.
+ * @property lamps of all shots; the report needs the hashes of their files.
+ * @property shots the finished ones.
+ * @property inWork the unfinished shot; null between two shots.
  */
 internal class Begun(
     val chart: ChartTable,
@@ -22,7 +22,7 @@ internal class Begun(
     val shots: List<MeasuredShot>,
     val inWork: InWork? = null,
 ) {
-    /** Of each finished shot, null where they cannot be formed. */
+    /** Signals of each finished shot; null if they cannot be computed. */
     val signals: List<Signals?> by lazy {
         shots.mapIndexed { j, shot ->
             when (val one = Normalise.one(shot.means, chart.patches, chart.white, j + 1)) {
@@ -33,18 +33,19 @@ internal class Begun(
     }
 }
 
-/** Photos → measured capture, one shot after the other; one thread. */
+/** Measures the photos of a capture, one shot after the other. Not thread-safe. */
 internal class Measuring(private val capture: Capture, private val tell: Tell) {
     private val done = ArrayList<MeasuredShot>()
     private var inWork: InWork? = null
 
-    /** What is known so far. */
+    /** The data so far, for the report of a refusal. */
     fun begun(): Begun = Begun(capture.chart, capture.shots.map { it.lamp }, done.toList(), inWork)
 
     /**
-     * All shots.
+     * Measures all shots.
      *
-     * @throws org.camssf.CalibrationException a photo carries no answer, or the call is wrong; see [begun].
+     * @throws org.camssf.CalibrationException a file, chart or frame is unusable, or the arguments are invalid;
+     *   [begun] then has the data so far.
      */
     fun run(): MeasuredCapture {
         val k = capture.shots.size
@@ -83,7 +84,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
     companion object {
         private const val MOST_SHOTS = 64
 
-        /** Shots that were measured one by one. */
+        /** Combines shots that were measured one by one into a capture. */
         fun joined(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture {
             if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
             check(shots.map { it.means.white != null }, whiteReflectance)
@@ -91,7 +92,10 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
             return MeasuredCapture(shots, chart, whiteReflectance)
         }
 
-        /** All shots have a white frame, or none; its card reflects what a card can. */
+        /**
+         * Checks that all shots or none have a white frame, and that its target's reflectance lies between 0.05 and
+         * 1.2.
+         */
         private fun check(framed: List<Boolean>, card: Double?) {
             if (framed.toSet().size > 1) {
                 throw InvalidArgument(
@@ -110,7 +114,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
             }
         }
 
-        /** One camera took all shots, each another photo. */
+        /** Checks that the shots are different photos taken by one camera. */
         private fun agree(shots: List<MeasuredShot>) {
             val twin = shots.groupBy { it.photo.sha256 }.values.firstOrNull { it.size > 1 }
             if (twin != null) {

@@ -6,20 +6,21 @@ import org.camssf.frozen
 /**
  * One RAW photo, neither demosaiced nor white-balanced. Pose and pixel positions refer to the active area.
  *
- * Its small arrays are copied in and out, so that nobody changes them. The samples are not, since they are large (24 MB
- * for 12 megapixels): who makes a mosaic hands them over and must not write into them afterwards. Safe to pass between
- * threads.
+ * Its small arrays are copied in and out, so it cannot be changed through them. The samples are not copied, because
+ * they are large (24 MB for 12 megapixels): the caller hands over the array and must not write to it afterwards. Safe
+ * to pass between threads.
  *
  * @property origin of the photo: file, camera, exposure.
  * @property width columns of the active area.
  * @property height rows of the active area.
- * @property region the part of the active area whose samples are here: all of it unless a part was asked for.
+ * @property region the part of the active area that `samples` covers; the whole area unless a part was requested.
  * @property samples (region.height, region.width) unsigned 16-bit DN, row-major, after the file's LinearizationTable,
- *   before black subtraction; see [get]. The mosaic's own array, not a copy: do not write into it.
- * @property sensor colour filters and levels.
+ *   before black subtraction; see [get]. The mosaic's own array, not a copy: do not write to it.
+ * @property sensor colour filters, levels and noise.
  * @property corrections that the file describes; none is applied to the samples.
- * @property colours what the file says of the camera's colours.
- * @throws InvalidArgument sizes that do not fit, other colour filters than Bayer's, levels that are no numbers.
+ * @property colours the file's colour metadata.
+ * @throws InvalidArgument inconsistent sizes, a colour filter pattern that is not Bayer's, an invalid level or
+ *   orientation.
  */
 public class Mosaic(
     public val origin: Origin,
@@ -32,18 +33,18 @@ public class Mosaic(
     public val colours: Colours = Colours(),
 ) {
     /**
-     * Where a photo came from and how it was taken.
+     * Origin of a photo: file, camera and exposure.
      *
-     * @property name of the file, for messages and results; no path.
-     * @property make of the camera, "" where unknown.
-     * @property model of the camera, "" where unknown.
-     * @property exposure seconds, null where unknown.
-     * @property iso sensitivity, null where unknown.
+     * @property name name of the file without its path, for messages and results.
+     * @property make of the camera, "" if unknown.
+     * @property model of the camera, "" if unknown.
+     * @property exposure exposure time, s; null if unknown.
+     * @property iso sensitivity; null if unknown.
      * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
-     * @property sha256 of the file, lower-case hex; "" where there was no file.
+     * @property sha256 SHA-256 of the file, lower-case hex; "" if there was no file.
      * @property camera the physical camera and its lens.
-     * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown.
-     * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters know the camera; "" where unknown.
+     * @property captured capture time, ISO 8601, with the offset from UTC if the file has one; "" if unknown.
+     * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if unknown.
      */
     public class Origin @JvmOverloads constructor(
         public val name: String,
@@ -59,13 +60,15 @@ public class Mosaic(
     )
 
     /**
-     * What the samples mean.
+     * Meaning of the samples: colour filters, levels and noise.
      *
      * @property cfa colours of the 2 × 2 cell at the active area's corner: RGGB, GRBG, GBRG or BGGR.
      * @param black (2, 2) row-major black level of each position of that cell, DN; copied.
      * @property white the white level (saturation), DN.
-     * @param noiseProfile pairs (S, O), one pair or one a plane: variance = S v + O for v from 0 to 1; or null; copied.
-     * @param maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area); copied.
+     * @param noiseProfile pairs (S, O), one pair or one per plane: variance = S v + O for v from 0 to 1; or null;
+     *   copied.
+     * @param maskedAreas shielded parts of the sensor, in samples of the stored picture (not the active area);
+     *   copied.
      */
     public class Sensor @JvmOverloads constructor(
         public val cfa: String,
@@ -88,11 +91,11 @@ public class Mosaic(
     }
 
     /**
-     * What the file would have done to the samples; nothing of it was.
+     * Corrections that the file describes. None is applied to the samples.
      *
      * @param gainMaps lens-shading maps; copied.
      * @param badPixels lists of bad samples, not repaired; copied.
-     * @param unknownOpcodes numbers of the file's other operations that it does not call optional; copied.
+     * @param unknownOpcodes numbers of the file's other opcodes that are not marked optional; copied.
      */
     public class Corrections @JvmOverloads constructor(
         gainMaps: List<GainMap> = emptyList(),
@@ -105,18 +108,18 @@ public class Mosaic(
         /** Lists of bad samples. */
         public val badPixels: List<BadPixels> = badPixels.frozen()
 
-        /** Numbers of other operations that the file does not call optional. */
+        /** Numbers of the file's other opcodes that are not marked optional. */
         public val unknownOpcodes: List<Int> = unknownOpcodes.frozen()
     }
 
     /**
-     * What the file says of the camera's colours; arrays are copied.
+     * The file's colour metadata; arrays are copied.
      *
      * @param colorMatrix1 (3, 3) row-major XYZ to camera, or null.
      * @param colorMatrix2 (3, 3) row-major XYZ to camera, or null.
      * @param asShotNeutral (3) the camera's white, or null.
      * @param asShotWhiteXY (2) the same as chromaticity x, y, or null.
-     * @param neutrals the camera's white under the light that each colour matrix was made for.
+     * @param neutrals the camera's white under the illuminant of each colour matrix.
      */
     public class Colours @JvmOverloads constructor(
         colorMatrix1: DoubleArray? = null,
@@ -141,11 +144,11 @@ public class Mosaic(
         /** (2) the same as chromaticity x, y, or null; a copy at each call. */
         public val asShotWhiteXY: DoubleArray? get() = ownWhite?.copyOf()
 
-        /** The camera's white under the light that each colour matrix was made for. */
+        /** The camera's white under the illuminant of each colour matrix. */
         public val neutrals: List<Neutral> = neutrals.frozen()
     }
 
-    /** All that it says, without its samples. */
+    /** The metadata, without the samples. */
     internal val facts: Facts get() = Facts(origin, width, height, sensor, corrections, colours)
 
     /** See [Origin]. */

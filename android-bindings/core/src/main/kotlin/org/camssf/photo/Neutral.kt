@@ -1,15 +1,15 @@
 package org.camssf.photo
 
 /**
- * The camera's white under a light, as the file's colour matrix tells it.
+ * The camera's white under an illuminant, computed from the file's colour matrix.
  *
- * @property illuminant the light, an Exif LightSource code: 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
- * @param white (3) R, G, B, green 1; copied.
+ * @property illuminant the illuminant, an Exif LightSource code: 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
+ * @param white (3) R, G, B, scaled to green 1; copied.
  */
 public class Neutral(public val illuminant: Int, white: DoubleArray) {
     private val own = white.copyOf()
 
-    /** (3) R, G, B, green 1; a copy at each call. */
+    /** (3) R, G, B, scaled to green 1; a copy at each call. */
     public val white: DoubleArray get() = own.copyOf()
 
     public companion object {
@@ -25,11 +25,11 @@ public class Neutral(public val illuminant: Int, white: DoubleArray) {
         )
 
         /**
-         * Camera white = gains · calibration · colour matrix · XYZ of the light (DNG 1.7, chapter 6); null for another
-         * light than those above, or where a colour is lost.
+         * Camera white = gains · calibration · colour matrix · XYZ of the illuminant (DNG 1.7, chapter 6). Null for
+         * an illuminant that the class does not list, or if a channel is not finite or below 0.1 % of the largest.
          *
          * @param matrix (3, 3) row-major XYZ to camera.
-         * @param calibration (3, 3) row-major of the single camera, null for the identity.
+         * @param calibration (3, 3) row-major calibration matrix of the individual camera; null for the identity.
          * @param gains (3) analogue gains.
          */
         @JvmStatic

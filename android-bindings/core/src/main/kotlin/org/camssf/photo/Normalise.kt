@@ -11,45 +11,45 @@ import org.camssf.percent
 import kotlin.math.hypot
 import kotlin.math.sqrt
 
-/** What came of one shot's patch means. */
+/** Result of normalising one shot's patch means. */
 internal sealed class Normalised {
-    /** Signals of k = 1. */
+    /** The signals of this shot, k = 1. */
     class Sound(val signals: Signals) : Normalised()
 
-    /** Why there are none. */
+    /** The error because of which there are no signals. */
     class Unsound(val error: CalibrationException) : Normalised()
 }
 
-/** Patch means → signals: every patch is divided by the white at its own place. */
+/** Computes signals from patch means: every patch signal is divided by the white signal at its place, Eq. (5). */
 internal object Normalise {
-    /** Share of clipped samples from which a patch, or a white frame, is no measurement. */
+    /** Share of clipped samples above which a patch, or the white, is unusable. */
     private val CLIPPED get() = Rules.shipped.number("signals.clipped")
 
-    /** Part of the sensor's range that the white signal must reach in every channel. */
+    /** Fraction of the sensor's range that the white signal must reach in every channel. */
     private val FAINT get() = Rules.shipped.number("signals.faint")
 
     /** Largest relative standard error of the white signal. */
     private val NOISY get() = Rules.shipped.number("signals.noisy")
 
-    /** A patch whose signal is below this many of its standard errors in some channel is lost in noise. */
+    /** A patch is lost in noise if its signal in some channel is below this many of its standard errors. */
     private val LOST get() = Rules.shipped.number("signals.lost")
 
-    /** Patches that must be left in every shot. */
+    /** Number of usable patches that every shot needs. */
     private val FEWEST get() = Rules.shipped.whole("signals.fewest")
 
     /**
-     * Signals of all shots.
+     * Computes the signals of all shots.
      *
      * Standard errors, with b = W - D: se_y² = (se_C² + y² se_W² + (y - 1)² se_D²) / b². Fallbacks, each named in
-     * `assumptions`: no dark frame: D is the file's black level, se_D = 0; no white frame: the chart's white patch
-     * w stands in, b = C_w - D_w, its own row is not used, and se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b².
+     * `assumptions`: no dark frame: D is the file's black level, se_D = 0; no white frame: the chart's white patch w
+     * replaces it, b = C_w - D_w, row w is not used, and se_y² = (se_C² + se_D² + y² (se_Cw² + se_Dw²)) / b².
      *
      * @param names of the chart's n patches.
      * @param white index of its white patch.
-     * @throws InvalidArgument no shot, or another number of patches than the table has.
+     * @throws InvalidArgument no shot, or a number of patches that differs from the table's.
      * @throws Overexposed the white is clipped, or clipping leaves fewer than 6 patches.
      * @throws FramesDiffer the dark frame is brighter than the white frame.
-     * @throws Underexposed the white lies hardly above the dark, or noise leaves fewer than 6 patches.
+     * @throws Underexposed the white signal is too weak or too noisy, or noise leaves fewer than 6 patches.
      */
     fun all(shots: List<PatchMeans>, names: List<String>, white: Int): Signals {
         if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
@@ -73,7 +73,7 @@ internal object Normalise {
         )
     }
 
-    /** One shot, `number` of its capture from 1; its error is that which [all] throws. */
+    /** Normalises one shot; `number` is its number in the capture, from 1. The error is the one that [all] throws. */
     fun one(means: PatchMeans, names: List<String>, w: Int, number: Int): Normalised {
         val patches = names.size
         val size = 3 * patches
@@ -125,7 +125,7 @@ internal object Normalise {
         ).takeIf { shot.dark == null },
     )
 
-    /** What is wrong with the white, or null. */
+    /** The error if the white signal is unusable as a divisor; null if it is usable. */
     private fun unfitWhite(
         signal: DoubleArray,
         standardError: DoubleArray,
@@ -172,7 +172,10 @@ internal object Normalise {
         return null
     }
 
-    /** Fewer than 6 patches, for the reason that took more of them; null where enough are left. */
+    /**
+     * The error if fewer than FEWEST patches are usable, classified by the more frequent cause; null if enough are
+     * left.
+     */
     private fun tooFew(left: Int, over: Int, under: Int, patches: Int, number: Int): CalibrationException? {
         if (left >= FEWEST) return null
         val message = "Shot $number: only $left of $patches patches are usable ($over clipped, $under " +

@@ -4,11 +4,11 @@ import org.camssf.ChartNotFound
 import org.camssf.checkInterrupt
 
 /**
- * The patches of all frames of a shot, a few at a time: of each frame only the samples of those few are in memory.
+ * Measures the patches of all frames of a shot in groups; only the samples of one group are in memory.
  *
- * @param frames the chart's first, alike in size.
+ * @param frames the chart photo first; all have the same size.
  * @param quads corners (4, 2) of each patch, px.
- * @param together samples of all frames that are kept at a time, if a patch does not have more.
+ * @param together number of samples of all frames in memory at a time; a single patch may exceed it.
  */
 internal class PatchFrames(
     private val frames: List<Reading>,
@@ -19,7 +19,10 @@ internal class PatchFrames(
     private val cells = PatchSamples.cells(chart.sensor.cfa)
     private val white = frames.map { it.facts.sensor.white }
 
-    /** One patch: its places and samples, by position; samples by frame, empty until they are read. */
+    /**
+     * One patch: the places and samples of each position of the CFA cell. `samples` is empty until each frame is
+     * read.
+     */
     private inner class Patch(val number: Int) {
         val places = cells.map { PatchSamples.select(quads[number], it, chart.width, chart.height, number + 1) }
         val samples = ArrayList<List<ShortArray>>()
@@ -27,9 +30,9 @@ internal class PatchFrames(
         val box: Region? = places.mapNotNull { it.box }.reduceOrNull(::union)
     }
 
-    /** Calls `each` with a patch from 0, a position of the CFA cell, and the statistics of each frame. */
+    /** Calls `each` with a patch number from 0, a position of the CFA cell, and the statistics of each frame. */
     fun each(each: (Int, Int, List<PatchSample>) -> Unit) {
-        // The first patch that fails is the one that is named, whatever the order in which they are read.
+        // The error names the first patch that fails in chart order, independent of the reading order.
         val failures = arrayOfNulls<ChartNotFound>(quads.size)
         val patches = quads.indices.mapNotNull { i ->
             checkInterrupt()
@@ -59,7 +62,7 @@ internal class PatchFrames(
         failures.firstOrNull { it != null }?.let { throw it }
     }
 
-    /** Patches that are read together, from the photo's top down. */
+    /** Groups of patches that are read together, sorted from the photo's top down. */
     private fun groups(patches: List<Patch>): List<List<Patch>> {
         val found = ArrayList<MutableList<Patch>>()
         var room = 0L
@@ -94,7 +97,7 @@ internal class PatchFrames(
     }
 
     private companion object {
-        /** 16 MB. */
+        /** Samples; 16 MB. */
         const val TOGETHER = 8L shl 20
 
         fun union(one: Region, other: Region) = Region(

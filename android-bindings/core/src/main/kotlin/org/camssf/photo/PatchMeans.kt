@@ -6,7 +6,7 @@ import org.camssf.InvalidArgument
 import org.camssf.UnsupportedRaw
 
 /**
- * One shot: the same samples of the chart, white and dark frames. Safe to pass between threads.
+ * Patch statistics of one shot: the same samples of the chart, white and dark frames. Safe to pass between threads.
  *
  * @property chart statistics of the chart photo.
  * @property white of the white frame, or null.
@@ -25,16 +25,17 @@ public class PatchMeans internal constructor(
 
     public companion object {
         /**
-         * Measures the same samples of every patch in all frames of one shot, by the numbered rules of docs/patches.md:
-         * sums of whole numbers, so Python and Kotlin give the same to the last bit.
+         * Measures the same samples of every patch in all frames of one shot, by the numbered rules of
+         * docs/patches.md. The sums are of whole numbers, so Python's and Kotlin's results are equal bit for bit.
          *
          * @param chart the photo of the chart; its region must hold the patches, and so must the other frames'.
-         * @param pose where the chart lies in it.
-         * @param white the white frame, taken like the chart photo; null if there is none.
-         * @param dark the dark frame, likewise.
-         * @throws InvalidArgument lens shading shall be applied and the file holds none.
-         * @throws UnsupportedRaw gain maps that camssf does not apply.
+         * @param pose the chart's position in it.
+         * @param white the white frame, taken with the same settings as the chart photo; null if there is none.
+         * @param dark the dark frame, also with these settings; null if there is none.
+         * @throws InvalidArgument `lensShading` is APPLY, but the file holds no gain maps.
+         * @throws UnsupportedRaw the file has gain maps that camssf cannot apply.
          * @throws FramesDiffer size, CFA, camera, levels, exposure or ISO of a frame differ from the chart photo's.
+         * @throws org.camssf.UnitDiffers the physical camera or lens of a frame differs.
          * @throws ChartNotFound a patch leaves the photo, or holds fewer than 16 samples of a colour.
          */
         @JvmStatic
@@ -47,7 +48,7 @@ public class PatchMeans internal constructor(
             lensShading: LensShading = LensShading.AS_STORED,
         ): PatchMeans = measure(Whole(chart), pose, white?.let { Whole(it) }, dark?.let { Whole(it) }, lensShading)
 
-        /** The same of frames that are read part by part. */
+        /** As above, for frames that are read part by part. */
         internal fun measure(
             chart: Reading,
             pose: ChartPose,

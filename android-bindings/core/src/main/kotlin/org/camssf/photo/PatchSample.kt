@@ -9,13 +9,13 @@ import kotlin.math.sqrt
 /**
  * One frame's statistics of one position of the CFA cell in one patch: rules 3 to 5 of docs/patches.md.
  *
- * @property mean DN.
- * @property error of the mean, DN.
- * @property count samples that entered.
- * @property change of the fitted plane from edge to edge, DN.
- * @property clipped of `all`, at or above the white level.
- * @property rejected of `all`, as dust or hot pixels.
- * @property all samples of the position in the patch.
+ * @property mean of the samples, DN.
+ * @property error standard error of the mean, DN.
+ * @property count number of samples used.
+ * @property change change of the fitted plane from edge to edge, DN.
+ * @property clipped number of samples in `all` at or above the white level.
+ * @property rejected number of samples in `all` rejected as dust or hot pixels.
+ * @property all number of samples of the position in the patch.
  */
 internal class PatchSample(
     val mean: Double,
@@ -30,16 +30,17 @@ internal class PatchSample(
         /** Samples further from the median than this many MAD (plus FLOOR) are dust or hot pixels. */
         private val REJECT get() = Rules.shipped.whole("patches.reject")
 
-        /** DN that are always allowed: whole numbers have a MAD of zero where there is no noise. */
+        /** Deviation that is always allowed, DN; without noise, the MAD of whole numbers is zero. */
         private val FLOOR get() = Rules.shipped.whole("patches.floor")
 
         /**
-         * Of one position of the CFA cell in one patch, for each frame of a shot: they share one mask.
+         * Computes the statistics of one position of the CFA cell in one patch, for each frame of a shot. All frames
+         * share one mask.
          *
          * @param name of the chart photo, for messages.
          * @param white level of each frame, DN.
-         * @param samples of each frame at `places`, in their order.
-         * @param patch its number, from 1, for messages.
+         * @param samples samples of each frame at `places`, in their order.
+         * @param patch number of the patch from 1, for messages.
          * @throws ChartNotFound the patch holds fewer than 16 good samples of the position.
          */
         fun of(
@@ -84,7 +85,7 @@ internal class PatchSample(
             return found.copyOf(size)
         }
 
-        /** The two values in the middle, found by counting: a patch's values lie close together. */
+        /** Sum of the two middle values, by counting sort, which suits the narrow range of a patch's values. */
         private fun twiceMedian(values: IntArray): Int {
             val least = values.min()
             val counts = IntArray(values.max() - least + 1)
@@ -113,7 +114,7 @@ internal class PatchSample(
             var total = 0L
             for (value in v) total += value
             val level = total / n
-            val sums = Array(4) { LongArray(4) } // over 1, X, Y, e: whole numbers, exact in any order
+            val sums = Array(4) { LongArray(4) } // products of 1, X, Y, e: whole numbers, so exact in any order
             for (i in 0 until n) {
                 val e = v[i] - level
                 val right = x[i].toLong()

@@ -8,16 +8,17 @@ import kotlin.math.floor
  * The samples of one position of the CFA cell in a patch: every second column of every second row.
  *
  * @property top first row.
- * @property first column of each row, `count` of them there.
+ * @property first column of the first sample in each row.
+ * @property count number of samples in each row.
  */
 internal class Places(val top: Int, val first: IntArray, val count: IntArray) {
-    /** Where each row's samples begin, counted over all rows; one behind the last at the end. */
+    /** Number of the first sample of each row, counted over all rows; the last entry is the total. */
     private val starts = IntArray(count.size + 1).also { for (i in count.indices) it[i + 1] = it[i] + count[i] }
 
-    /** All samples. */
+    /** Number of samples. */
     val size: Int get() = starts.last()
 
-    /** The smallest rectangle around them; null if there are none. */
+    /** The smallest rectangle around the samples; null if there are none. */
     val box: Region?
         get() {
             val rows = count.indices.filter { count[it] > 0 }
@@ -30,14 +31,14 @@ internal class Places(val top: Int, val first: IntArray, val count: IntArray) {
             )
         }
 
-    /** Calls `each` with the number of every sample, its column and its row, both in cells. */
+    /** Calls `each` with the number, column and row of every sample; column and row are counted in cells. */
     inline fun each(each: (Int, Int, Int) -> Unit) {
         for (row in count.indices) {
             for (i in 0 until count[row]) each(starts[row] + i, first[row] / 2 + i, top / 2 + row)
         }
     }
 
-    /** Takes what there is of them in a part of a row: see [Rows]. */
+    /** Copies the samples that lie in a part of a row to `into`; arguments as in [Rows]. */
     fun take(y: Int, x: Int, samples: ShortArray, at: Int, length: Int, into: ShortArray) {
         if (y < top || (y - top) % 2 != 0) return
         val row = (y - top) / 2
@@ -49,12 +50,12 @@ internal class Places(val top: Int, val first: IntArray, val count: IntArray) {
     }
 }
 
-/** Which samples of a patch are measured: rules 1 and 2 of docs/patches.md. */
+/** Selects the samples of a patch that are measured: rules 1 and 2 of docs/patches.md. */
 internal object PatchSamples {
-    /** Part of each patch edge that is measured. */
+    /** Fraction of each patch edge that is measured. */
     private val SHRINK get() = Rules.shipped.number("patches.shrink")
 
-    /** Samples that each position of the CFA cell must have in every patch. */
+    /** Number of samples that each position of the CFA cell needs in every patch. */
     val FEWEST get() = Rules.shipped.whole("patches.fewest")
 
     /** Index in the 2 × 2 cell of R, the green on R's rows, the green on B's rows, B. */
@@ -64,12 +65,12 @@ internal object PatchSamples {
         return listOf(red, red xor 1, blue xor 1, blue)
     }
 
-    /** x, y of the middle of a quad (4, 2). */
+    /** x, y of the centre of a quad (4, 2). */
     fun centre(quad: DoubleArray): DoubleArray =
         DoubleArray(2) { ((quad[it] + quad[2 + it]) + (quad[4 + it] + quad[6 + it])) * 0.25 }
 
     /**
-     * The cell's samples in the shrunk quad (4, 2), px.
+     * Selects the samples of position `cell` (0 to 3) of the CFA cell in the shrunk quad (4, 2), px.
      *
      * @throws ChartNotFound the patch leaves the photo of `width` × `height`.
      */
@@ -77,7 +78,7 @@ internal object PatchSamples {
         val centre = centre(quad)
         val moved = DoubleArray(8) { 16 * (centre[it % 2] + SHRINK * (quad[it] - centre[it % 2])) }
         val limit = doubleArrayOf(16.0 * (width - 1), 16.0 * (height - 1))
-        if (!moved.indices.all { moved[it] >= 0 && moved[it] <= limit[it % 2] }) { // NaN is none
+        if (!moved.indices.all { moved[it] >= 0 && moved[it] <= limit[it % 2] }) { // false for NaN
             throw ChartNotFound(
                 "Patch $patch leaves the photo.",
                 "Take the photo with the whole chart in view, or correct the corners.",
@@ -92,7 +93,7 @@ internal object PatchSamples {
         val first = IntArray(rows)
         val count = IntArray(rows)
         for (row in 0 until rows) {
-            // Four half-planes share a convex part, so that a row's samples are neighbours.
+            // The intersection of four half-planes is convex, so the samples of a row are contiguous.
             var column = left
             while (column <= high[0] && !inside(corners, column, top + 2 * row)) column += 2
             first[row] = column.toInt()

@@ -4,22 +4,22 @@ import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 
 /**
- * What a frame's file says, without its samples.
+ * Metadata of a frame, without its samples.
  *
  * @property name of the file.
  * @property width of the active area, px.
  * @property height of the active area, px.
- * @property orientation of the display, TIFF's, 1 to 8.
- * @property exposure s, null where unknown.
- * @property iso null where unknown.
- * @property gainMap the file holds a lens-shading map, which its samples do not contain.
+ * @property orientation the TIFF orientation of the display, 1 to 8.
+ * @property exposure exposure time, s; null if unknown.
+ * @property iso sensitivity; null if unknown.
+ * @property gainMap true if the file holds lens-shading maps, which are not applied to its samples.
  * @property make of the camera.
  * @property model of the camera.
- * @property sha256 of the file, lower-case hex.
- * @property camera the physical camera and its lens; no result holds them.
- * @property captured when it was taken, ISO 8601, with the offset from UTC where the file has one; "" where unknown. No
- *   result holds it.
- * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters know the camera; "" where unknown.
+ * @property sha256 SHA-256 of the file, lower-case hex.
+ * @property camera the physical camera and its lens; not written to results.
+ * @property captured capture time, ISO 8601, with the offset from UTC if the file has one; "" if unknown. Not written
+ *   to results.
+ * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if unknown.
  */
 public class Photo internal constructor(
     public val name: String,
@@ -39,9 +39,9 @@ public class Photo internal constructor(
 ) {
     public companion object {
         /**
-         * What a DNG says; its samples are not read.
+         * Reads the metadata of a DNG, not its samples.
          *
-         * @param source stays open; read by one thread.
+         * @param source stays open; the caller closes it. It is read by one thread.
          * @throws org.camssf.UnreadableRaw truncated, damaged, or not a raw file at all.
          * @throws org.camssf.UnsupportedRaw a form of raw file that camssf does not read.
          * @throws org.camssf.NotSensorRaw already demosaiced.
@@ -51,7 +51,7 @@ public class Photo internal constructor(
         @Throws(InterruptedException::class)
         public fun read(source: DngSource): Photo = DngReader.facts(source, null).let { of(it, it.origin.sha256) }
 
-        /** CIE illuminants by Exif's LightSource codes, as DNG's colour matrices name them. */
+        /** CIE illuminants by Exif's LightSource codes, which DNG uses for its colour matrices. */
         internal val LIGHT_SOURCES =
             mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
 
@@ -68,5 +68,5 @@ public class Photo internal constructor(
     }
 }
 
-/** The camera's white (3) under a CIE illuminant, as the file's colour matrix tells it. */
+/** The camera's white (3) under a CIE illuminant, computed from the file's colour matrix. */
 internal class NamedNeutral(val light: String, val white: DoubleArray)

@@ -9,23 +9,23 @@ import java.io.IOException
 import java.util.concurrent.CancellationException
 
 /**
- * Where a photo comes from: it is read when its turn comes, part by part where it is large, and let go before the next
- * one. Of each frame only the samples of a few patches are kept.
+ * A source of a photo. camssf reads it only when needed, in parts if it is large, and releases it before the next
+ * one. Of each frame only the samples of a few patches stay in memory.
  *
- * It is called on the thread that measures: once where the part around the chart has 12 megapixels or less, else several
- * times, each time for a band of it, and it gives the same photo each time. The mosaic belongs to the caller. Frames of
- * the chart, the white and the dark come alike.
+ * [read] is called on the measuring thread: once if the part around the chart has at most 12 megapixels, otherwise
+ * several times, each time for a horizontal band of it. It must give the same photo each time. The mosaic belongs to
+ * the caller. Chart, white and dark frames are read in the same way.
  */
 public fun interface PhotoSource {
     /**
-     * Reads the photo, at least the `region` of its active area if there is one.
+     * Reads the photo: at least `region` of its active area, or all of it if `region` is null.
      *
-     * @throws CalibrationException if it cannot be read.
+     * @throws CalibrationException the photo cannot be read.
      */
     public fun read(region: Region?): Mosaic
 
     public companion object {
-        /** A photo that is in memory already. */
+        /** A photo that is already in memory. */
         @JvmStatic
         public fun of(mosaic: Mosaic): PhotoSource = Held(mosaic)
 
@@ -34,15 +34,15 @@ public fun interface PhotoSource {
         public fun of(file: File): PhotoSource = dng { DngSource.of(file) }
 
         /**
-         * A DNG that `open` opens anew at each call, a `Uri` for example; it is closed here. What `open` throws becomes
-         * [UnreadableRaw].
+         * A DNG that `open` opens again for each reading, for example from a `Uri`; camssf closes it after each one.
+         * Exceptions of `open` become [UnreadableRaw].
          */
         @JvmStatic
         public fun dng(open: () -> DngSource): PhotoSource = DngPhoto(open)
     }
 }
 
-/** A DNG that is opened anew for each reading, so that nothing stays open between two of them. */
+/** A DNG that is opened again for each reading, so no file stays open in between. */
 private class DngPhoto(private val open: () -> DngSource) : ByRows {
     override fun read(region: Region?): Mosaic = using { DngReader.read(it, region) }
 
@@ -67,7 +67,7 @@ private class DngPhoto(private val open: () -> DngSource) : ByRows {
     private companion object {
         private const val AGAIN = "Check that the photo is still there and that the app may read it, and try again."
 
-        /** What a provider throws is its own: no file, no permission, no network. */
+        /** A content provider may throw any exception: no file, no permission, no network. */
         private fun opened(open: () -> DngSource): DngSource = try {
             open()
         } catch (error: Exception) {

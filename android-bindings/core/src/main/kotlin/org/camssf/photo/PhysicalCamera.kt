@@ -7,12 +7,12 @@ import kotlin.math.abs
 import kotlin.math.max
 
 /**
- * The one camera and lens that took a photo, beside make and model; "" and null where nothing is known.
+ * The physical camera and lens that took a photo, in addition to make and model; "" or null if unknown.
  *
- * @property id of a phone with several cameras, the one that was used.
- * @property serial number of the body; it stands in no result and no message.
- * @property lens its model.
- * @property focalLength mm.
+ * @property id ID of the camera used, on a phone with several cameras.
+ * @property serial serial number of the body; not written to results or messages.
+ * @property lens model of the lens.
+ * @property focalLength focal length, mm.
  * @property aperture the f-number.
  * @property activeArea of the sensor, in samples of the stored picture.
  */
@@ -25,14 +25,17 @@ public data class PhysicalCamera @JvmOverloads constructor(
     public val activeArea: Region? = null,
 ) {
     internal companion object {
-        /** Relative difference up to which two focal lengths or f-numbers are the same: files round them. */
+        /**
+         * Relative difference up to which two focal lengths or f-numbers count as equal, because files round them.
+         */
         private val ALIKE get() = Rules.shipped.number("patches.alike")
 
         /**
-         * Refuses photos of two physical cameras or lenses, as far as both sides say.
+         * Throws `UnitDiffers` if two photos come from different physical cameras or lenses; unknown values are not
+         * compared.
          *
-         * @param one of the photo called `chart`.
-         * @param two of the photo called `other`.
+         * @param one camera of the photo called `chart`.
+         * @param two camera of the photo called `other`.
          */
         fun check(chart: String, one: PhysicalCamera, other: String, two: PhysicalCamera) {
             val differ = ArrayList<String>()

@@ -9,13 +9,14 @@ import kotlin.math.hypot
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** A lattice named by its colours. */
+/** The orientation of a lattice that fits the patch colours best, and its score. */
 private class Match(val corners: DoubleArray, val score: Double, val mirrored: Boolean)
 
 /**
- * From four rough corners to the pose: turned by the colours, moved to the printed borders.
+ * Computes the pose from four rough corners: the colours give the orientation, the printed borders the exact
+ * position.
  *
- * @param expected (n, 3) plain signals of the table, see [Agreement].
+ * @param expected (n, 3) signals that [Agreement] predicts for the table.
  * @param corners (4, 2) px, convex and inside the photo.
  */
 internal class PoseSearch(
@@ -31,7 +32,7 @@ internal class PoseSearch(
     )
 
     fun pose(): ChartPose {
-        // Clockwise as seen, so that only a real mirror mirrors.
+        // Make the corners clockwise as seen, so that only a chart that is really mirrored counts as mirrored.
         val around = if (Lattice.area(corners) > 0) corners else DoubleArray(8) { corners[6 - it + 2 * (it % 2)] }
         val tries = listOf(0, 1).map { name(lattice(view.fromMosaic(from(around, it)))) }
         val start = if (tries[1].score > tries[0].score) tries[1] else tries[0]
@@ -80,13 +81,16 @@ internal class PoseSearch(
     private fun lattice(corners: DoubleArray): Lattice = Lattice.of(layout, corners)
         ?: throw InvalidArgument("The corners do not go around a convex quadrilateral.", Corners.ADVICE)
 
-    /** Largest way of a corner, in pitches of where it came from. */
+    /** Largest displacement of a corner, in patch pitches of the lattice before. */
     private fun moved(now: DoubleArray, before: DoubleArray): Double {
         val pitch = sqrt(abs(Lattice.area(before)) / (layout.columns * layout.rows))
         return (0..3).maxOf { hypot(now[2 * it] - before[2 * it], now[2 * it + 1] - before[2 * it + 1]) } / pitch
     }
 
-    /** Which way up the lattice is, by its colours. A quarter turn is another lattice: the caller tries both. */
+    /**
+     * Determines from the colours whether the lattice is upside down or mirrored. For quarter turns the caller tries
+     * two lattices.
+     */
     private fun name(lattice: Lattice): Match {
         val n = layout.columns * layout.rows
         val seen = DoubleArray(3 * n)
@@ -121,17 +125,17 @@ internal class PoseSearch(
     }
 
     private companion object {
-        /** Correlation with the table's colours from which a grid of patches is taken for the chart. */
+        /** Correlation with the table's colours from which a grid of patches is accepted as the chart. */
         const val ACCEPT = 0.6
 
         /** How far a corner may move, in pitches. */
         const val NEAR = 0.55
 
-        /** Share of patch borders that must lie where the lattice says. */
+        /** Share of patch borders that must lie at the lattice's positions. */
         const val LOCKED = 0.6
         val SPAN = DoubleArray(5) { -0.2 + it * 0.1 }
 
-        /** `points` (4, 2) beginning with the one at `first`. */
+        /** `points` (4, 2), starting with the one at `first`. */
         fun from(points: DoubleArray, first: Int): DoubleArray = DoubleArray(8) { points[(it + 2 * first) % 8] }
     }
 }

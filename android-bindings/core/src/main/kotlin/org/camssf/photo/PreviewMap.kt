@@ -4,27 +4,27 @@ import org.camssf.InvalidArgument
 import kotlin.math.max
 import kotlin.math.min
 
-/** How a picture of one shape fills a view of another; in every case about the middle. */
+/** How a picture fills a view of another aspect ratio; always centred. */
 public enum class PreviewFit {
-    /** Both axes by their own factor, so that the corners meet: a stream scaled by itself, a stretched view. */
+    /** Each axis has its own scale, so the corners coincide: a stream scaled separately, a stretched view. */
     STRETCH,
 
-    /** All of the picture is seen, with empty stripes beside it: `FIT_CENTER` of CameraX's PreviewView. */
+    /** The whole picture is visible, with empty margins: `FIT_CENTER` of CameraX's PreviewView. */
     INSIDE,
 
-    /** The whole view is filled, and the picture's ends are cut: `FILL_CENTER`, PreviewView's own choice. */
+    /** The whole view is filled, and the picture is cropped: `FILL_CENTER`, PreviewView's default. */
     FILL,
 }
 
 /**
- * Where a picture lies in the mosaic, in places as [Point] counts them, but of borders: a crop of the whole active area
- * of w × h samples goes from -0.5 to w - 0.5. [of] takes samples.
+ * The part of the mosaic that a picture shows. The coordinates are those of [Point], but they denote borders: a crop
+ * of the whole active area of w × h samples extends from -0.5 to w - 0.5. [of] converts from samples.
  *
  * @property left first border, px of the active area.
  * @property top first border.
  * @property right last border.
  * @property bottom last border.
- * @throws InvalidArgument it is empty, or a number is not finite.
+ * @throws InvalidArgument the crop is empty, or a number is not finite.
  */
 public data class PreviewCrop(
     public val left: Double,
@@ -41,15 +41,16 @@ public data class PreviewCrop(
         }
     }
 
-    /** px across. */
+    /** Width, px. */
     public val width: Double get() = right - left
 
-    /** px down. */
+    /** Height, px. */
     public val height: Double get() = bottom - top
 
     /**
-     * The part of this crop that a stream of another shape shows. A camera cuts each stream out of its crop region's
-     * middle, as large as its shape allows: a stream of 16 : 9 lacks top and bottom of a sensor of 4 : 3.
+     * The part of this crop that a stream of another aspect ratio shows. A camera takes each stream from the centre
+     * of its crop region, as large as the aspect ratio allows: a 16 : 9 stream lacks the top and bottom of a 4 : 3
+     * sensor.
      *
      * @param width of the stream, px.
      * @param height of the stream, px.
@@ -63,9 +64,9 @@ public data class PreviewCrop(
     }
 
     /**
-     * The middle of this crop, magnified: `CONTROL_ZOOM_RATIO`.
+     * The central part of this crop at a zoom ratio (`CONTROL_ZOOM_RATIO`).
      *
-     * @param ratio 1 or more shows less, 0.5 twice as much.
+     * @param ratio above 0; 2 shows half the width and height, 0.5 twice as much.
      */
     public fun zoomed(ratio: Double): PreviewCrop {
         if (!(ratio > 0 && ratio.isFinite())) throw InvalidArgument("A zoom of $ratio.", "Give a ratio above 0.")
@@ -75,31 +76,35 @@ public data class PreviewCrop(
     }
 
     public companion object {
-        /** Of samples: the active array, a DNG's DefaultCrop (its origin and size), a crop region. */
+        /**
+         * The crop of a rectangle of samples: the active array, a DNG's DefaultCrop (its origin and size), a crop
+         * region.
+         */
         @JvmStatic
         public fun of(samples: Region): PreviewCrop =
             PreviewCrop(samples.left - 0.5, samples.top - 0.5, samples.right - 0.5, samples.bottom - 0.5)
 
-        /** Of the whole active area. */
+        /** The crop of the whole active area. */
         @JvmStatic
         public fun of(mosaic: Mosaic): PreviewCrop = of(Region(0, 0, mosaic.width, mosaic.height))
     }
 }
 
 /**
- * The way from a preview to the mosaic and back: a part of the active area is cut out, turned clockwise by [rotation],
- * exchanged left and right where [mirrored], and scaled into a view. Nothing is rounded: there and back again is the same
- * place to 1e-9 px. Safe to pass between threads.
+ * Maps points between a preview and the mosaic. A part of the active area is cropped, rotated clockwise by
+ * [rotation], exchanged left and right if [mirrored], and scaled to a view. Nothing is rounded: mapping there and
+ * back returns the same point to 1e-9 px. Safe to pass between threads.
  *
- * Two are made, and the way from one to the other leads over the mosaic: [ofView] for what a finger taps, [ofPicture]
- * for the frame of an `ImageReader` or of CameraX's `ImageAnalysis`, which is as the sensor lies, in pixels.
+ * There are two kinds; to map between them, go through the mosaic. [ofView] is for touch positions. [ofPicture] is
+ * for the frames of an `ImageReader` or of CameraX's `ImageAnalysis`, which have the sensor's orientation and are
+ * counted in pixels.
  *
- * It is exact where the camera only cuts and scales. Where it straightens the lens' distortion in the preview, which it
- * never does in RAW, a place is off by as much: camssf moves rough corners to the printed borders all the same.
+ * The map is exact if the camera only crops and scales. If the camera corrects lens distortion in the preview, which
+ * it never does in RAW, points are off by that correction; camssf still moves rough corners to the printed borders.
  *
- * @property crop the part of the active area that is seen, before it is turned.
- * @property rotation 0, 90, 180 or 270: by how many degrees clockwise the sensor's picture is turned to be seen upright.
- * @property mirrored whether left and right of the turned picture are exchanged, as front cameras' previews are.
+ * @property crop the visible part of the active area, before rotation.
+ * @property rotation clockwise rotation of the sensor's picture to upright, degrees: 0, 90, 180 or 270.
+ * @property mirrored true if left and right of the rotated picture are exchanged, as in front cameras' previews.
  */
 public class PreviewMap private constructor(
     public val crop: PreviewCrop,
@@ -109,19 +114,22 @@ public class PreviewMap private constructor(
 ) {
     private val back = inverse(forth)
 
-    /** The place in the view, or in the picture, of a place in the mosaic. */
+    /** Maps a point of the mosaic to the view or picture. */
     public fun fromMosaic(place: Point): Point = map(forth, place)
 
-    /** The place in the mosaic of a place in the view, or in the picture. */
+    /** Maps a point of the view or picture to the mosaic. */
     public fun toMosaic(place: Point): Point = map(back, place)
 
-    /** Each of the four; their names stay, since they are the chart's. */
+    /** Maps each corner to the view or picture; their names stay, because they are the chart's. */
     public fun fromMosaic(corners: Corners): Corners = corners.each { map(forth, it) }
 
-    /** Each of the four; their names stay, since they are the chart's. Of taps in any order: [Corners.around]. */
+    /**
+     * Maps each corner to the mosaic; their names stay, because they are the chart's. For taps in any order use
+     * [Corners.around].
+     */
     public fun toMosaic(corners: Corners): Corners = corners.each { map(back, it) }
 
-    /** px of the view a px of the mosaic, the mean of both axes where they differ. */
+    /** Scale, view px per mosaic px; the mean of both axes if they differ. */
     public val scale: Double
         get() {
             val x = Math.hypot(forth[0], forth[3])
@@ -131,15 +139,15 @@ public class PreviewMap private constructor(
 
     public companion object {
         /**
-         * To a view, in its own coordinates: 0 is the view's left or top border, as `MotionEvent` counts.
+         * Creates a map to a view. Its coordinates are 0 at the view's left and top border, as in `MotionEvent`.
          *
          * @param crop the part of the active area that the view's stream shows: [PreviewCrop.of] the active array,
          *   `zoomed`, then `shapedAs` the stream.
-         * @param rotation degrees clockwise: 0, 90, 180 or 270. [rotationOf] computes it.
-         * @param mirrored whether the view exchanges left and right: of a front camera's preview it does.
+         * @param rotation degrees clockwise: 0, 90, 180 or 270; see [rotationOf].
+         * @param mirrored true if the view exchanges left and right, as a front camera's preview does.
          * @param width of the view, px.
          * @param height of the view, px.
-         * @param fit how the turned picture fills it.
+         * @param fit how the rotated picture fills the view.
          * @throws InvalidArgument another rotation, or a view without an area.
          */
         @JvmStatic
@@ -154,13 +162,13 @@ public class PreviewMap private constructor(
         ): PreviewMap = of(crop, rotation, mirrored, width, height, fit, 0.0)
 
         /**
-         * To a picture of which the centre of the first pixel is 0, as of a mosaic, and all of which the crop fills.
+         * Creates a map to a picture that shows exactly the crop. The centre of its first pixel is 0, as in a mosaic.
          *
          * @param crop the part of the active area that the picture shows.
          * @param width of the picture, px.
          * @param height of the picture, px.
-         * @param rotation by which it has been turned already; a camera's frames are not.
-         * @param mirrored whether it has been mirrored already; a camera's frames are not.
+         * @param rotation rotation already applied to the picture, degrees clockwise; 0 for a camera's frames.
+         * @param mirrored true if the picture is already mirrored; false for a camera's frames.
          * @throws InvalidArgument another rotation, or a picture without an area.
          */
         @JvmStatic
@@ -174,11 +182,11 @@ public class PreviewMap private constructor(
         ): PreviewMap = of(crop, rotation, mirrored, width, height, PreviewFit.STRETCH, -0.5)
 
         /**
-         * By how much a preview is turned clockwise to be seen upright.
+         * Clockwise rotation of a preview to upright, degrees.
          *
          * @param sensor `SENSOR_ORIENTATION`: 0, 90, 180 or 270.
-         * @param display by how many degrees the screen is turned (`Display.getRotation`: ROTATION_90 is 90).
-         * @param front whether the camera looks the way the screen does.
+         * @param display rotation of the screen, degrees (`Display.getRotation`: ROTATION_90 is 90).
+         * @param front true if the camera faces the same direction as the screen.
          */
         @JvmStatic
         public fun rotationOf(sensor: Int, display: Int, front: Boolean): Int {
@@ -209,7 +217,7 @@ public class PreviewMap private constructor(
             if (width < 1 || height < 1) {
                 throw InvalidArgument("A view of $width × $height px.", "Wait until it has been laid out.")
             }
-            // About the middle: cos and sin of quarter turns are whole numbers, so nothing is rounded.
+            // Rotation about the centre: cos and sin of quarter turns are whole numbers, so nothing is rounded.
             val (cos, sin) = listOf(1 to 0, 0 to 1, -1 to 0, 0 to -1)[rotation / 90]
             val (turnedWidth, turnedHeight) =
                 if (sin == 0) crop.width to crop.height else crop.height to crop.width

@@ -3,42 +3,46 @@ package org.camssf.photo
 import org.camssf.InvalidArgument
 import java.security.MessageDigest
 
-/** Takes samples of a photo as they come: `count` of row y of the active area, from column x on, `samples` from `at`. */
+/**
+ * Receives samples of a photo in the order of reading: `count` samples of row y of the active area, from column x on,
+ * in `samples` from index `at`.
+ */
 internal fun interface Rows {
     fun take(y: Int, x: Int, count: Int, samples: ShortArray, at: Int)
 }
 
-/** One photo while it is measured: its facts, and its samples as often as they are wanted, never all at once. */
+/** Access to a photo during measurement: its metadata, and its samples, which can be read repeatedly and in parts. */
 internal interface Reading {
-    /** What the photo says; the first call may read it. */
+    /** Metadata; the first call may read the photo. */
     val facts: Facts
 
-    /** Of the file or, where there was none (Camera2), of the samples; lower-case hex. */
+    /** SHA-256 of the file or, if there is none (Camera2), of the samples; lower-case hex. */
     val sha256: String
 
     /**
-     * Gives every sample of `region`, each once, in any order.
+     * Passes every sample of `region` to `rows` exactly once, in any order.
      *
-     * @throws InvalidArgument the photo has no such part.
+     * @throws InvalidArgument the region is not inside the photo.
      */
     fun scan(region: Region, rows: Rows)
 
-    /** Lets go of samples that could be read again. */
+    /** Releases samples that can be read again. */
     fun release()
 
     companion object {
         /**
-         * Samples that are read in one piece at most: 24 MB, a photo of 12 megapixels. What is larger is read band by
-         * band, or row by row where the source can.
+         * Largest number of samples read at once: 24 MB, a photo of 12 megapixels. A larger part is read in bands, or
+         * row by row if the source supports it.
          */
         const val PIECE = 12L shl 20
 
         /**
-         * A photo as its source allows.
+         * Opens a photo in the way that suits its source.
          *
-         * @param region that will be looked at, and no other; it may reach beyond the photo.
-         * @param watch called with every row: ends a scan that nobody waits for any more.
-         * @param twice it is scanned for the pose and for the patches: what is small is kept in between.
+         * @param region the only part that will be read; it may extend beyond the photo.
+         * @param watch called for every row; it throws to end a cancelled scan.
+         * @param twice true if it is scanned twice, for the pose and for the patches; a small photo then stays in
+         *   memory in between.
          */
         fun of(source: PhotoSource, region: Region, twice: Boolean, watch: () -> Unit): Reading {
             val reading = when {
@@ -60,18 +64,18 @@ private class Watched(private val reading: Reading, private val watch: () -> Uni
     }
 }
 
-/** A photo that is in memory. */
+/** A photo in memory. */
 internal class Held(val mosaic: Mosaic) : PhotoSource {
     override fun read(region: Region?): Mosaic = mosaic
 }
 
-/** A source that can give a photo's rows as they are decoded. */
+/** A source that can pass on a photo's rows while they are decoded. */
 internal interface ByRows : PhotoSource {
-    /** @param region that will be looked at; it may reach beyond the photo. */
+    /** @param region the part that will be read; it may extend beyond the photo. */
     fun rows(region: Region): Reading
 }
 
-/** A mosaic as [Reading]; nobody lets go of it here. */
+/** A mosaic in memory as a [Reading]; it is not released here. */
 internal class Whole(private val mosaic: Mosaic) : Reading {
     override val facts: Facts get() = mosaic.facts
     override val sha256: String by lazy {
@@ -84,10 +88,11 @@ internal class Whole(private val mosaic: Mosaic) : Reading {
 }
 
 /**
- * Any source: read in bands of whole rows, one at a time.
+ * Reads any source in bands of whole rows, one band in memory at a time.
  *
- * @param eager its first band is wanted anyway: the facts are taken from it, and not from two rows.
- * @param piece samples of a band at most, but two rows at least.
+ * @param eager true if the first band is needed in any case: the metadata then come from it and not from a strip of
+ *   two rows.
+ * @param piece largest number of samples of a band, which has at least two rows.
  */
 internal class Banded(
     private val source: PhotoSource,
@@ -109,7 +114,7 @@ internal class Banded(
         facts.origin.sha256.ifEmpty {
             val all = facts.clipped(region)
             val one = band(0)
-            // A source that gave more than was asked for is known by all that it gave.
+            // If the source returned more than requested, the hash covers everything that it returned.
             if (one.region.height >= all.height) {
                 Hash().also { it.add(one, one.region) }.hex()
             } else {
@@ -132,7 +137,7 @@ internal class Banded(
 
     private fun band(at: Int): Mosaic {
         band?.let { if (at == number) return it }
-        band = null // before the next one is made
+        band = null // release it before the next one is read
         val top = region.top + at * height
         val bottom = top + minOf(height, region.bottom - top)
         val found = source.read(Region(region.left, top, region.right, bottom))
@@ -167,7 +172,7 @@ internal class Hash {
     fun hex(): String = digest.digest().joinToString("") { "%02x".format(it) }
 }
 
-/** Gives the rows of a part. */
+/** Passes the rows of a part to `rows`. */
 internal fun Mosaic.give(part: Region, rows: Rows) {
     val last = part.right - 1 to part.bottom - 1
     for ((x, y) in listOf(part.left to part.top, last)) {

@@ -5,8 +5,8 @@ package org.camssf.photo
  *
  * @property left first column.
  * @property top first row.
- * @property right one behind the last column.
- * @property bottom one behind the last row.
+ * @property right one past the last column.
+ * @property bottom one past the last row.
  */
 public data class Region(
     public val left: Int,
@@ -20,6 +20,6 @@ public data class Region(
     /** Rows. */
     public val height: Int get() = bottom - top
 
-    /** Whether the sample lies inside. */
+    /** True if the sample at column x and row y is inside. */
     public fun contains(x: Int, y: Int): Boolean = x in left until right && y in top until bottom
 }

@@ -20,8 +20,9 @@ import org.camssf.spectra.SourceFile
 import java.security.MessageDigest
 
 /**
- * A measured shot as text, "camssf-shot/1": a first line with the format and the SHA-256 of the rest, then JSON. Numbers
- * come back to the last bit. A reader of this version refuses later ones by name.
+ * Writes and reads a measured shot as text, "camssf-shot/1": a first line with the format and the SHA-256 of the
+ * rest, then JSON. Numbers are restored bit for bit. Later versions are refused with a message that names the
+ * version.
  */
 internal object SavedShot {
     private const val FORMAT = "camssf-shot/"
@@ -43,7 +44,7 @@ internal object SavedShot {
         return "$FORMAT$VERSION ${hash(content)}\n$content\n"
     }
 
-    /** @throws InvalidArgument another format or version, or damage. */
+    /** @throws InvalidArgument another format or version, or a damaged text. */
     fun read(text: String): MeasuredShot {
         val head = text.substringBefore('\n')
         if (!head.startsWith(FORMAT)) throw InvalidArgument("This is no saved shot.", "Give what toText made.")
@@ -57,7 +58,7 @@ internal object SavedShot {
             return shot(Json.parseToJsonElement(content).jsonObject)
         } catch (error: CalibrationException) {
             throw error
-        } catch (error: RuntimeException) { // what the parser and missing fields throw
+        } catch (error: RuntimeException) { // thrown by the parser and for missing fields
             throw damaged(error.message ?: error.toString(), error)
         }
     }
@@ -91,7 +92,7 @@ internal object SavedShot {
 
     // Lamp --------------------------------------------------------------------------------------------------------
 
-    /** A light that nobody named has a name alone. */
+    /** An unnamed light has only a name. */
     private fun lamp(lamp: Lamp) = if (lamp.unnamed) words("name" to lamp.name) else named(lamp)
 
     private fun named(lamp: Lamp) = JsonObject(

@@ -4,7 +4,7 @@ import org.camssf.UnsupportedRaw
 import kotlin.math.floor
 import kotlin.math.max
 
-/** The file's own lens-shading correction at a patch's centre. */
+/** Computes the file's lens-shading correction at a patch's centre. */
 internal object Shading {
     /** Factors (4) for the positions of the CFA cell: the product of the gain maps that cover them. */
     fun of(photo: Facts, quad: DoubleArray): DoubleArray {
@@ -32,7 +32,7 @@ internal object Shading {
             (map.columnPitch == 1 || (cell % 2 - map.area.left) % 2 == 0) &&
             plane >= map.plane && plane < map.plane + map.planes
 
-    /** Bilinear, down both columns first, then across; constant beyond the net's ends. */
+    /** Bilinear interpolation, along both columns first, then across; constant beyond the outer points. */
     private fun at(map: GainMap, x: Double, y: Double, photo: Facts, plane: Int): Double {
         val v = ((y + 0.5) / photo.height - map.originV) / map.spacingV
         val h = ((x + 0.5) / photo.width - map.originH) / map.spacingH

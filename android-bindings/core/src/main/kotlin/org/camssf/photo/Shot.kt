@@ -5,14 +5,15 @@ import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
 /**
- * One photo of the chart under one lamp, with its white and dark frames where they exist. Nothing is read before use.
+ * One photo of the chart under one lamp, with its white and dark frames if they exist. No file is read before use.
  *
  * @property photo of the chart.
- * @property lamp its light; [Lamp.auto] where it is unknown.
+ * @property lamp its light; [Lamp.auto] if it is unknown.
  * @property corners rough outer corners of the block of patches, see [ChartPose.refine].
- * @property white the white frame, taken like the photo; all shots of a capture have one, or none.
- * @property dark the dark frame, likewise.
- * @property lensShading what is done about the shading that the photo's file describes.
+ * @property white the white frame, taken with the same settings as the photo; all or none of a capture's shots have
+ *   one.
+ * @property dark the dark frame, also with these settings.
+ * @property lensShading treatment of the shading that the photo's file describes.
  */
 public class Shot @JvmOverloads constructor(
     public val photo: PhotoSource,
@@ -38,7 +39,7 @@ public class Shot @JvmOverloads constructor(
  *
  * @param shots k of them; copied.
  * @property chart the chart's table.
- * @property whiteReflectance of the white frame's card, one number; null for a perfect diffuser.
+ * @property whiteReflectance reflectance of the white frame's target, one number; null for a perfect diffuser.
  */
 public class Capture @JvmOverloads constructor(
     shots: List<Shot>,
@@ -48,6 +49,6 @@ public class Capture @JvmOverloads constructor(
     /** The shots, k of them. */
     public val shots: List<Shot> = shots.frozen()
 
-    /** One shot. */
+    /** A capture of one shot. */
     public constructor(shot: Shot, chart: ChartTable) : this(listOf(shot), chart)
 }

@@ -3,9 +3,9 @@ package org.camssf.photo
 import org.camssf.frozen
 
 /**
- * A fallback that entered the result, for the report.
+ * A fallback on which the result relies, for the report.
  *
- * @property code a word.
+ * @property code identifies the fallback.
  * @property message a sentence.
  */
 public class Assumption(public val code: String, public val message: String)
@@ -13,11 +13,11 @@ public class Assumption(public val code: String, public val message: String)
 /**
  * Signals y of k shots of n patches: the paper's Eq. (5), (chart - dark) / (white - dark).
  *
- * Arrays are (k, n, 3) row-major, columns R, G, B; each call copies one (0.6 kB a shot of 24 patches), so what a caller
- * writes changes nothing here: keep the array in a loop. Safe to pass between threads.
+ * Arrays are (k, n, 3) row-major, columns R, G, B. Each call copies one (0.6 kB per shot of 24 patches), so the
+ * caller may modify it; keep the array instead of calling in a loop. Safe to pass between threads.
  *
- * @property shots k.
- * @property patches n.
+ * @property shots number of shots k.
+ * @property patches number of patches n.
  */
 public class Signals internal constructor(
     public val shots: Int,
@@ -39,19 +39,21 @@ public class Signals internal constructor(
     /** Mean of the chart photo, DN. */
     public val chart: DoubleArray get() = sharedChart.copyOf()
 
-    /** What Eq. (5) divided by, DN; fallbacks filled in. */
+    /** White level W of Eq. (5), DN, dark level included, with fallbacks filled in. */
     public val white: DoubleArray get() = sharedWhite.copyOf()
 
-    /** What it subtracted, DN; fallbacks filled in. */
+    /** Dark level D of Eq. (5), DN, with fallbacks filled in. */
     public val dark: DoubleArray get() = sharedDark.copyOf()
 
-    /** (k, n): false where a patch must not enter the fit (clipped, lost in noise, not asked for, or the white itself). */
+    /**
+     * (k, n) false where a patch must not enter the fit (clipped, lost in noise, not selected, or the white itself).
+     */
     public val used: BooleanArray get() = sharedUsed.copyOf()
 
-    /** The fallbacks taken. */
+    /** The fallbacks used. */
     public val assumptions: List<Assumption> = assumptions.frozen()
 
-    /** As even light would have given them: times a level (k, n). */
+    /** The signals under even illumination: each is multiplied by the light correction `level` (k, n). */
     internal fun levelled(level: DoubleArray): Signals = Signals(
         shots,
         patches,
@@ -64,7 +66,7 @@ public class Signals internal constructor(
         assumptions,
     )
 
-    /** Shot j alone. */
+    /** The signals of shot j alone. */
     internal fun only(j: Int): Signals {
         fun part(all: DoubleArray) = all.copyOfRange(3 * patches * j, 3 * patches * (j + 1))
         return Signals(
@@ -80,7 +82,7 @@ public class Signals internal constructor(
         )
     }
 
-    /** The same signals, of which only patches (n) that are asked for enter the fit. */
+    /** The same signals; only the selected patches (n) enter the fit. */
     internal fun askedFor(asked: BooleanArray): Signals = Signals(
         shots,
         patches,

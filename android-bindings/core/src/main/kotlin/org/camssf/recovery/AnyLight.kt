@@ -8,24 +8,25 @@ import kotlin.math.min
 import kotlin.math.sqrt
 
 /**
- * A hypothesis on the lights.
+ * A hypothesis on the kinds of light.
  *
  * @property kinds of each shot, "" where its lamp was named.
- * @property evidence the signals, with the lamps as these kinds have them.
+ * @property observation with the lamps of these kinds.
  */
 internal class LampGuess(val kinds: List<String>, val observation: Observation) {
-    /** ln of how probable it is beforehand. */
+    /** ln of its prior probability. */
     val belief: Double get() = kinds.filter { it.isNotEmpty() }.sumOf { ln(Rules.shipped.number("lamp.$it")) }
 }
 
 /**
- * Evidence under a light that nobody named → the curves, and the light, by the evidence of each kind: Python's
+ * Recovers the curves and the light of shots whose lamp is not named, by the evidence of each kind of light. Python's
  * camssf.recovery.unnamed_light, in its order.
  *
- * One hypothesis is the kind of every unnamed shot, a basis and how wide its prior is taken. The model weighs all of them;
- * those that matter are believed, and mixed by the law of total variance (docs/maths.md, "A light that nobody named").
+ * A hypothesis is the kind of light of every unnamed shot, a basis and a width of its prior. The model computes the
+ * evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
+ * (docs/maths.md, "A light that nobody named").
  *
- * @param asked bases and widths, with what is believed of them beforehand.
+ * @param asked bases and widths of their priors, with their prior odds.
  * @param tell called before each run of a model.
  */
 internal class AnyLight(
@@ -37,12 +38,12 @@ internal class AnyLight(
     private class LampHypothesis(val guess: LampGuess, val family: Choice.Family)
 
     /**
-     * The curves that explain the signals, whatever the light was.
+     * The curves that explain the signals under lights that are not named.
      *
-     * @param guesses what the lights may be.
+     * @param guesses the possible kinds of the lights.
      * @param of (n, 681) reflectances whose signals are predicted.
-     * @throws InvalidArgument a basis without a prior, which weighs nothing; else as [Recover.recover].
-     * @throws org.camssf.NotConverged as [Recover.recover] does, of an answer that matters.
+     * @throws InvalidArgument a basis without a prior, which has no evidence; else as [Recover.recover].
+     * @throws org.camssf.NotConverged as [Recover.recover], for a hypothesis of enough weight.
      */
     fun recover(guesses: List<LampGuess>, of: DoubleArray): Ssf {
         if (asked.any { it.engine.basis == OnnxEngine.PAPER }) {
@@ -74,21 +75,22 @@ internal class AnyLight(
         }
         val best = hypotheses[kept[mixture.best]].guess
         val white = best.observation.known.whiteReflectance.values
-        // The product of curve and light is known far better than each: means of products, not products of means.
+        // The product of curve and light has a much smaller error than each factor: mix products, do not multiply
+        // means.
         val predicted = mixture.mean { predictSignals(it.sharedValues, of, it.sharedLamp, white) }
         val lamp = mixture.mean { levelled(it.sharedLamp) }
         val ssf = mixture.ssf(best.observation.known, lamp, predicted)
         return ssf.chosen(told, lights, best.kinds, mixture.between())
     }
 
-    /** Each shot's lamp under a hypothesis: its smooth error is asked as modes, too. */
+    /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
     private fun light(of: LampHypothesis): List<LampPosterior> {
         tell()
         val asked = LampPosterior.byModes(of.guess.observation)
         return LampPosterior.of(asked.known, Recover.modes(of.family.engine, asked, of.family.scale))
     }
 
-    /** Shot j's light: the mixture of the posteriors; probabilities are those of all hypotheses. */
+    /** Shot j's light: the mixture of the solved hypotheses' posteriors; `kinds` sums over all hypotheses. */
     private fun found(
         seen: List<LampPosterior>,
         shares: List<Double>,
@@ -113,7 +115,7 @@ internal class AnyLight(
         return EstimatedLamp(kinds, mean, std, kelvin, sqrt(spread))
     }
 
-    /** Lamps (k, 681), each of mean 1. */
+    /** Scales lamps (k, 681) to mean 1 each. */
     private fun levelled(lamp: DoubleArray): DoubleArray {
         val levels = DoubleArray(lamp.size / Grid.SIZE) { j ->
             (0 until Grid.SIZE).sumOf { lamp[j * Grid.SIZE + it] } / Grid.SIZE
@@ -122,10 +124,10 @@ internal class AnyLight(
     }
 
     companion object {
-        /** A hypothesis of less weight is not solved. */
+        /** Hypotheses of a smaller weight are left out of the mixture. */
         private val SOLVED get() = Rules.shipped.number("lamp.solved")
 
-        /** Shots whose light nobody named. */
+        /** Largest number of shots with an unnamed light. */
         val MOST: Int get() = Rules.shipped.whole("lamp.most")
     }
 }

@@ -6,21 +6,21 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 
 /**
- * A learned basis on the nodes: the constants `mean` and `dictionary` of its model, the very numbers that the curves were
- * found with, so that no table of them ships beside it.
+ * A learned basis on the nodes, read from the constants `mean` and `dictionary` of its ONNX model. They are the
+ * numbers that the curves were computed with, so no second table is shipped.
  *
  * @property mean μ, (3, 69).
  * @property dictionary Ψ, (3, 69, r).
  */
 internal class BasisConstants private constructor(val mean: DoubleArray, val dictionary: DoubleArray) {
-    /** r. */
+    /** r, the number of atoms of each channel. */
     val atoms: Int get() = dictionary.size / mean.size
 
     companion object {
         private val NAMES = listOf("phones", "cameras")
         private val made = HashMap<String, BasisConstants>()
 
-        /** Of the shipped model of this name; null for any other name. */
+        /** The basis of the shipped model of this name; null for any other name. */
         fun of(name: String): BasisConstants? = if (name in NAMES) {
             synchronized(made) { made.getOrPut(name) { read(Models.read("camssf-$name.onnx")) } }
         } else {
@@ -44,21 +44,21 @@ internal class BasisConstants private constructor(val mean: DoubleArray, val dic
         private const val RAW_DATA = 9
     }
 
-    /** TensorProto, float64. */
+    /** A TensorProto of float64. */
     private class Constant(content: ByteBuffer) {
         private val message = Message(content)
         val name: String = message.all(NAME).single().let { each ->
             ByteArray(each.remaining()).also { each.get(it) }.decodeToString()
         }
 
-        /** Only of the two that are wanted: others have other types. */
+        /** Read only for the two constants that are needed: others have other types. */
         val values: DoubleArray by lazy {
             val raw = message.all(RAW_DATA).single().order(ByteOrder.LITTLE_ENDIAN).asDoubleBuffer()
             DoubleArray(raw.remaining()).also { raw.get(it) }
         }
     }
 
-    /** A message of protocol buffers: fields of a length, found by number; all others are passed over. */
+    /** A protocol-buffers message: returns the length-delimited fields of a number and skips all others. */
     private class Message(private val content: ByteBuffer) {
         fun all(field: Int): List<ByteBuffer> {
             val at = content.duplicate()

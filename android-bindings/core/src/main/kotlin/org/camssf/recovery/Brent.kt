@@ -2,12 +2,12 @@ package org.camssf.recovery
 
 import kotlin.math.abs
 
-/** A root of a function of one number. */
+/** Finds a root of a function of one variable. */
 internal object Brent {
     /**
-     * Brent's root of f between a and b, where its signs differ, to within ± tolerance (R. P. Brent, Algorithms
-     * for Minimization without Derivatives, 1973, ch. 4; steps and ties as in SciPy's `brentq`, so that a wide
-     * tolerance ends at the same place).
+     * The root of f between a and b, where f has different signs, to within ± `tolerance`. Brent's method (R. P.
+     * Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4), with steps and ties as in SciPy's
+     * `brentq`, so that a wide tolerance gives the same result.
      */
     fun root(a: Double, fa: Double, b: Double, fb: Double, tolerance: Double, f: (Double) -> Double): Double {
         var before = a

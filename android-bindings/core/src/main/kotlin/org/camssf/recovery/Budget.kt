@@ -4,16 +4,17 @@ import org.camssf.Grid
 import org.camssf.Nodes
 import kotlin.math.sqrt
 
-/** Where the band of an answer comes from, and how far true signals may lie from what it predicts. */
+/** Splits the posterior variance of the curves by source, and computes the bands of predicted signals. */
 internal object Budget {
-    /** Sources in the order of the document. */
+    /** Sources, in the order of the result document. */
     val SOURCES = listOf("noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen")
 
     /**
-     * Each source's share (3) in the variance of the curves of peak 1; they add up to 1. Python's `explain`.
+     * Uncertainty budget: the share of each source in the variance of each channel's curve of peak 1, (3); the shares
+     * add up to 1. Python's `explain`.
      *
      * @param observation that the answer came from.
-     * @param atoms its basis, as wide as it was taken.
+     * @param atoms the basis of the answer, with the width of its prior.
      */
     fun explain(observation: Observation, atoms: Atoms): Map<String, DoubleArray> {
         val sensing = LinearModel(observation, atoms)
@@ -39,7 +40,7 @@ internal object Budget {
         return SOURCES.associateWith { source -> DoubleArray(3) { parts.getValue(source)[it] / whole[it] } }
     }
 
-    /** G = (Aᵀ Σ⁻¹ A + I)⁻¹ Aᵀ Σ⁻¹, (3 r, N): what takes the rows to the code. */
+    /** G = (Aᵀ Σ⁻¹ A + I)⁻¹ Aᵀ Σ⁻¹, (3 r, N): maps the rows to the code. */
     private fun gain(of: Matrix, covariance: Matrix): Matrix {
         val size = of.rows
         val wide = of.columns
@@ -52,7 +53,10 @@ internal object Budget {
         return root.part(0 until wide, 0 until wide).transposed() * root.part(0 until wide, wide until wide + size)
     }
 
-    /** Of a channel: how the code moves the curve of peak 1, times its peak, squared and summed over the grid, (r, r). */
+    /**
+     * (r, r) Gram matrix, summed over the grid, of the derivatives of a channel's curve of peak 1 by the code, times
+     * its peak.
+     */
     private fun gram(basis: Atoms, channel: Int, code: DoubleArray): Matrix {
         val r = basis.count
         fun atom(v: Int, p: Int) = basis.dictionary[(channel * Nodes.SIZE + v) * r + p]
@@ -65,17 +69,18 @@ internal object Budget {
     }
 
     /**
-     * (k, n, 3) one standard deviation of every patch's true signal less what the curves predict. Python's `predict`.
+     * (k, n, 3) one standard deviation of each true signal minus its prediction. Python's `predict`.
      *
-     * @param observation that the answer came from, of all n patches; where a signal was not used it is the predicted one,
-     *   with a standard error without end.
+     * @param observation that the answer came from, with all n patches; a masked signal has its predicted value and a
+     *   standard error too large to matter.
      * @param ssf the answer.
-     * @param atoms its basis, as wide as it was taken.
+     * @param atoms the basis of the answer, with the width of its prior.
      */
     fun bands(observation: Observation, ssf: Ssf, atoms: Atoms): DoubleArray {
         val sensing = LinearModel(observation, atoms)
         val (k, n) = observation.signals.shape
-        // Gains stand beside the code: what they leave open is in the band, what they are is not in the values.
+        // Gain modes are unknowns next to the code: their uncertainty is part of the band, but predictions are in
+        // even light.
         val a = if (sensing.gains.columns == 0) sensing.matrix else Matrix.beside(sensing.matrix, sensing.gains)
         val size = a.rows
         val noise = sensing.terms.getValue("noise")

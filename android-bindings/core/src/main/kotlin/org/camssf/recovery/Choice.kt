@@ -5,11 +5,12 @@ import kotlin.math.exp
 import kotlin.math.ln
 
 /**
- * Evidence → the basis that answers: phones, cameras, or a mixture of both, by their marginal likelihood.
+ * Chooses the phones basis, the cameras basis or a mixture of both by their marginal likelihoods.
  *
- * Which family a camera belongs to, and whether it lies as near to it as those that the basis was learned from, is weighed
- * by the evidence of each hypothesis. A clear winner answers alone; else the answers are mixed by their probabilities, and
- * their bands by the law of total variance. Python's camssf.recovery.hypotheses, in its order.
+ * A hypothesis is a family of cameras and a width of its prior; its posterior probability follows from its evidence
+ * and its prior odds. A basis with odds of at least [CLEAR] is used alone; otherwise the solutions are mixed by
+ * probability, and their bands by the law of total variance (docs/maths.md, "Which basis"). Python's
+ * camssf.recovery.hypotheses, in its order.
  */
 internal object Choice {
     const val AUTO = "auto"
@@ -17,42 +18,45 @@ internal object Choice {
     /** The bases that `auto` chooses from, in this order. */
     val FAMILIES = listOf("phones", "cameras")
 
-    /** How much wider a camera may lie than those that its basis was learned from. */
+    /** Widths of the prior that `auto` compares, relative to the spread that the basis was learned from. */
     val SCALES: List<Double> get() = listOf(1.0, Rules.shipped.number("choice.wide"))
 
-    /** What is believed of the second scale beforehand. */
+    /** Prior probability of the second scale. */
     private val UNUSUAL get() = Rules.shipped.number("choice.unusual")
 
-    /** Odds at which a basis answers alone. */
+    /** Posterior odds at which a basis is used alone. */
     val CLEAR get() = Rules.shipped.number("choice.clear")
 
-    /** An answer of a smaller weight moves no curve. */
+    /** Solutions of a smaller weight are left out of a mixture. */
     private const val NEGLIGIBLE = 1e-6
 
     /**
-     * What a file's own words for maker and model say of the basis beforehand: odds by basis, never a proof. Who makes both
-     * is told by the model's first letters.
+     * Prior odds by basis: [CLEAR] if maker and model start with one of its entries in the rules' `makers`. The model
+     * separates makers that build both phones and cameras.
      */
     fun believed(make: String, model: String): Map<String, Double> {
         val name = "$make $model".lowercase()
         return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { CLEAR }
     }
 
-    /** A basis and how wide its prior is taken, with ln of what is believed of both beforehand. */
+    /** A basis, the width of its prior relative to the learned one, and ln of the prior odds of both. */
     class Family(val engine: Engine, val scale: Double, val belief: Double)
 
-    /** All that is weighed where nobody told the basis, with the odds of each family beforehand. */
+    /**
+     * The hypotheses of `auto`: each basis with each of [SCALES]; `prior` holds the prior odds by basis, 1 if
+     * missing.
+     */
     fun asked(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
         val odds = prior[engine.basis] ?: 1.0
         SCALES.zip(listOf(1.0 - UNUSUAL, UNUSUAL)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
     }
 
     /**
-     * The curves that explain the signals, on the basis that they speak for.
+     * The curves that explain the signals, on the basis or the mixture that their evidence chooses.
      *
      * @param engines of [FAMILIES], in this order.
-     * @param prior the odds of each family beforehand; equal where nothing is said.
-     * @throws org.camssf.CalibrationException as [Recover.recover] does, of any of the four answers.
+     * @param prior prior odds of each family; 1 if missing.
+     * @throws org.camssf.CalibrationException as [Recover.recover], for any of the hypotheses.
      */
     fun recover(
         engines: List<Engine>,
@@ -66,7 +70,7 @@ internal object Choice {
         return choose(observation.known, answers, asked.map { it.belief })
     }
 
-    /** One answer of several to the same signals, each with ln of what was believed of it beforehand. */
+    /** Combines several solutions for the same signals; `beliefs` are the ln of their prior odds. */
     fun choose(known: Known, answers: List<Ssf>, beliefs: List<Double>): Ssf {
         val likely = probabilities(answers.mapIndexed { i, each -> each.logEvidence!! + beliefs[i] })
         val told = answers.mapIndexed { i, each ->
@@ -79,7 +83,7 @@ internal object Choice {
         return mixture.ssf(known, mixture.mean { it.sharedLamp }).chosen(told)
     }
 
-    /** The weights that answer: a basis that is [CLEAR] times as probable as all others answers alone. */
+    /** Mixture weights: if the posterior odds of one basis reach [CLEAR], the other bases get weight 0. */
     fun posteriorWeights(told: List<Hypothesis>): List<Double> {
         val share = told.groupBy { it.basis }.mapValues { (_, own) -> own.sumOf { it.probability } }
         val winner = share.maxByOrNull { it.value }!!

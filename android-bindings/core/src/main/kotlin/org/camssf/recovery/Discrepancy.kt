@@ -10,8 +10,8 @@ import kotlin.math.sqrt
 /**
  * The largest γ of each channel on the paper's basis whose residual is not above the measured noise (Morozov 1966).
  *
- * rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii, with Σ = max(se² + (τ y)², floor²) on the diagonal; it grows with γ. Where even
- * [SMALLEST] · γ_max leaves more than the noise, that is taken.
+ * rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii, with Σ = max(se² + (τ y)², floor²) on the diagonal. The left side grows with γ; if it
+ * exceeds the noise even at [SMALLEST] · γ_max, that γ is taken.
  */
 internal class Discrepancy(
     observation: Observation,
@@ -26,7 +26,7 @@ internal class Discrepancy(
         max(noise[it] * noise[it] + table * table, FLOOR * FLOOR)
     }
 
-    /** (n, r): what each patch makes of each atom, Σ R L ψ dλ with L scaled so that Σ ρ_w L dλ = 1. */
+    /** (n, r) signal of each patch from each atom, Σ R L ψ dλ with L scaled so that Σ ρ_w L dλ = 1. */
     private val rows: Array<DoubleArray>
 
     init {
@@ -75,15 +75,15 @@ internal class Discrepancy(
     }
 
     companion object {
-        /** The discrepancy principle looks no further down than this share of γ_max. */
+        /** Lower limit of the search, as a share of γ_max. */
         const val SMALLEST = 1e-5
 
-        /** No row is believed better than this share of its white signal. */
+        /** Smallest standard error of a row, as a share of its white signal. */
         const val FLOOR = 1e-4
         const val ATOMS = 18
         private const val WIDTH = 50.0
 
-        /** The paper's Gaussians, FWHM 50 nm, centres 20 nm apart from 380 nm: (18, 681). */
+        /** (18, 681) the paper's Gaussians, FWHM 50 nm, centres 20 nm apart from 380 nm. */
         fun atoms(): Array<DoubleArray> {
             val sigma = WIDTH / sqrt(8.0 * ln(2.0))
             val grid = Grid.WAVELENGTHS

@@ -3,13 +3,13 @@ package org.camssf.recovery
 import java.io.Closeable
 
 /**
- * What the model takes.
+ * The inputs of a model.
  *
  * @property standardError (k, n, 3) of the signals.
  * @property l2 λ₂.
  * @property gamma γ, one number.
- * @property nonnegative x ≥ 0.
- * @property priorScale how much wider than its basis the prior is taken.
+ * @property nonnegative whether x ≥ 0 is required.
+ * @property priorScale width of the prior relative to the learned one.
  */
 internal class ModelInputs(
     val frames: Frames,
@@ -22,13 +22,14 @@ internal class ModelInputs(
 )
 
 /**
- * What the model gives, by its own names: row-major copies that outlive the run. Shapes for k shots, n patches, r
- * coefficients a channel and p problems, 1 on a basis with a mean, whose channels are one problem, else 3:
+ * The outputs of a model, by its own names: row-major copies that stay valid after the run.
  *
- * `ssf`, `ssf_std` (681, 3), `code` (r, 3), `code_covariance` (3 r, 3 r), `signals`, `predicted` (k, n, 3), `gap` (3),
- * `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3), `lamp_estimate` (k, 681), of the lamps' q modes a
- * shot `mode_estimate` (k, q), `mode_covariance` (k q, k q), and of the g gain modes a shot `gain_code` (k, g). `ssf_std`,
- * `code_covariance`, `evidence` and what is said of lamps' modes are NaN where the basis has no prior.
+ * For k shots, n patches, r coefficients a channel and p problems (1 on a basis with a mean, whose channels are one
+ * problem, else 3) the shapes are: `ssf`, `ssf_std` (681, 3), `code` (r, 3), `code_covariance` (3 r, 3 r), `signals`,
+ * `predicted` (k, n, 3), `gap` (3), `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3),
+ * `lamp_estimate` (k, 681); for q lamp modes a shot `mode_estimate` (k, q) and `mode_covariance` (k q, k q); for g
+ * gain modes a shot `gain_code` (k, g). `ssf_std`, `code_covariance`, `evidence`, `mode_estimate` and
+ * `mode_covariance` are NaN on a basis without a prior.
  */
 internal class ModelOutputs private constructor(private val found: Map<String, DoubleArray>) {
     /** Reads every output. */
@@ -45,7 +46,10 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
         /** Outputs of the paper's model whose last axis is the channel, each from its own problem. */
         private val BY_CHANNEL = setOf("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")
 
-        /** Each channel by its own answer; the rest, in which the penalty has no part, by red's. */
+        /**
+         * Combines the runs of the three channels: outputs by channel from the channel's run, all others, which do
+         * not depend on the penalty, from red's.
+         */
         fun byChannel(answers: List<ModelOutputs>): ModelOutputs = ModelOutputs { name ->
             val first = answers[0][name]
             if (name in BY_CHANNEL) DoubleArray(first.size) { answers[it % 3][name][it] } else first
@@ -53,10 +57,10 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
     }
 }
 
-/** Bases whose model is shipped. */
+/** Names of the bases whose model is shipped. */
 internal val SHIPPED_BASES = listOf("phones", "cameras", "gaussian")
 
-/** The one way to run a shipped model: one thread, in order, on the CPU. */
+/** Runs a shipped model: one thread, sequentially, on the CPU. Must be closed after use. */
 internal interface Engine : Closeable {
     /** The basis of its curves: "phones", "cameras" or "gaussian". */
     val basis: String
@@ -64,7 +68,7 @@ internal interface Engine : Closeable {
     /** SHA-256 of the model file, lower-case hex. */
     val sha256: String
 
-    /** What the model says of itself. */
+    /** The metadata of the model file. */
     val metadata: Map<String, String>
 
     /** Runs the model. Calls from several threads wait for each other. */

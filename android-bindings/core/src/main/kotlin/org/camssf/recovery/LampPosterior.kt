@@ -8,12 +8,12 @@ import org.camssf.spectra.Directions
 import kotlin.math.max
 
 /**
- * What the signals say of one shot's lamp under one hypothesis.
+ * Posterior of one shot's lamp under one hypothesis.
  *
- * @property power (681) of mean 1.
- * @property variance (681) of it.
+ * @property power (681) relative, of mean 1.
+ * @property variance (681) of `power`.
  * @property kelvin correlated colour temperature, K.
- * @property kelvinVariance of it, K², in linear propagation.
+ * @property kelvinVariance variance of `kelvin`, K², by linear propagation.
  */
 internal class LampPosterior private constructor(
     val power: DoubleArray,
@@ -22,10 +22,10 @@ internal class LampPosterior private constructor(
     val kelvinVariance: Double,
 ) {
     companion object {
-        /** No lamp is taken to be dimmer than this share of its mean at any wavelength; the models hold it, too. */
+        /** Lower limit of the factor by which lamp modes change the light; the models have the same limit. */
         private const val DARKEST = 0.02
 
-        /** The same evidence with the lamps' smooth errors as modes beside their own. */
+        /** The observation with the lamps' smooth errors expressed as additional lamp modes. */
         fun byModes(observation: Observation): Observation {
             val known = observation.known
             val (k, q) = known.lampModes.shape
@@ -47,7 +47,7 @@ internal class LampPosterior private constructor(
             return Observation(observation.signals, observation.standardError, asked)
         }
 
-        /** Of each shot, from what the model says of all modes, mean and covariance. */
+        /** Posterior of each shot's lamp, from mean and covariance of all lamp modes. */
         fun of(known: Known, modes: Pair<DoubleArray, DoubleArray>): List<LampPosterior> {
             val (k, size) = known.lampModes.shape
             val (estimate, covariance) = modes
@@ -75,7 +75,7 @@ internal class LampPosterior private constructor(
             }
             val level = mean(bent)
             val power = DoubleArray(Grid.SIZE) { bent[it] / level }
-            // A scale is nothing: what an error does to the mean is taken out of it.
+            // The scale of a lamp has no meaning, so changes of the mean are removed from each error.
             val errors = modes.map { mode ->
                 val own = DoubleArray(Grid.SIZE) { mode[it] * lamp[it] / level }
                 val middle = mean(own)
@@ -91,7 +91,7 @@ internal class LampPosterior private constructor(
             )
         }
 
-        /** vᵀ S v; what rounds below zero is zero. */
+        /** vᵀ S v, at least 0. */
         private inline fun quadratic(matrix: Array<DoubleArray>, value: (Int) -> Double): Double {
             val v = DoubleArray(matrix.size) { value(it) }
             var total = 0.0
@@ -104,8 +104,8 @@ internal class LampPosterior private constructor(
         }
 
         /**
-         * Correlated colour temperature of a power (681), K, and its slope (681), by McCamy (Color Res. Appl. 1992, 17, 142):
-         * T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858), of CIE 1931.
+         * Correlated colour temperature of a power (681), K, and its derivative (681), by McCamy (Color Res. Appl.
+         * 1992, 17, 142): T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858), of CIE 1931.
          */
         internal fun temperature(power: DoubleArray): Pair<Double, DoubleArray> {
             val functions = Bundled.observer()

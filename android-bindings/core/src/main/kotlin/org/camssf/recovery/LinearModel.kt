@@ -8,9 +8,9 @@ import kotlin.math.exp
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** μ (3, 69) and Ψ (3, 69, r) of a learned basis, as wide and in the scale that an answer has them. */
+/** μ (3, 69) and Ψ (3, 69, r) of a learned basis, with the width and scale of an answer; `count` is r. */
 internal class Atoms(val mean: DoubleArray, val dictionary: DoubleArray, val count: Int) {
-    /** The same where no atom changes Σ white s dλ. */
+    /** The basis with its scale fixed by a shot's white (681): no atom changes Σ white s dλ. */
     fun anchored(white: DoubleArray): Atoms {
         val folded = Nodes.fold(white)
         val found = dictionary.copyOf()
@@ -29,7 +29,7 @@ internal class Atoms(val mean: DoubleArray, val dictionary: DoubleArray, val cou
     }
 
     companion object {
-        /** Null where the basis has no prior. */
+        /** The basis of this name, widened by `priorScale`; null on a basis without a prior. */
         fun of(basis: String, priorScale: Double): Atoms? = BasisConstants.of(basis)?.let { constants ->
             Atoms(
                 constants.mean,
@@ -43,9 +43,9 @@ internal class Atoms(val mean: DoubleArray, val dictionary: DoubleArray, val cou
 }
 
 /**
- * Signals → the rows b = A x + error that the curves must satisfy, on a learned basis, and the covariance of their errors
- * by source. Python's camssf.recovery.linear_model, by name; the model holds the same, and does not tell it. N = 3 k n rows,
- * channel by channel, shot by shot, patch by patch.
+ * Turns signals into the rows b = A x + error that the curves must satisfy on a learned basis, with the covariance of
+ * their errors by source. The counterpart of Python's camssf.recovery.linear_model; the model computes the same, but
+ * does not output it. N = 3 k n rows, channel by channel, shot by shot, patch by patch.
  */
 internal class LinearModel(private val observation: Observation, given: Atoms) {
     private val known = observation.known
@@ -56,7 +56,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
     private val gainModes = known.gains?.modes?.takeIf { it.values.isNotEmpty() }
     private val g = gainModes?.let { it.shape[1] } ?: 0
 
-    /** The basis in the scale of the first shot's white. */
+    /** The basis with its scale fixed by the first shot's white. */
     val basis: Atoms = given.anchored(
         DoubleArray(Grid.SIZE) {
             known.whiteReflectance.values[it] *
@@ -75,8 +75,9 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
     private val bends = BooleanArray(k) { j -> (0 until q).any { p -> modes[j * q + p].any { it != 0.0 } } }
 
     /**
-     * The curves (3, 69), lamps (k, 69) and gains, levels 1 - ĥ (k, n), about which the rows are linear, and how far the true
-     * ones may lie. `offset` is û (k q), then v̂ (k g).
+     * The linearisation point of the rows: curves (3, 69), lamps (k, 69) and levels 1 - ĥ (k, n), with the
+     * covariances of lamp modes, `ofU` (k q, k q), and of the code, `ofX` (3 r, 3 r). `offset` is û (k q), then v̂ (k
+     * g).
      */
     private class Point(
         val curves: DoubleArray,
@@ -98,10 +99,10 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
     /** (N) b. */
     val target: DoubleArray get() = rows.target
 
-    /** (N, k g) D of the gain modes, in the terms, too. */
+    /** (N, k g) D of the gain modes; D Dᵀ is included in `terms`. */
     val gains: Matrix = rows.modes.part(0 until size, k * q until k * (q + g))
 
-    /** What the covariance is the sum of. */
+    /** The summands of the covariance by source, (N, N) each. */
     val terms: Map<String, Matrix> = rows.modes.part(0 until size, 0 until k * q).let { modes ->
         rows.terms + mapOf(
             "lamp modes" to modes.timesTransposed(modes).plus(rows.terms.getValue("lamp modes")),
@@ -109,10 +110,10 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
         )
     }
 
-    /** (N, N). */
+    /** (N, N) Σ. */
     val covariance: Matrix get() = terms.values.reduce { all, term -> all.plus(term) }
 
-    /** (3, k) the white signals that the rows are divided by. */
+    /** (3, k) W, the white signals that the rows are divided by. */
     val white: DoubleArray = whites(point)
 
     private fun whites(at: Point) = DoubleArray(3 * k) { i ->
@@ -136,7 +137,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
         DoubleArray(k * (q + g)), Matrix.unit(k * q), Matrix.unit(3 * r),
     )
 
-    /** What a first look says of lamps, gains and curves, whitened: see Python's `_look`. */
+    /** Gaussian posterior of lamps, gains and curves, from rows linearised at `from`: Python's `_first_pass`. */
     private fun look(from: Point): Point {
         val rows = Rows(from)
         val spread = rows.terms.values.reduce { all, term ->
@@ -175,17 +176,17 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
 
     private fun modes(shot: Int, mode: Int) = modes[shot * q + mode]
 
-    /** The one problem about a point; its terms lack D Dᵀ. */
+    /** The linear model at a point; its terms do not include D Dᵀ. */
     private inner class Rows(private val at: Point) {
         private val whiteSignals = whites(at)
         private val predicted = DoubleArray(size)
         val matrix = Matrix(size, 3 * r)
         val target = DoubleArray(size)
 
-        /** D: of the lamps' modes (k q), then of the gains' (k g). */
+        /** (N, k (q + g)) D: derivatives by the lamp modes (k q), then by the gain modes (k g). */
         val modes = Matrix(size, k * (q + g))
 
-        /** Of each row, by mode and atom of its own shot and channel. */
+        /** ∂²y / ∂u ∂x of each row, by mode and atom of its own shot and channel. */
         private val bent = arrayOfNulls<Array<DoubleArray>>(size)
         private val chart = arrayOfNulls<DoubleArray>(size)
         private val over = arrayOfNulls<DoubleArray>(size)
@@ -242,7 +243,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
             }
         }
 
-        /** How the signal answers to a mode of its lamp, and how that to the code. */
+        /** Derivative of the signal by a mode of its lamp, and the derivative of that by the code. */
         private fun bend(row: Int, c: Int, j: Int, p: Int, s: DoubleArray, a: DoubleArray, seen: DoubleArray) {
             val mode = modes(j, p)
             val relative = DoubleArray(v) { a[it] / at.lamp[j * v + it] * mode[it] }
@@ -300,7 +301,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
             )
         }
 
-        /** What each channel has of the gains for itself, κ² D Dᵀ. */
+        /** κ² D Dᵀ within a channel: the part of the gains that is independent by channel. */
         private fun own(): Matrix {
             val share = known.gains?.own ?: 0.0
             if (g == 0 || share == 0.0) return Matrix(size, size)
@@ -339,7 +340,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
     }
 
     private companion object {
-        /** No lamp is taken to be dimmer than this share of its mean at any wavelength. */
+        /** Lower limit of the factors by which lamp modes and gain modes change the light. */
         const val DARKEST = 0.02
 
         fun number(word: String): Double = Rules.shipped.number("covariance.$word")
@@ -348,7 +349,7 @@ internal class LinearModel(private val observation: Observation, given: Atoms) {
         val SHORT by lazy { smooth(number("table_correlation")) }
         val SMOOTH by lazy { smooth(number("lamp_correlation")) }
 
-        /** Directions of an error that is smooth over a length, on the nodes: see Python's `smooth_errors`. */
+        /** Directions, on the nodes, of an error with this correlation length in nm: Python's `smooth_errors`. */
         fun smooth(length: Double): List<DoubleArray> {
             val step = length / 2.0
             val weight = sqrt(step / (length * sqrt(Math.PI / 2.0)))

@@ -51,7 +51,7 @@ internal class Matrix(val rows: Int, val columns: Int, val values: DoubleArray =
     fun minus(other: Matrix): Matrix =
         Matrix(rows, columns, DoubleArray(values.size) { values[it] - other.values[it] })
 
-    /** A part of the rows or columns. */
+    /** The submatrix of these rows and columns. */
     fun part(rows: IntRange, columns: IntRange): Matrix =
         of(rows.last - rows.first + 1, columns.last - columns.first + 1) { i, j ->
             this[
@@ -60,7 +60,11 @@ internal class Matrix(val rows: Int, val columns: Int, val values: DoubleArray =
             ]
         }
 
-    /** L⁻¹ `right` with this = L Lᵀ. */
+    /**
+     * L⁻¹ `right` with this = L Lᵀ (Cholesky).
+     *
+     * @throws InvalidArgument this matrix is not positive definite.
+     */
     fun whiten(right: Matrix): Matrix {
         val root = Matrix(rows, rows)
         for (i in 0 until rows) {
@@ -91,7 +95,7 @@ internal class Matrix(val rows: Int, val columns: Int, val values: DoubleArray =
 
         fun unit(size: Int): Matrix = of(size, size) { i, j -> if (i == j) 1.0 else 0.0 }
 
-        /** Side by side. */
+        /** Concatenates matrices of the same number of rows side by side. */
         fun beside(vararg parts: Matrix): Matrix {
             val found = Matrix(parts[0].rows, parts.sumOf { it.columns })
             var from = 0

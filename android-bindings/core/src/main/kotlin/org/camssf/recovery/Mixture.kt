@@ -5,28 +5,28 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * Answers to the same signals, each with its share of 1, by the law of total variance.
+ * Mixes solutions for the same signals by the law of total variance.
  *
  * Curves of peak 1 are mixed, s̄ = Σ w s, and their variance is Σ w (σ² + (s - s̄)²).
  *
- * @param weights of any sum.
+ * @param weights of any positive sum.
  */
 internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
     val shares: List<Double> = weights.map { it / weights.sum() }
     private val parts = answers.indices.map { Part(answers[it], shares[it]) }
 
-    /** The likeliest, by its place. */
+    /** Index of the most probable solution. */
     val best: Int = shares.indices.maxByOrNull { shares[it] }!!
 
     /** (681, 3) mean curves of peak 1. */
     private val mean = DoubleArray(3 * Grid.SIZE) { at -> parts.sumOf { it.share * it.curves[at] } }
 
     /**
-     * The mixture; all that belongs to one basis or one lamp is the likeliest answer's.
+     * The mixture; what depends on one basis or one lamp is that of the most probable solution.
      *
-     * @param known what that answer was told, whose first lamp fixes the scale.
+     * @param known the known quantities of that solution; its first lamp fixes the scale.
      * @param lamp (k, 681) of the mixture.
-     * @param predicted (k, n, 3); null where the mean curves shall predict.
+     * @param predicted (k, n, 3); null to predict from the mean curves.
      */
     fun ssf(known: Known, lamp: DoubleArray, predicted: DoubleArray? = null): Ssf {
         val white = known.whiteReflectance.values
@@ -52,7 +52,7 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
         return likeliest.mixed(values, std, seen, lamp, mean { it.sharedGainCode }, proof)
     }
 
-    /** (3) share of each channel's variance that stands between the answers. */
+    /** (3) share of each channel's variance that is between the solutions. */
     fun between(): DoubleArray = DoubleArray(3) { c ->
         val (apart, own) = listOf<(Part, Int) -> Double>(
             { part, at -> (part.curves[at] - mean[at]).let { it * it } },
@@ -61,7 +61,7 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
         apart / (apart + own)
     }
 
-    /** Σ w v of what each answer has. */
+    /** Σ w v, where `of` returns v of each solution. */
     fun mean(of: (Ssf) -> DoubleArray): DoubleArray {
         val each = answers.map(of)
         return DoubleArray(each[0].size) { at -> each.indices.sumOf { shares[it] * each[it][at] } }
@@ -70,7 +70,7 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
     private fun largest(of: (Ssf) -> DoubleArray): DoubleArray =
         answers.map(of).reduce { a, b -> DoubleArray(a.size) { max(a[it], b[it]) } }
 
-    /** An answer at peak 1, and its weight. */
+    /** A solution at peak 1, and its weight. */
     private class Part(of: Ssf, val share: Double) {
         private val peak = DoubleArray(3) { c -> (0 until Grid.SIZE).maxOf { of.sharedValues[3 * it + c] } }
         val curves = DoubleArray(3 * Grid.SIZE) { of.sharedValues[it] / peak[it % 3] }

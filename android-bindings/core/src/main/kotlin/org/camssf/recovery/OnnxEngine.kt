@@ -11,7 +11,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.nio.DoubleBuffer
 
-/** ONNX Runtime behind [Engine], with the options of the Python package, so that the numbers are the same. */
+/** Runs a model with ONNX Runtime, with the options of the Python package, so that the numbers are the same. */
 internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
     private val environment = OnnxLibrary.environment()
     private val options = OrtSession.SessionOptions()
@@ -26,7 +26,7 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             options.setIntraOpNumThreads(1)
             options.setInterOpNumThreads(1)
             options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
-            // The graph that was checked is the graph that runs; it also loads in half the time.
+            // No optimisation: the graph that runs is the one that was checked, and it loads faster.
             options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
             options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
             options.addConfigEntry("session.intra_op.allow_spinning", "0")
@@ -68,7 +68,7 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             "white_tolerance" to Tensor.scalar(known.whiteTolerance),
             "lamp" to known.lamp,
             "lamp_tolerance" to known.lampTolerance,
-            // The model takes at least one; one that is nowhere is none.
+            // The model needs at least one mode; a mode of zeros has no effect.
             "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
             "gain_modes" to gainModes(inputs),
             "gain_own" to Tensor.scalar(known.gains?.own ?: 0.0),
@@ -106,7 +106,10 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
     }
 
-    /** A second call does nothing; the process's environment stays. Options outlive their session. */
+    /**
+     * A second call does nothing. ONNX Runtime's environment stays open. The options must be closed after their
+     * session.
+     */
     @Synchronized
     override fun close() {
         if (!open) return
@@ -122,9 +125,9 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
 
         /**
-         * The shipped model of a basis; its file's hash, basis, grid and vocabulary are checked.
+         * Loads the shipped model of a basis and checks its hash, basis, grid and vocabulary.
          *
-         * @throws InvalidArgument if there is no such model, or it is not the one that this version belongs to.
+         * @throws InvalidArgument there is no such model, or it does not belong to this version.
          */
         fun load(basis: String): OnnxEngine {
             if (basis !in SHIPPED_BASES) {

@@ -5,9 +5,9 @@ import org.camssf.InvalidArgument
 import java.io.File
 
 /**
- * The one place that loads ONNX Runtime: of a version that has nothing to report with, or switched off.
+ * Loads ONNX Runtime without telemetry; no other class loads it.
  *
- * From 1.29.0 on it reports its use to its maker, on a phone as on a desktop, unless the process's environment says
+ * From 1.29.0 on it sends usage data to its maker, on phones and desktops, unless the process's environment contains
  * ORT_DISABLE_TELEMETRY=1 before it is loaded.
  */
 internal object OnnxLibrary {
@@ -15,13 +15,17 @@ internal object OnnxLibrary {
     private const val LAST_MAJOR = 1
     private const val LAST_MINOR = 28
 
-    /** @throws InvalidArgument if the version found would report. */
+    /**
+     * The process's environment of ONNX Runtime.
+     *
+     * @throws InvalidArgument the version found would send usage data.
+     */
     fun environment(): OrtEnvironment {
-        // The desktop's jar tells its version before anything is loaded; the phone's artefact only afterwards.
+        // The desktop's jar states its version before anything is loaded; the Android artefact only afterwards.
         val jar = OrtEnvironment::class.java.`package`
         if (jar?.implementationTitle == "onnxruntime") jar.implementationVersion?.let { check(it, switch()) }
         val environment = OrtEnvironment.getEnvironment()
-        // Ends what can be ended so: Windows' event log, of any version.
+        // Stops the telemetry that this call can stop: Windows' event log, in any version.
         environment.setTelemetry(false)
         tidy
         check(environment.version, switch())
@@ -30,7 +34,12 @@ internal object OnnxLibrary {
 
     private fun switch(): String? = System.getenv(SWITCH)
 
-    /** @param switch what the process's environment says. */
+    /**
+     * Checks that this version of ONNX Runtime sends no usage data.
+     *
+     * @param switch value of ORT_DISABLE_TELEMETRY in the process's environment.
+     * @throws InvalidArgument it would send usage data.
+     */
     internal fun check(version: String, switch: String?) {
         if (switch == "1" || silent(version)) return
         throw InvalidArgument(
@@ -40,7 +49,7 @@ internal object OnnxLibrary {
         )
     }
 
-    /** A version that cannot be read is not taken for one that is silent. */
+    /** Whether a version is known to have no telemetry; false if it cannot be parsed. */
     private fun silent(version: String): Boolean {
         val parts = version.split(".").take(2).map { it.toIntOrNull() ?: return false }
         val (major, minor) = if (parts.size == 2) parts else return false
@@ -48,8 +57,8 @@ internal object OnnxLibrary {
     }
 
     /**
-     * On a desktop ONNX Runtime unpacks its libraries into a temporary folder, and would remove the folder at exit
-     * before the files in it, which leaves it there, empty. On a phone there is no such folder.
+     * On a desktop ONNX Runtime unpacks its libraries into a temporary folder. At exit it tries to delete the folder
+     * before the files in it, so an empty folder would remain; this deletes it. On a phone there is no such folder.
      */
     private val tidy: Unit by lazy {
         try {
@@ -58,9 +67,9 @@ internal object OnnxLibrary {
             val folder = field.get(null)?.let { File(it.toString()) }
             if (folder != null) Runtime.getRuntime().addShutdownHook(Thread { folder.deleteRecursively() })
         } catch (_: ReflectiveOperationException) {
-            // Another version's insides: the empty folder stays.
+            // Another version has another internal structure: the empty folder remains.
         } catch (_: RuntimeException) {
-            // The process is ending already, or forbids to look.
+            // The process is already ending, or does not permit this.
         }
     }
 }

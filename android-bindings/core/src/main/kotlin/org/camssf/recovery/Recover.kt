@@ -12,24 +12,24 @@ import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.roundToInt
 
-/** Penalties and sign of a fit; null takes the basis' default. */
+/** Penalties and sign of a fit; null takes the default of the basis. */
 internal class Penalties(val l2: Double?, val gamma: DoubleArray?, val nonnegative: Boolean?)
 
-/** Chart, white and dark, each (k, n, 3) DN, that the signals came from. */
+/** Chart, white and dark, (k, n, 3) DN each, behind the signals. */
 internal class Frames(val chart: Tensor, val white: Tensor, val dark: Tensor)
 
 /**
- * How the light on the patches may be off: modes (k, g, n), each one standard deviation long, and what part of them each
- * channel has for itself. y (1 - Σ v φ) is what even light would have given.
+ * Gain modes φ (k, g, n) of the light on the patches, each of one standard deviation, and the size of each channel's
+ * independent part relative to them. In even light the signals would be y (1 - Σ v φ).
  */
 internal class Gains(val modes: Tensor, val own: Double) {
-    /** Of shot j alone. */
+    /** Those of shot j. */
     fun only(j: Int): Gains {
         val (_, g, n) = modes.shape
         return Gains(Tensor(modes.values.copyOfRange(j * g * n, (j + 1) * g * n), 1, g, n), own)
     }
 
-    /** Of some patches. */
+    /** Those of some patches. */
     fun of(patches: IntArray): Gains {
         val (k, g, n) = modes.shape
         val t = patches.size
@@ -38,8 +38,8 @@ internal class Gains(val modes: Tensor, val own: Double) {
 }
 
 /**
- * What is known beside the signals: reflectance (n, 681), chart tolerance (n), white reflectance (681) and its tolerance,
- * lamp (k, 681), its tolerance (k) and its modes (k, q, 681), gain modes; null for none.
+ * What is known besides the signals: reflectance (n, 681), chart tolerance (n), white reflectance (681) and its
+ * tolerance, lamp (k, 681), its tolerance (k) and its modes (k, q, 681), and gain modes, null for none.
  */
 internal class Known(
     val reflectance: Tensor,
@@ -52,22 +52,24 @@ internal class Known(
     val gains: Gains? = null,
 )
 
-/** What a fit takes: signals (k, n, 3), their standard error, and what is known beside them. */
+/** The input of a fit: signals (k, n, 3), their standard error, and what is known of chart, white and lamps. */
 internal class Observation(val signals: Tensor, val standardError: Tensor, val known: Known)
 
-/** Signals → curves, by the model, with the checks of the Python reference before and after it. */
+/** Recovers curves from signals with the model, with the checks of the Python reference before and after it. */
 internal object Recover {
-    /** The product's penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser. */
+    /**
+     * Default penalty λ₂ on a learned basis: with [GAMMA], almost the Gaussian posterior mean, but a little sparser.
+     */
     val L2 get() = Rules.shipped.number("calibration.l2")
     val GAMMA get() = Rules.shipped.number("calibration.gamma")
 
-    /** Relative duality gap above which there is no answer. */
+    /** Relative duality gap above which [NotConverged] is thrown. */
     const val LARGEST_GAP = 1e-9
 
     /**
-     * One answer of the model that nobody has believed yet: weighing needs no proof.
+     * One solution of the model, not yet checked for convergence: comparing hypotheses does not need the check.
      *
-     * @property logEvidence ln of the marginal likelihood but for a constant; NaN where the basis has no prior.
+     * @property logEvidence ln of the marginal likelihood up to a constant; NaN on a basis without a prior.
      */
     class Attempt internal constructor(
         private val found: ModelOutputs,
@@ -81,7 +83,7 @@ internal object Recover {
         /**
          * The curves.
          *
-         * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
+         * @throws NotConverged a relative duality gap above 1e-9, or curves without a response to white.
          */
         fun checkConverged(): Ssf {
             believe(found["gap"])
@@ -94,13 +96,13 @@ internal object Recover {
     /**
      * The curves that explain the signals.
      *
-     * Where no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
+     * If no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
      *
-     * @param frames that the signals came from, for the ratio between the channels; null: the ratio is ones.
-     * @param priorScale how many times as wide the cameras spread as those that the basis was learned from; 1 on the paper's.
-     * @throws InvalidArgument shapes or values that do not fit; several γ where the channels are one problem.
-     * @throws LampUnfit a lamp without power on the grid.
-     * @throws NotConverged a relative duality gap above 1e-9, or curves that do not see white.
+     * @param frames behind the signals, for the ratio between the channels; null: the ratios are ones.
+     * @param priorScale width of the prior relative to the learned one; 1 on the paper's basis.
+     * @throws InvalidArgument invalid shapes or values; γ that differ by channel on a basis with a prior.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     * @throws NotConverged a relative duality gap above 1e-9, or curves without a response to white.
      */
     fun recover(
         engine: Engine,
@@ -110,7 +112,7 @@ internal object Recover {
         priorScale: Double = 1.0,
     ): Ssf = attempt(engine, observation, frames, penalties, priorScale).checkConverged()
 
-    /** [recover], its proof not yet asked for. */
+    /** [recover] without the check for convergence. */
     fun attempt(
         engine: Engine,
         observation: Observation,
@@ -135,23 +137,28 @@ internal object Recover {
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(observation, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
         checkPenalties(weight, gamma, engine.basis)
-        // The model takes one γ a call; the paper's channels that differ in it take a call each.
+        // The model takes one γ a call, so each different γ of the paper's channels is a call of its own.
         val answers = gamma.distinct().associateWith { run(it) }
         val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
         return Attempt(found, observation.known.gains, Penalties(weight, gamma, positive), engine.basis, priorScale)
     }
 
     /**
-     * ln of the marginal likelihood of the signals alone, nats, but for a constant; on a basis with a prior. No penalty has a
-     * part in it, and it needs no proof: it is a closed form.
+     * ln of the marginal likelihood of the signals, nats, up to a constant, on a basis with a prior. It is a closed
+     * form: independent of the penalties, and without a convergence check.
      *
-     * @throws InvalidArgument shapes or values that do not fit.
-     * @throws LampUnfit a lamp without power on the grid.
+     * @throws InvalidArgument invalid shapes or values.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
      */
     fun logEvidence(engine: Engine, observation: Observation, priorScale: Double): Double =
         plain(engine, observation, priorScale)["evidence"][0]
 
-    /** What the signals say of the lamps' modes: mean (k q) and covariance (k q, k q); likewise. */
+    /**
+     * Posterior mean (k q) and covariance (k q, k q) of the lamp modes.
+     *
+     * @throws InvalidArgument invalid shapes or values.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     */
     fun modes(engine: Engine, observation: Observation, priorScale: Double): Pair<DoubleArray, DoubleArray> {
         val found = plain(engine, observation, priorScale)
         return found["mode_estimate"] to found["mode_covariance"]
@@ -165,7 +172,7 @@ internal object Recover {
         return engine.run(ModelInputs(shown, observation.standardError, known, L2, GAMMA, false, priorScale))
     }
 
-    /** Frames of a sensor without black level whose white is 1. */
+    /** Frames with black level 0 and white 1. */
     private fun bare(y: Tensor) = Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
 
     private fun checkScale(scale: Double, basis: String) {
@@ -222,7 +229,7 @@ internal object Recover {
         }
     }
 
-    /** Refuses an answer without its proof; a gap that is NaN is none. */
+    /** Throws unless every gap is a number of at most [LARGEST_GAP]. */
     private fun believe(gap: DoubleArray) {
         if (gap.all { it <= LARGEST_GAP }) return
         val worst = gap.max()
@@ -234,7 +241,7 @@ internal object Recover {
         )
     }
 
-    /** Refuses curves that do not see white. */
+    /** Throws unless every curve responds to white. */
     private fun checkRespondsToWhite(ssf: DoubleArray) {
         for (c in 0..2) {
             val peak = (0 until Grid.SIZE).maxOf { ssf[3 * it + c] }

@@ -5,13 +5,13 @@ import org.camssf.frozen
 import java.util.Collections
 
 /**
- * One hypothesis among those that were weighed.
+ * One of the compared hypotheses.
  *
- * @property basis of which family the camera is, "phones" or "cameras".
- * @property priorScale how many times as wide as its basis the prior was taken, 1 for a camera like those in it.
- * @property logEvidence ln of the marginal likelihood of the signals under it, nats, but for a constant common to all: only
- *   differences say something, and those of one capture alone.
- * @property probability 0 to 1, 1 in all: its weight among them, with what was believed beforehand.
+ * @property basis family of the camera, "phones" or "cameras".
+ * @property priorScale width of the prior relative to the learned one; 1 for a camera like those of the basis.
+ * @property logEvidence ln of the marginal likelihood of the signals, nats, up to a constant common to all
+ *   hypotheses: only differences within one capture have a meaning.
+ * @property probability posterior probability, 0 to 1; all add up to 1.
  */
 public class Hypothesis internal constructor(
     public val basis: String,
@@ -20,15 +20,16 @@ public class Hypothesis internal constructor(
     public val probability: Double,
     kinds: List<String> = emptyList(),
 ) {
-    /** Of each shot's light, where one was not named: "daylight", ...; "" for a lamp that was. Empty where all were. */
+    /** Kind of each shot's light: "daylight", ...; "" for a named lamp. Empty if all lamps were named. */
     public val kinds: List<String> = kinds.frozen()
 }
 
 /**
- * What the signals say of a light that nobody named ([org.camssf.spectra.Lamp.auto]). Safe to pass between threads.
+ * A shot's light as estimated from the signals, where its lamp was not named ([org.camssf.spectra.Lamp.auto]). Safe
+ * to pass between threads.
  *
  * @property kelvin correlated colour temperature, K (McCamy 1992).
- * @property kelvinStd one standard deviation of it, K.
+ * @property kelvinStd one standard deviation of `kelvin`, K.
  */
 public class EstimatedLamp internal constructor(
     kinds: Map<String, Double>,
@@ -37,32 +38,31 @@ public class EstimatedLamp internal constructor(
     public val kelvin: Double,
     public val kelvinStd: Double,
 ) {
-    /** How probable each kind is: "daylight", "bulb", "white-led", "fluorescent"; 1 in all. */
+    /** Posterior probability of each kind, "daylight", "bulb", "white-led", "fluorescent"; they add up to 1. */
     public val kinds: Map<String, Double> = Collections.unmodifiableMap(LinkedHashMap(kinds))
 
-    /** (681) relative spectral power on [Grid], mean 1: the mean over kinds; a copy at each call. */
+    /** (681) relative spectral power on [Grid], of mean 1, averaged over the hypotheses; a copy at each call. */
     public val power: DoubleArray get() = sharedPower.copyOf()
 
-    /** (681) one standard deviation of [power], over kinds, their members and what these leave; likewise. */
+    /** (681) one standard deviation of [power], within and between the hypotheses; a copy at each call. */
     public val std: DoubleArray get() = sharedStd.copyOf()
 }
 
 /**
- * The recovered spectral sensitivity functions. Arrays are row-major, columns R, G, B; each call copies one (16 kB for a
- * curve of three channels), so what a caller writes changes nothing here: keep the array in a loop. Safe to pass between
- * threads.
+ * The recovered spectral sensitivity functions. Arrays are row-major, with columns R, G, B. Each property returns a
+ * new copy at each call, so read it once before a loop. Safe to pass between threads.
  *
- * On a basis with a prior the three channels are one problem, on the paper's each is one: p = 1 or 3.
+ * On a basis with a prior the three channels are one problem, p = 1; on the paper's basis each is one, p = 3.
  *
- * Where the signals chose and no hypothesis was clear, this is a mixture: [values], [std], [predicted] and [lamp] are mixed
- * by the probabilities in [choice]; [gap], [layersGap] and [finishSteps] are the largest of its parts; all else, [code] too,
- * is the likeliest part's, and [values] do not follow from it. The same holds where nobody named a light and the signals
- * told it: [lights] says what they told.
+ * If basis or kind of light were chosen by their evidence and several hypotheses have weight, this is a mixture:
+ * [values], [std], [predicted], [lamp] and [gainCode] are mixed by the probabilities in [choice]; [gap], [layersGap]
+ * and [finishSteps] are the largest of its parts; all else, also [code], is that of the most probable part, so
+ * [values] do not follow from it. [lights] holds the estimated lights.
  *
  * @property l2 the quadratic penalty.
- * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture the likeliest one's.
- * @property priorScale how many times as wide as its basis the prior was taken, 1 where the basis was told; of a mixture the
- *   likeliest part's.
+ * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture that of the most probable part.
+ * @property priorScale width of the prior relative to the learned one, 1 if the basis was named; of a mixture that of
+ *   the most probable part.
  */
 public class Ssf internal constructor(
     private val curves: Curves,
@@ -75,19 +75,21 @@ public class Ssf internal constructor(
     choice: List<Hypothesis> = emptyList(),
     lights: List<EstimatedLamp?> = emptyList(),
     internal val kinds: List<String> = emptyList(),
-    /** (3) share of each channel's variance that stands between the hypotheses on the light; null where it was named. */
+    /**
+     * (3) share of each channel's variance that is between the hypotheses on the light; null if all lamps were named.
+     */
     internal val between: DoubleArray? = null,
 ) {
     /**
-     * What was weighed where the signals chose the basis or a light's kind, in the order of phones and cameras; empty where
-     * all was told.
+     * The compared hypotheses, if basis or kind of light were chosen by their evidence, phones before cameras; else
+     * empty.
      */
     public val choice: List<Hypothesis> = choice.frozen()
 
-    /** Of each shot what the signals say of its light, null where it was named; empty where all were. */
+    /** Of each shot the estimated light, null where its lamp was named; empty if all were. */
     public val lights: List<EstimatedLamp?> = lights.frozen()
 
-    /** The answer; shapes and units as of the properties of their names. */
+    /** The curves and what belongs to them; shapes and units as of the public properties of these names. */
     internal class Curves(
         val values: DoubleArray,
         val std: DoubleArray?,
@@ -98,7 +100,7 @@ public class Ssf internal constructor(
         val gainCode: DoubleArray = DoubleArray(0),
     )
 
-    /** How good it is; likewise. */
+    /** Convergence and evidence; shapes and units as of the public properties of these names. */
     internal class Proof(
         val gap: DoubleArray,
         val layersGap: DoubleArray,
@@ -120,64 +122,66 @@ public class Ssf internal constructor(
     /** (681, 3) on [Grid], scaled so that Σ ρ_w L s dλ = 1 for the first lamp; [curve] gives peak 1. */
     public val values: DoubleArray get() = sharedValues.copyOf()
 
-    /** (681, 3) posterior standard deviation of the curve of peak 1, times its peak; null where the basis has no prior. */
+    /**
+     * (681, 3) posterior standard deviation of the curve of peak 1, times its peak; null on a basis without a prior.
+     */
     public val std: DoubleArray? get() = sharedStd?.copyOf()
 
-    /** (r, 3) coefficients. */
+    /** (r, 3) coefficients x. */
     public val code: DoubleArray get() = sharedCode.copyOf()
 
     /**
-     * (3 r, 3 r) posterior covariance of [code], red's r coefficients first, then green's, then blue's, (H + I)⁻¹; null
-     * where the basis has no prior. 41 kB a copy.
+     * (3 r, 3 r) posterior covariance of [code], red's r coefficients first, then green's, then blue's, (H + I)⁻¹;
+     * null on a basis without a prior.
      */
     public val codeCovariance: DoubleArray? get() = sharedCodeCovariance?.copyOf()
 
-    /** (k, n, 3) the signals that these curves give under [lamp], 1. */
+    /** (k, n, 3) signals predicted from these curves under [lamp], 1. */
     public val predicted: DoubleArray get() = sharedPredicted.copyOf()
 
-    /** (3) relative duality gap of the problem that each channel stands in, 1: the proof that came with the answer. */
+    /** (3) relative duality gap of each channel's problem, 1: a bound of the distance from the optimum. */
     public val gap: DoubleArray get() = sharedGap.copyOf()
 
-    /** (p) the same of the layers' own answer, before the finish. */
+    /** (p) the same of the layers' solution, before the finish. */
     public val layersGap: DoubleArray get() = sharedLayersGap.copyOf()
 
-    /** (p) pivots that the finish took; 0 where the layers' own proof was enough. */
+    /** (p) pivots of the finish; 0 where the layers' gap was small enough. */
     public val finishSteps: IntArray get() = sharedFinishSteps.copyOf()
 
     /**
-     * ln of the marginal likelihood of the signals under basis and lamps, nats, but for a constant that the rows alone
-     * decide; null where the basis has no prior.
+     * ln of the marginal likelihood of the signals under basis and lamps, nats, up to a constant that depends only on
+     * the rows; null on a basis without a prior.
      */
     public val logEvidence: Double? get() = proof.logEvidence
 
-    /** (3) the l1 penalty of the problem that each channel stands in. */
+    /** (3) the l1 penalty of each channel's problem. */
     public val gamma: DoubleArray get() = sharedGamma.copyOf()
 
     /** (3) raw white signal of each channel relative to green; ones where no frame was given. */
     public val channelGain: DoubleArray get() = sharedGain.copyOf()
 
-    /** (k, 681) each shot's lamp as the answer takes it: as given, but for what the signals say of its modes. */
+    /** (k, 681) each shot's lamp: the given one, changed by the estimate of its modes. */
     public val lamp: DoubleArray get() = sharedLamp.copyOf()
 
     /**
-     * (k, g) what the signals say of the light's gain modes, where no white frame was taken; empty where one was.
-     * [org.camssf.Calibrated.level] is what follows from it.
+     * (k, g) estimated amplitudes v̂ of the gain modes of the light; empty if there are none, as with a white frame.
+     * [org.camssf.Calibrated.level] is the correction that follows from them.
      */
     public val gainCode: DoubleArray get() = sharedGainCode.copyOf()
 
-    /** The curve (681) of a channel, 0 red, 1 green, 2 blue, its peak 1. */
+    /** The curve (681) of a channel (0 red, 1 green, 2 blue), of peak 1. */
     public fun curve(channel: Int): DoubleArray {
         val peak = peak(channel)
         return DoubleArray(Grid.SIZE) { sharedValues[3 * it + channel] / peak }
     }
 
-    /** One standard deviation (681) of [curve]; null where the basis has no prior. */
+    /** One standard deviation (681) of [curve]; null on a basis without a prior. */
     public fun deviation(channel: Int): DoubleArray? {
         val peak = peak(channel)
         return sharedStd?.let { std -> DoubleArray(Grid.SIZE) { std[3 * it + channel] / peak } }
     }
 
-    /** Half-width (681) of the 95 % band about [curve], 1.96 standard deviations; null where there is none. */
+    /** Half-width (681) of the 95 % band about [curve], 1.96 standard deviations; null on a basis without a prior. */
     public fun band(channel: Int): DoubleArray? =
         deviation(channel)?.let { std -> DoubleArray(std.size) { 1.96 * std[it] } }
 
@@ -186,16 +190,16 @@ public class Ssf internal constructor(
         return (0 until Grid.SIZE).maxOf { sharedValues[3 * it + channel] }
     }
 
-    /** What this answer says of shot j alone, of n patches. */
+    /** The answer with the predictions (of n patches) and the lamp of shot j only. */
     internal fun only(j: Int, n: Int): Ssf = with(
         sharedPredicted.copyOfRange(3 * n * j, 3 * n * (j + 1)),
         sharedLamp.copyOfRange(Grid.SIZE * j, Grid.SIZE * (j + 1)),
     )
 
-    /** The same with these gains (k, g). */
+    /** The answer with these gains (k, g). */
     internal fun gaining(code: DoubleArray): Ssf = with(sharedPredicted, sharedLamp, code)
 
-    /** The same curves, which predict these signals (k, n, 3). */
+    /** The answer with these predicted signals (k, n, 3). */
     internal fun predicting(predicted: DoubleArray): Ssf = with(predicted, sharedLamp)
 
     private fun with(predicted: DoubleArray, lamp: DoubleArray, gains: DoubleArray = sharedGainCode): Ssf {
@@ -203,7 +207,7 @@ public class Ssf internal constructor(
         return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
     }
 
-    /** The same, chosen among these, in a light of these kinds where nobody named it. */
+    /** The answer with the hypotheses that it was chosen among, and the estimated lights. */
     internal fun chosen(
         choice: List<Hypothesis>,
         lights: List<EstimatedLamp?> = emptyList(),
@@ -211,7 +215,7 @@ public class Ssf internal constructor(
         between: DoubleArray? = null,
     ): Ssf = Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
 
-    /** The same but for curves and proof: a mixture of which this is the likeliest part. */
+    /** The mixture of which this is the most probable part: these curves and proof, all else as here. */
     internal fun mixed(
         values: DoubleArray,
         std: DoubleArray?,
@@ -224,7 +228,7 @@ public class Ssf internal constructor(
         return Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
     }
 
-    /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; 0 where there is none. */
+    /** Mean half-width of the 95 % band, 400 to 700 nm, as a share of the peak; 0 on a basis without a prior. */
     internal val halfWidth: Double
         get() {
             val bands = List(3) { band(it) ?: return 0.0 }
@@ -232,7 +236,7 @@ public class Ssf internal constructor(
         }
 }
 
-/** Signals (k, n, 3) that curves (681, 3) of any scale give of patches (n, 681) under lamps (k, 681): Eq. (5). */
+/** Signals (k, n, 3) of patches (n, 681) under lamps (k, 681), Eq. (5), from curves (681, 3) of any scale. */
 internal fun predictSignals(
     values: DoubleArray,
     reflectance: DoubleArray,

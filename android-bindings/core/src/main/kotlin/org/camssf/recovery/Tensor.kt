@@ -1,6 +1,6 @@
 package org.camssf.recovery
 
-/** Numbers with a shape, row-major; no shape is a single number. */
+/** An array of any rank, row-major; an empty shape is a single number. */
 internal class Tensor(val values: DoubleArray, vararg val shape: Int) {
     init {
         require(shape.fold(1L) { size, side -> size * side } == values.size.toLong()) {

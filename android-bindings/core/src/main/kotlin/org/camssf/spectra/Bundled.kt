@@ -21,7 +21,10 @@ import kotlin.math.max
 import kotlin.math.pow
 import kotlin.math.round
 
-/** Python's own table of lamps and charts (spectra.json), and CIE's formulae; docs/tables.md describes both. */
+/**
+ * The bundled tables of lamps and charts (spectra.json, the same file as in Python) and CIE's formulas; see
+ * docs/tables.md.
+ */
 internal object Bundled {
     private val file: JsonObject by lazy {
         val found = try {
@@ -41,17 +44,17 @@ internal object Bundled {
     val families: Set<String> get() = file.part("families").keys
     val charts: List<String> get() = file.part("charts").list("names").map { it.jsonPrimitive.content }
 
-    /** Chart tables by the word after the colon; the first is meant where there is none. */
+    /** Chart tables by the word after the colon in a chart's name; the first is the default. */
     val tables: Map<String, String> get() = file.part("charts").part("tables").mapValues {
         it.value.jsonPrimitive.content
     }
 
-    /** Colour temperatures, K, of the illuminants that have one. */
+    /** Correlated colour temperatures of the illuminants that have one, K. */
     val kelvin: Map<String, Double> get() = file.part("kelvin").mapValues { it.value.jsonPrimitive.double }
 
     fun tolerance(of: String): Double = file.part("tolerances").number(of)
 
-    /** A CIE illuminant as tabulated. */
+    /** A tabulated CIE illuminant on the grid, (681); linear between its nodes. */
     fun illuminant(name: String): DoubleArray = linear(file.part("lamps").part(name), "values")
 
     private fun linear(table: JsonObject, key: String): DoubleArray {
@@ -62,7 +65,7 @@ internal object Bundled {
         )
     }
 
-    /** A chart table: patch names, reflectance (n, 681), index of the white patch. */
+    /** A bundled chart table: patch names, reflectance (n, 681), index of the white patch. */
     fun chart(table: String): Triple<List<String>, DoubleArray, Int> {
         val entry = file.part("tables").part(table)
         val rows = entry.list("values").map {
@@ -81,7 +84,7 @@ internal object Bundled {
     /** The CIE 1931 2° colour-matching functions x, y, z on the grid, (681) each. */
     fun observer(): List<DoubleArray> = listOf("x", "y", "z").map { linear(file.part("observer"), it) }
 
-    /** Planck's law, any scale: λ⁻⁵ / (exp(c₂ / λT) - 1), c₂ = 1.4388e-2 m K (CIE 15, ITS-90). */
+    /** Planck's law on the grid, (681), any scale: λ⁻⁵ / (exp(c₂ / λT) - 1), c₂ = 1.4388e-2 m K (CIE 15, ITS-90). */
     fun planck(kelvin: Double): DoubleArray {
         val grid = Grid.WAVELENGTHS
         return DoubleArray(Grid.SIZE) {
@@ -89,7 +92,10 @@ internal object Bundled {
         }
     }
 
-    /** CIE daylight of a correlated colour temperature, CIE 15; M₁ and M₂ rounded to three decimals. */
+    /**
+     * CIE daylight of a correlated colour temperature on the grid, (681): CIE 15, with M₁ and M₂ rounded to three
+     * decimals.
+     */
     fun daylight(kelvin: Double): DoubleArray {
         val t = 1e3 / kelvin
         val x = if (kelvin <= 7000.0) {
@@ -110,7 +116,7 @@ internal object Bundled {
         )
     }
 
-    /** A lamp that is only known by kind: power (681), modes (q) of (681), its words for the report, tolerance. */
+    /** A lamp known only by kind: power (681), error modes (q) of (681), description for the report, tolerance. */
     fun family(name: String): Family {
         val entry = file.part("families").part(name)
         val tolerance = entry.number("tolerance")
@@ -143,7 +149,7 @@ internal object Bundled {
         )
     }
 
-    /** The same power with a mean of 1. */
+    /** The power scaled to a mean of 1. */
     fun scaled(power: DoubleArray): DoubleArray {
         val level = mean(power)
         return DoubleArray(power.size) { power[it] / level }
@@ -151,14 +157,14 @@ internal object Bundled {
 
     class Family(val power: DoubleArray, val modes: List<DoubleArray>, val source: String, val tolerance: Double)
 
-    /** Change of ln L over one standard deviation of a lamp's temperature, (681): a central difference. */
+    /** Change of ln L for one standard deviation of a lamp's temperature, (681), by a central difference. */
     fun temperatureMode(formula: (Double) -> DoubleArray, centre: Double, spread: Double): DoubleArray {
         val high = logarithm(formula(centre + spread))
         val low = logarithm(formula(centre - spread))
         return DoubleArray(Grid.SIZE) { 0.5 * (high[it] - low[it]) }
     }
 
-    /** ln L about its mean over the grid; power below 0.1 % of the peak counts as that. */
+    /** ln L minus its mean over the grid; power below 0.1 % of the peak is raised to that. */
     private fun logarithm(power: DoubleArray): DoubleArray {
         val least = DIMMEST * power.max()
         val level = DoubleArray(power.size) { ln(max(power[it], least)) }

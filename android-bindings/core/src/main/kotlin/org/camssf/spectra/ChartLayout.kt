@@ -6,8 +6,8 @@ package org.camssf.spectra
  * @property name for example "classic24".
  * @property columns of patches; patch i lies at column i % columns, row i / columns.
  * @property rows of patches.
- * @property sideX edge of a patch along x in pitches; the rest is the gap.
- * @property sideY edge along y.
+ * @property sideX edge of a patch along x in pitches; the rest of the pitch is the gap.
+ * @property sideY edge of a patch along y in pitches.
  */
 public class ChartLayout internal constructor(
     public val name: String,
@@ -17,7 +17,7 @@ public class ChartLayout internal constructor(
     public val sideY: Double,
 ) {
     public companion object {
-        /** The charts that camssf knows. */
+        /** The layouts of all supported charts. */
         @JvmStatic
         public fun all(): List<ChartLayout> = Bundled.layouts()
 

@@ -11,12 +11,12 @@ import kotlin.math.sqrt
 /**
  * The measured reflectances of a chart. Safe to pass between threads.
  *
- * @property name of the chart as asked for, for example "classic24".
+ * @property name of the chart as given, for example "classic24".
  * @property table name of the table, for example "BabelColor Average".
- * @property layout name of the [ChartLayout] it is printed in.
+ * @property layout name of its printed [ChartLayout].
  * @property white index of the white patch.
- * @property source in words for the report.
- * @property file name and SHA-256 of the file it came from, or null.
+ * @property source description for the report.
+ * @property file name and SHA-256 of its file, or null.
  */
 public class ChartTable internal constructor(
     public val name: String,
@@ -29,13 +29,13 @@ public class ChartTable internal constructor(
     public val source: String,
     public val file: SourceFile? = null,
 ) {
-    /** (n) names in reading order from the chart's top left. */
+    /** (n) patch names in reading order from the chart's top left. */
     public val patches: List<String> = patches.frozen()
 
-    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches): keep it. */
+    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches), so keep it. */
     public val values: DoubleArray get() = sharedValues.copyOf()
 
-    /** (n) one standard deviation of the table's relative error for a chart somebody owns, 1; a copy at each call. */
+    /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy at each call. */
     public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
 
     internal fun reflectance(patch: Int): DoubleArray =
@@ -47,13 +47,13 @@ public class ChartTable internal constructor(
             "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of " +
                 "measured reflectances by ChartTable.parse; sg140 by such a file only."
 
-        /** Names that [read] knows. */
+        /** Names that [read] accepts. */
         @JvmStatic
         public fun names(): List<String> = Bundled.charts + Bundled.charts.map { "$it:ohta" }
 
         /**
-         * Reflectances of a chart by name: `classic24`, `nano24`, `mini24`, `passport24` (BabelColor's average of 30
-         * charts), or with `:ohta` Ohta's table. The tolerance is 3 %.
+         * Reads the reflectances of a chart by name: `classic24`, `nano24`, `mini24`, `passport24` (BabelColor's
+         * average of 30 charts), or with `:ohta` Ohta's table. The tolerance is 3 %.
          *
          * @throws InvalidArgument an unknown name.
          */
@@ -81,15 +81,16 @@ public class ChartTable internal constructor(
         }
 
         /**
-         * Measured reflectances of somebody's own chart (CSV or CGATS): 24 or 140 patches in reading order, unless the
-         * file names them by position (A1 ...). Values above 2 are taken for percent. Outside the file's wavelengths
-         * reflectance is held constant; it must cover 400 to 700 nm in steps of 20 nm at most. The tolerance is 1 %.
+         * Parses measured reflectances of an individual chart (CSV or CGATS): 24 or 140 patches in reading order,
+         * unless the file names them by position (A1 ...). Values are read as percent if any exceeds 2. Outside the
+         * file's wavelengths reflectance is held constant; the file must cover 400 to 700 nm in steps of 20 nm at
+         * most. The tolerance is 1 %.
          *
          * @param name of the file, for messages and the result.
-         * @param layout "nano24" ... if it is not the usual one of so many patches.
-         * @throws InvalidArgument the content is no such table, or has another number of patches.
-         * @throws ChartUnfit too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or the
-         *   24 colours in another order than reading order.
+         * @param layout for example "nano24"; needed only if it is not the default for this number of patches.
+         * @throws InvalidArgument the content is not such a table, or has a wrong number of patches.
+         * @throws ChartUnfit too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or
+         *   24 colours that are not in reading order.
          */
         @JvmStatic
         @JvmOverloads
@@ -147,8 +148,8 @@ public class ChartTable internal constructor(
         }
 
         /**
-         * The file's rows in reading order where their names are positions, else as they stand. Letters are columns on
-         * the SG (A1 to N10) and on 24 patches A1 to F4; rows on 24 patches A1 to D6.
+         * Indices of the file's rows in reading order if their names are positions; otherwise the file's order.
+         * Letters are columns on the SG (A1 to N10) and on 24 patches A1 to F4; they are rows on 24 patches A1 to D6.
          */
         private fun readingOrder(names: List<String>): List<Int> {
             val stand = names.indices.toList()
@@ -165,7 +166,10 @@ public class ChartTable internal constructor(
             return stand.sortedWith(if (shape == 4 to 6) byLetter else byNumber)
         }
 
-        /** Refuses the 24 known colours upside down or column by column: every later number would be wrong. */
+        /**
+         * Throws [ChartUnfit] if the 24 colours run upside down or column by column, because all results would then
+         * be wrong.
+         */
         private fun checkOrder(values: List<DoubleArray>, name: String) {
             val known = Bundled.chart("BabelColor Average").second
             fun misfit(place: (Int) -> Int): Double {
@@ -178,7 +182,7 @@ public class ChartTable internal constructor(
                 }
                 return sqrt(total / (24 * Grid.SIZE))
             }
-            // Place in the file of the chart's patch at row i / 6, column i % 6.
+            // Index in the file of the chart's patch at row i / 6, column i % 6.
             val orders: Map<String, (Int) -> Int> = mapOf(
                 "upside down" to { i -> 23 - i },
                 "by columns" to { i -> 4 * (i % 6) + i / 6 },
@@ -196,7 +200,10 @@ public class ChartTable internal constructor(
             }
         }
 
-        /** The brightest neutral patch; E5 of an SG if none is plainly brighter (its border repeats the white). */
+        /**
+         * Index of the brightest neutral patch; E5 of an SG unless another is clearly brighter (its border repeats
+         * the white).
+         */
         private fun white(values: List<DoubleArray>, name: String): Int {
             val visible = Grid.WAVELENGTHS.indices.filter { Grid.WAVELENGTHS[it] in 430.0..700.0 }
             val brightness = values.map { row ->

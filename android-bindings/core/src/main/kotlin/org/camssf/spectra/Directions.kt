@@ -6,8 +6,9 @@ import kotlin.math.exp
 import kotlin.math.sqrt
 
 /**
- * Φ of an error that is smooth over a length: column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²), with h = ℓ / 2 and
- * t_q = 380 - 2 ℓ + q h up to the first at or beyond 720 + 2 ℓ.
+ * Modes Φ of a relative error that is smooth over a correlation length ℓ, (681) per column. Column q is
+ * √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²), with h = ℓ / 2 and
+ * t_q = 380 - 2 ℓ + q h, up to the first t_q at or above 720 + 2 ℓ.
  */
 internal class Directions private constructor(length: Double) {
     val columns: List<DoubleArray>
@@ -28,7 +29,7 @@ internal class Directions private constructor(length: Double) {
     companion object {
         private val made = HashMap<Double, Directions>()
 
-        /** Of that length, nm. */
+        /** The directions of this correlation length, nm; cached, thread-safe. */
         fun of(length: Double): Directions = synchronized(made) { made.getOrPut(length) { Directions(length) } }
     }
 }

@@ -5,7 +5,7 @@ import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.min
 
-/** The ways onto the grid, as docs/tables.md gives them; constant outside the nodes, (681) each. */
+/** Interpolations to the grid, (681) each, constant outside the nodes. docs/tables.md gives the formulas. */
 internal object Interpolation {
     private val OUTER = arrayOf(
         doubleArrayOf(884.0, -1960.0, 3033.0, -2648.0, 1080.0, -180.0),
@@ -19,10 +19,10 @@ internal object Interpolation {
         doubleArrayOf(-5.0, 25.0, -50.0, 50.0, -25.0, 5.0),
     )
 
-    /** Even nodes from `start` every `step` nm. */
+    /** Evenly spaced nodes from `start` every `step` nm. */
     fun nodes(start: Double, step: Double, count: Int): DoubleArray = DoubleArray(count) { start + step * it }
 
-    /** Straight between increasing nodes. */
+    /** Linear interpolation between increasing nodes. */
     fun linear(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         var i = 0
         return onGrid { x ->
@@ -37,10 +37,10 @@ internal object Interpolation {
         else -> (values[i + 1] - values[i]) / (nodes[i + 1] - nodes[i]) * (x - nodes[i]) + values[i]
     }
 
-    /** Sprague's polynomials (CIE 167:2005) for at least six even nodes. */
+    /** Sprague's polynomials (CIE 167:2005) for at least six evenly spaced nodes. */
     fun sprague(start: Double, step: Double, values: DoubleArray): DoubleArray {
         val last = values.size - 1
-        val r = DoubleArray(values.size + 4) // node i lies at i + 2
+        val r = DoubleArray(values.size + 4) // node i is at index i + 2
         values.copyInto(r, 2)
         for ((row, at) in OUTER.withIndex().map { it.value to it.index }) {
             r[at] = weighted(row) { values[it] } / 209.0
@@ -62,14 +62,17 @@ internal object Interpolation {
         return total
     }
 
-    /** Sprague where the nodes are even to 0.001 nm, else a cubic spline (not-a-knot). */
+    /** Sprague's method if the nodes are evenly spaced to 0.001 nm; otherwise a cubic spline (not-a-knot). */
     fun smooth(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         val step = (nodes.last() - nodes[0]) / (nodes.size - 1)
         val even = nodes.indices.all { abs(nodes[it] - (nodes[0] + step * it)) <= 1e-3 }
         return if (even) sprague(nodes[0], step, values) else spline(nodes, values)
     }
 
-    /** The cubic spline through at least four nodes whose third derivative is continuous at the second and last but one. */
+    /**
+     * Not-a-knot cubic spline through at least four nodes: its third derivative is continuous at the second and the
+     * last but one node.
+     */
     fun spline(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         val n = nodes.size
         val h = DoubleArray(n - 1) { nodes[it + 1] - nodes[it] }
@@ -107,7 +110,7 @@ internal object Interpolation {
         }
     }
 
-    /** Mean over each step of the grid of the polygon through the nodes, from its exact integral. */
+    /** Mean over each step of the grid, by exact integration of the linear interpolant of the nodes. */
     fun stepMeans(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         val grid = Grid.WAVELENGTHS
         val edges = DoubleArray(Grid.SIZE + 1) {
@@ -132,7 +135,7 @@ internal object Interpolation {
         val at = DoubleArray(edges.size) { area[knots.binarySearch(edges[it])] }
         return DoubleArray(Grid.SIZE) {
             max(0.0, (at[it + 1] - at[it]) / Grid.STEP)
-        } // a difference of sums may round below zero
+        } // rounding may give a difference below zero
     }
 
     private inline fun onGrid(value: (Double) -> Double): DoubleArray {

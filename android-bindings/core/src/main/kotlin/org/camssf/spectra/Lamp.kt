@@ -6,14 +6,15 @@ import org.camssf.LampUnfit
 import org.camssf.short
 
 /**
- * The relative spectral power of a shot's light, or that nobody named it ([auto]). Safe to pass between threads.
+ * The relative spectral power distribution of a shot's light, or an unnamed light ([auto]). Safe to pass between
+ * threads.
  *
- * @param given (681), null where nobody named it.
- * @property name as asked for.
- * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN where nobody named the light.
- * @property source table, formula or file it came from, in words for the report.
- * @property file name and SHA-256 of the file it came from, or null.
- * @property kinds what a light that nobody named may be, each a lamp known only by kind; none where it was named.
+ * @param given (681) relative power; null for an unnamed light.
+ * @property name as given.
+ * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
+ * @property source its table, formula or file, in words for the report.
+ * @property file name and SHA-256 of its file, or null.
+ * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(
     public val name: String,
@@ -24,7 +25,7 @@ public class Lamp internal constructor(
     public val file: SourceFile? = null,
     internal val kinds: List<Lamp> = emptyList(),
 ) {
-    /** Whether nobody named it: it has no spectrum, only the kinds that it may be of. */
+    /** True for an unnamed light, which has no spectrum, only possible kinds. */
     public val unnamed: Boolean get() = given == null
 
     internal val sharedValues: DoubleArray get() = given ?: throw nameless()
@@ -32,20 +33,21 @@ public class Lamp internal constructor(
     /**
      * (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB).
      *
-     * @throws InvalidArgument nobody named the light.
+     * @throws InvalidArgument the light is unnamed.
      */
     public val values: DoubleArray get() = sharedValues.copyOf()
 
-    /** Directions (681) in which L may be off, relative to it, each one standard deviation long; copies at each call. */
+    /** Directions (681) of the relative error of L, each one standard deviation long; copies at each call. */
     public val modes: List<DoubleArray> get() = sharedModes.map { it.copyOf() }
 
     /**
-     * The same lamp, known as well as the text says: `2%`, `300K`, or both, `300K,1%`.
+     * Returns the lamp with another tolerance: `2%`, `300K`, or both, `300K,1%`.
      *
-     * A percentage replaces the lamp's smooth tolerance. A temperature becomes a mode: the change of ln L over so many
+     * A percentage replaces the lamp's smooth tolerance. A temperature adds a mode: the change of ln L over that many
      * kelvin at the lamp's own temperature. Both are one standard deviation.
      *
-     * @throws InvalidArgument other text, a temperature for a lamp that has none, or a light that nobody named.
+     * @throws InvalidArgument invalid text, a temperature for a lamp without a colour temperature, or an unnamed
+     *   light.
      */
     public fun withTolerance(text: String): Lamp = text.split(",").map {
         it.trim()
@@ -100,13 +102,14 @@ public class Lamp internal constructor(
                 "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); " +
                 "a measured spectrum by Lamp.parse; or Lamp.auto() for a phone's photo under whatever light."
 
-        /** The word for a light that nobody named. */
+        /** The name of an unnamed light. */
         internal const val AUTO = "auto"
 
         /**
-         * A light that nobody named: the signals tell its kind (daylight, bulb, white LED or fluorescent), for phones; what
-         * they told is in [org.camssf.recovery.Ssf.lights]. A camera that may be no phone is refused with what to name. Of
-         * at most two shots of a capture; the runs of a model are four times as many for one of them, 16 times for two.
+         * An unnamed light, for photos taken with a phone. The calibration infers its kind (daylight, bulb, white LED
+         * or fluorescent) from the signals and returns it in [org.camssf.recovery.Ssf.lights]. A camera that may not
+         * be a phone is refused with advice which lamp to name. At most two shots of a capture may have an unnamed
+         * light; the number of model runs is multiplied by 4 for one of them and by 16 for two.
          */
         @JvmStatic
         public fun auto(): Lamp = Lamp(
@@ -123,19 +126,19 @@ public class Lamp internal constructor(
             "Only a chart's photo can tell it. $MENU",
         )
 
-        /** Names that [read] knows, besides `2856K` and `D:5500`. */
+        /** Names that [read] accepts, in addition to temperatures such as `2856K` and `D:5500`. */
         @JvmStatic
         public fun names(): List<String> = Bundled.lamps.toList() + "equal-energy" + Bundled.families
 
         /**
-         * Spectral power of the light by name or formula, scaled to a mean of 1 on the grid: the same numbers as
-         * Python's `camssf.read_lamp`.
+         * Reads the spectral power of a lamp by name or formula, scaled to a mean of 1 on the grid. The numbers are
+         * the same as those of Python's `camssf.read_lamp`.
          *
-         * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck, 1000
-         * to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy`; a family whose member is not known:
+         * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck,
+         * 1000 to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy` (tolerance 0); a kind of lamp:
          * `daylight`, `bulb`, `white-led`, `fluorescent`. The tolerance is 2 % for a name or formula.
          *
-         * `auto` is no spectrum: [auto].
+         * `auto` is not accepted, because it has no spectrum; use [auto].
          *
          * @throws InvalidArgument no lamp, an unknown name, or a temperature out of range.
          */
@@ -171,16 +174,17 @@ public class Lamp internal constructor(
         }
 
         /**
-         * A measured spectrum: a table of wavelength (nm, increasing) and power, or CGATS text with one set (Argyll's
-         * `.sp`), which must cover 400 to 700 nm in steps of 20 nm at most.
+         * Parses a measured spectrum: a table of wavelength (nm, increasing) and power, or CGATS text with one set
+         * (Argyll's `.sp`). It must cover 400 to 700 nm in steps of 20 nm at most.
          *
-         * Outside its range the power is held constant, a guess that `source` names. Where its steps are finer than the
-         * grid's, power is averaged over each step. Noise below zero, down to 0.5 % of the peak, becomes 0. The
-         * tolerance is 1 %.
+         * Outside its range the power is held constant, which `source` states. If its steps are finer than the
+         * grid's, power is averaged over each step of the grid. Negative noise, down to 0.5 % of the peak, is set to
+         * 0. The tolerance is 1 %.
          *
          * @param name of the file, for messages and the result.
-         * @throws InvalidArgument the content is no such table.
-         * @throws LampUnfit power that is negative, not finite or all zero, or a table that covers too little.
+         * @throws InvalidArgument the content is not such a table.
+         * @throws LampUnfit power that is negative, not finite or all zero, or a table with too small a range or too
+         *   large gaps.
          */
         @JvmStatic
         public fun parse(name: String, content: ByteArray): Lamp {
@@ -255,5 +259,5 @@ public class Lamp internal constructor(
     }
 }
 
-/** A name without case, blanks, hyphens and underscores, for comparison. */
+/** The name in lower case without blanks, hyphens and underscores, for comparison. */
 internal fun plain(name: String): String = name.lowercase().replace(Regex("[\\s_-]"), "")

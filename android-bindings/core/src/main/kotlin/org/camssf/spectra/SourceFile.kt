@@ -3,10 +3,10 @@ package org.camssf.spectra
 import org.camssf.model.Models
 
 /**
- * A file that a lamp or a chart table came from.
+ * The file of a lamp or a chart table.
  *
  * @property name without its path.
- * @property sha256 of its content, lower-case hex.
+ * @property sha256 SHA-256 of its content, lower-case hex.
  */
 public class SourceFile internal constructor(public val name: String, public val sha256: String) {
     internal companion object {

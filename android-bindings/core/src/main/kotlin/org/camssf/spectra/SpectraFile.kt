@@ -4,23 +4,26 @@ import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.short
 
-/** Named spectra on common wavelengths, as a file has them. */
+/** Named spectra of a file, on common wavelengths. */
 internal class Spectra(val names: List<String>, val wavelengths: DoubleArray, val values: List<DoubleArray>)
 
-/** Text of spectra → numbers: CSV and CGATS.17. Knows formats, not physics. */
+/** Parses tables of spectra in CSV and CGATS.17. It handles formats only; the callers check the physics. */
 internal object SpectraFile {
     private const val LARGEST = 20_000_000
 
-    /** Words by which a column is a standard deviation. */
+    /** Words in a header that mark a column as a standard deviation. */
     private val DEVIATIONS =
         setOf("std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty")
 
-    /** A third column without a name is the power's standard deviation up to this part of the largest power. */
+    /**
+     * A third column without a name counts as the power's standard deviation if it is at most this fraction of the
+     * largest power.
+     */
     private const val LARGEST_DEVIATION = 0.2
 
     /**
-     * The one spectrum of a table of two columns, or of three with the power's standard deviation, which is dropped; or
-     * of CGATS text with one set.
+     * Parses a single spectrum: a table of two columns, or of three with the power's standard deviation, which is
+     * ignored; or CGATS text with one set.
      */
     fun spectrum(name: String, content: ByteArray): Spectra {
         val text = decode(name, content)
@@ -51,7 +54,9 @@ internal object SpectraFile {
         return Spectra(listOf(name), column(known, 0), listOf(column(known, 1)))
     }
 
-    /** Whether the third column is the power's standard deviation: its name says so, or, without one, its size. */
+    /**
+     * True if the third column is the power's standard deviation, judged by its name or, without a name, by its size.
+     */
     private fun isDeviation(header: List<String>, rows: List<DoubleArray>): Boolean {
         if (header.size == 3) {
             return Regex("[a-zσ]+").findAll(header[2].lowercase()).any { it.value in DEVIATIONS }
@@ -60,8 +65,8 @@ internal object SpectraFile {
     }
 
     /**
-     * The spectra of a chart's patches, in the file's order: CSV with a line of wavelengths over a line for each patch,
-     * or with a line for each wavelength; CGATS.17 text with spectral fields.
+     * Parses the spectra of a chart's patches, in the file's order: CSV with a header of wavelengths and one line per
+     * patch, or with one line per wavelength; or CGATS.17 text with spectral fields.
      */
     fun spectra(name: String, content: ByteArray): Spectra {
         if (name.lowercase().endsWith(".cxf")) {
@@ -74,7 +79,10 @@ internal object SpectraFile {
         return if ("BEGIN_DATA_FORMAT" in text) cgats(text, name) else csv(text, name)
     }
 
-    /** Increasing, in nm, from 400 to 700 nm without gaps in the grid; what is too little raises `unfit`. */
+    /**
+     * Checks that the wavelengths increase, are in nm, and cover 400 to 700 nm without gaps above 20 nm in the grid.
+     * Too small a range, too few wavelengths or too large gaps raise the error that `unfit` creates.
+     */
     fun checkWavelengths(
         wavelengths: DoubleArray,
         name: String,
@@ -114,7 +122,7 @@ internal object SpectraFile {
         }
     }
 
-    /** What `source` says of a table that ends inside the grid. */
+    /** The addition to `source` for a table that ends inside the grid; "" otherwise. */
     fun held(wavelengths: DoubleArray): String {
         if (wavelengths.first() <= 380.0 && wavelengths.last() >= 720.0) return ""
         return ", held constant outside ${short(wavelengths.first())} to ${short(wavelengths.last())} nm"
@@ -130,7 +138,7 @@ internal object SpectraFile {
         return if ('\uFFFD' in text) content.toString(Charsets.ISO_8859_1) else text
     }
 
-    /** Fields of every line that is neither empty nor a comment; between them ; or tab or comma or blanks. */
+    /** Fields of every line that is neither empty nor a comment, separated by semicolon, tab, comma or blanks. */
     private fun rows(text: String): List<List<String>> {
         val lines = text.lines().filter { it.isNotBlank() && !it.trimStart().startsWith("#") }
         val separator = lines.lastOrNull()?.let { last -> ";\t,".firstOrNull { it in last } }
@@ -140,7 +148,7 @@ internal object SpectraFile {
         }.filter { it.isNotEmpty() }
     }
 
-    /** Fields of a line of CSV; a field in double quotes may hold the separator, and "" for a quote. */
+    /** Fields of a CSV line; a field in double quotes may contain the separator, and "" for a quote. */
     private fun fields(line: String, separator: Char): List<String> {
         val found = ArrayList<String>()
         val field = StringBuilder()
@@ -166,13 +174,13 @@ internal object SpectraFile {
         return found
     }
 
-    /** The fields as numbers, or null. A comma that is left is a decimal comma: half of Europe writes it. */
+    /** The fields as numbers, or null. A remaining comma is a decimal comma. */
     private fun numbers(fields: List<String>): DoubleArray? {
         val values = fields.map { number(it.replace(',', '.').trim()) ?: return null }
         return values.toDoubleArray()
     }
 
-    /** As Python reads it: Java's own reader takes 380f, 1d and 0x1p0, too, and no "nan". */
+    /** Parses a number as Python does. Java's parser would also accept 380f, 1d and 0x1p0, and would refuse "nan". */
     private fun number(text: String): Double? = when {
         NUMBER.matches(text) -> text.toDouble()
         NO_NUMBER.matches(text) -> Double.NaN
@@ -181,7 +189,7 @@ internal object SpectraFile {
 
     private val NUMBER = Regex("""[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?""")
 
-    /** Known words for a value that is none: the callers refuse what is not finite. */
+    /** Words for a missing or infinite value; the callers refuse values that are not finite. */
     private val NO_NUMBER = Regex("""[+-]?(?:nan|inf|infinity)""", RegexOption.IGNORE_CASE)
 
     private fun column(rows: List<DoubleArray>, at: Int): DoubleArray = DoubleArray(rows.size) { rows[it][at] }
@@ -189,7 +197,7 @@ internal object SpectraFile {
     private val WAVELENGTH =
         Regex("""(?:spectral_?|spec_?|reflectance_?|r_?)?(?:nm_?)?([0-9]{3,4}(?:[.,][0-9]+)?) ?(?:nm)?""")
 
-    /** 380 of 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380 ...; null of anything else. */
+    /** The wavelength 380 of 380, nm380, 380nm, SPEC_380, SPECTRAL_NM380 ...; null for any other field. */
     private fun wavelength(field: String): Double? {
         val match = WAVELENGTH.matchEntire(field.lowercase()) ?: return null
         return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in 200.0..2500.0 }
@@ -202,7 +210,7 @@ internal object SpectraFile {
 
     private fun csv(text: String, name: String): Spectra {
         val rows = rows(text)
-        for ((i, row) in rows.take(40).withIndex()) { // instruments write a preamble
+        for ((i, row) in rows.take(40).withIndex()) { // instruments write a preamble before the header
             if (row.count { wavelength(it) != null } >= 10) return underWavelengths(row, rows.drop(i + 1), name)
         }
         val start = rows.indexOfFirst { it.size > 2 && numbers(it) != null }
@@ -215,7 +223,7 @@ internal object SpectraFile {
         return Spectra(names, column(lines, 0), List(count) { column(lines, it + 1) })
     }
 
-    /** Rows of patches under a header of which some fields are wavelengths, others names. */
+    /** Parses rows of patches below a header whose fields are wavelengths or names of other columns. */
     private fun underWavelengths(header: List<String>, body: List<List<String>>, name: String): Spectra {
         val at = header.indices.filter { wavelength(header[it]) != null }
         if (body.isEmpty() || body.any { it.size != header.size }) throw noChart(name)
@@ -242,7 +250,7 @@ internal object SpectraFile {
             if (header.count { wavelength(it) != null } < 10) continue
             val lines = data.lines().filter { it.isNotBlank() }
             var body = lines.map { line -> line.split("\t").map { it.trim().trim('"') } }
-            if (body.any { it.size != header.size }) body = tokens(data).chunked(header.size) // blanks count, too
+            if (body.any { it.size != header.size }) body = tokens(data).chunked(header.size) // blanks separate, too
             return underWavelengths(header, body, name)
         }
         throw InvalidArgument(

@@ -3,14 +3,14 @@ package org.camssf.verdict
 import org.camssf.Rules
 
 /**
- * One number of a verdict, and the limits that it was held against, in the limit's own unit.
+ * One number of a verdict and its limits, in the unit of the limit.
  *
  * @property name of the limit in rules.json, group "verdict".
- * @property shot from 1; null where it is of the capture as a whole.
- * @property value what was found.
+ * @property shot from 1; null for the capture as a whole.
+ * @property value the measured number.
  * @property limit beyond it the verdict is not accepted.
- * @property refuses beyond it there is no answer; null where it never refuses.
- * @property beyond "above" or "below", the side on which it breaks.
+ * @property refuses beyond it the verdict is refused; null if this number never refuses.
+ * @property beyond "above" or "below", the side on which the limit is broken.
  */
 internal class Check(
     val name: String,
@@ -21,20 +21,22 @@ internal class Check(
     val beyond: String,
 )
 
-/** Told of every number as a rule weighs it, kept and broken alike, as Python's `camssf.verdict.checks`. */
+/**
+ * Collects every number that the rules compare, whether its limit holds or not, as Python's `camssf.verdict.checks`.
+ */
 internal class Checks {
     private val seen = LinkedHashMap<Pair<String, Int?>, Check>()
 
-    /** In the order in which they were first told. */
+    /** In the order in which they were first recorded. */
     val all: List<Check> get() = seen.values.toList()
 
     /**
-     * One number.
+     * Records one number; a later one of the same name and shot replaces it.
      *
      * @param name as in [Check].
-     * @param value what is no number was not looked at.
-     * @param shot whose, 0-based; null for the capture as a whole.
-     * @param limit where it is not simply the rule's own.
+     * @param value the number; ignored if it is not finite.
+     * @param shot from 0; null for the capture as a whole.
+     * @param limit replaces the rule's own limit.
      */
     fun note(name: String, value: Double, shot: Int? = null, limit: Double? = null) {
         if (!value.isFinite()) return

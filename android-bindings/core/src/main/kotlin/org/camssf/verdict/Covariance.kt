@@ -7,17 +7,17 @@ import org.camssf.spectra.Directions
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** The used signals: patch by patch, of a patch shot by shot, of a shot red, green, blue. */
+/** The rows of the used signals: patch by patch, shot by shot, then red, green, blue. */
 internal class Rows(signals: Signals) {
     private val n = signals.patches
 
-    /** Index into (k, n, 3). */
+    /** Index of each row into (k, n, 3). */
     val at: IntArray
 
-    /** Patches that some shot uses. */
+    /** Patches that at least one shot uses. */
     val patches: IntArray
 
-    /** Where the rows of each of them begin, and last how many rows there are. */
+    /** The first row of each of these patches, then the number of rows. */
     val starts: IntArray
 
     init {
@@ -35,14 +35,16 @@ internal class Rows(signals: Signals) {
 
     fun channel(row: Int): Int = at[row] % 3
 
-    /** Those of values (k, n, 3). */
+    /** Selects the rows from values (k, n, 3). */
     fun of(values: DoubleArray): DoubleArray = DoubleArray(size) { values[at[it]] }
 }
 
 /**
- * Rule 1 of docs/verdict.md: Σ of the used signals of all three channels, taken at the answer. It is Σ = D + U Uᵀ: D has
- * a block a patch (its noise, and the chart's error there); U is few errors that all rows share, the white's, each
- * lamp's and that of the light on the patches. [Precision] inverts it as that.
+ * Covariance Σ of the used signals of all three channels at the answer: rule 1 of docs/verdict.md.
+ *
+ * Σ = D + U Uᵀ. D has one block for each patch: its noise and the chart's error there. U has one column for each
+ * error that many rows share: errors of the white, of each lamp, and of the light on the patches. [Precision] applies
+ * the inverse of Σ in this form.
  */
 internal class Covariance(private val told: VerdictInputs, private val rows: Rows) {
     private val white = told.whiteReflectance
@@ -61,18 +63,18 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
     private val drift = number("drift")
     private val patches = rows.patches.size
 
-    /** R of the patches, and ρ_w behind them; dR/dλ, and 1 behind them. */
+    /** R of the patches, then ρ_w; dR/dλ of the patches, then 1. */
     private val reflectances = Spectra(patches + 1) { at, m ->
         if (at < patches) reflectance(rows.patches[at], m) else white[m]
     }
     private val slopes = Spectra(patches + 1) { at, m -> if (at < patches) slope(rows.patches[at], m) else 1.0 }
 
-    /** By shot and channel. */
+    /** Of each shot and channel. */
     private val seen = List(told.lamps.size) { shot -> List(3) { channel -> Seen(shot, channel) } }
 
     /**
-     * What a channel under a shot's lamp makes of spectra: of each a row along the directions of an error; that of ρ_w or
-     * of 1 comes last.
+     * Integrals of spectra with a channel's curve and a shot's lamp: for each spectrum a row, along the directions of
+     * an error; that of ρ_w or of 1 is last.
      */
     private inner class Seen(shot: Int, channel: Int) {
         /** L s dλ / W. */
@@ -91,10 +93,13 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         val modes = reflectances.along(told.lamps[shot].sharedModes, light)
     }
 
-    /** D: a block of each patch. */
+    /** The blocks of D, one for each patch. */
     val blocks: List<Array<DoubleArray>> = List(patches) { block(it) }
 
-    /** U: of each row how it answers to the errors that all share, white first, then lamp by lamp. */
+    /**
+     * U (rows, errors): derivative of each row by the shared errors, first the white's, then lamp by lamp, then the
+     * light's.
+     */
     val shared: Array<DoubleArray>
 
     init {
@@ -110,7 +115,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         }
     }
 
-    /** y φ of each gain mode of the row's shot: what the channels share, and what each has for itself. */
+    /** y φ of each gain mode of the row's shot: the part common to the channels, and the part independent in each. */
     private fun uneven(factors: DoubleArray, row: Int, from: Int) {
         val gains = told.gains ?: return
         val (_, g, n) = gains.modes.shape
@@ -130,7 +135,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
             factors[q] = told.whiteTolerance * predicted[row] * answer
         }
 
-        // A relative change of the lamp moves the patch and, by ŷ, the white: (R - ŷ ρ_w) L s dλ / W.
+        // A relative change of the lamp changes the signals of patch and white: (R - ŷ ρ_w) L s dλ / W.
         fun change(along: Array<DoubleArray>, q: Int) = along[patch][q] - predicted[row] * along[patches][q]
         val bends = smooth.columns.size
         val width = told.lamps[rows.shot(row)].tolerance
@@ -146,7 +151,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         val block = Array(size) { DoubleArray(size) }
         for (a in 0 until size) {
             for (b in 0..a) {
-                // A reflectance that is wrong is wrong for all channels, but for a part that each has for itself.
+                // A wrong reflectance affects all channels; a part of the variance is independent in each.
                 val share = if (rows.channel(first + a) == rows.channel(first + b)) 1.0 else channelShare
                 block[a][b] = share * dot(chart[a], chart[b])
                 block[b][a] = block[a][b]
@@ -156,7 +161,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         return block
     }
 
-    /** How a row answers to its patch's errors: relative, absolute, of wavelength. */
+    /** Derivative of a row by its patch's errors: relative, absolute, of wavelength. */
     private fun chart(row: Int, at: Int): DoubleArray {
         val own = seen[rows.shot(row)][rows.channel(row)]
         val width = tolerance[rows.patch(row)]
@@ -171,7 +176,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         }
     }
 
-    /** The variance that a row has for itself. */
+    /** Variance of a row that is independent of all others. */
     private fun independent(row: Int): Double {
         val noise = told.signals.sharedError[rows.at[row]]
         val own = independentShare * tolerance[rows.patch(row)] * signal[row]
@@ -190,7 +195,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
     }
 }
 
-/** Spectra side by side, (681, size), so that all of them are summed at once. */
+/** Spectra as columns, (681, size), so that one loop sums all of them. */
 private class Spectra(private val size: Int, value: (Int, Int) -> Double) {
     private val values = DoubleArray(Grid.SIZE * size) { value(it % size, it / size) }
 

@@ -10,7 +10,7 @@ import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** Exposure, patches left, noise, greens and dirt of one shot: rule 6 of docs/verdict.md, and the rest. */
+/** Checks exposure, usable patches, noise, green channels and dirt of one shot (rule 6 of docs/verdict.md). */
 internal class ExposureAndNoise(
     private val signals: Signals,
     private val shot: Int,
@@ -29,7 +29,7 @@ internal class ExposureAndNoise(
 
     private fun bound(name: String): Double = Rules.shipped.number("verdict.$name")
 
-    /** The white's level. */
+    /** Checks the white's level. */
     private fun darkWhite(): Reason? {
         val patches = signals.patches
         val level = (0..2).maxOf { channel ->
@@ -42,7 +42,7 @@ internal class ExposureAndNoise(
         return if (level < bound("dark_white")) because("dark_white", level, false, "level" to level) else null
     }
 
-    /** Light where there should be none. */
+    /** Checks the signal of the darkest patch. */
     private fun darkestPatch(): Reason? {
         val patches = signals.patches
         val veil = (0..2).maxOf { channel ->
@@ -91,7 +91,7 @@ internal class ExposureAndNoise(
         )
     }
 
-    /** Grain and texture: rule 6. */
+    /** Grain and texture of the used patches (rule 6). */
     private fun noise(white: FrameMeans, dark: FrameMeans): Pair<Double, Double> {
         fun variance(frame: FrameMeans, i: Int) = frame.sharedError[i] * frame.sharedError[i] * frame.count[i]
         val at = used.flatMap { i -> (0..2).map { 3 * i + it } }

@@ -14,7 +14,7 @@ import kotlin.math.max
 import kotlin.math.pow
 import kotlin.math.sqrt
 
-/** What may be wrong with a capture: the explanations of rule 3, by the words of Python and rules.json. */
+/** Possible errors of a capture: the explanations of rule 3, named as in Python and rules.json. */
 internal enum class Cause(val word: String) {
     VEIL("veil"),
     BLACK("black"),
@@ -25,20 +25,20 @@ internal enum class Cause(val word: String) {
 }
 
 /**
- * One way in which a capture may be wrong, and what it would explain of T.
+ * One possible error of a capture, and the part of T that it explains (rule 3).
  *
- * @property patch 0-based; null where it is of no patch.
- * @property gain of T.
- * @property amount its size where it has one direction, in units of that; 0 else.
+ * @property patch 0-based; null unless the cause is a patch.
+ * @property gain the explained part of T.
+ * @property amount size of the error in units of its direction if it has one direction, else 0.
  */
 internal class Explanation(val cause: Cause, val patch: Int?, val gain: Double, val amount: Double)
 
 /**
- * How ill the answer fits what was told: rules 1 to 3 of docs/verdict.md.
+ * χ² of the residuals and of the prior (rules 1 to 3 of docs/verdict.md).
  *
- * @property residual part of T, summed over the channels.
- * @property prior the other part.
- * @property count N.
+ * @property residual part of T from the residuals, summed over the channels.
+ * @property prior part of T from the prior.
+ * @property count N, the degrees of freedom.
  * @property explanations in the order of rule 3, patches last.
  */
 internal class GoodnessOfFit(
@@ -50,27 +50,27 @@ internal class GoodnessOfFit(
     /** T. */
     val total: Double get() = residual + prior
 
-    /** T as a standard normal number (Wilson and Hilferty 1931). */
+    /** z(T): T transformed to a standard normal number (Wilson and Hilferty 1931). */
     val z: Double
         get() {
             val spread = 2.0 / (9.0 * count)
             return ((total / count).pow(1.0 / 3.0) - (1.0 - spread)) / sqrt(spread)
         }
 
-    /** Light over the chart only adds: a veil that takes away is the black level, where that may be it. */
+    /** The physically possible explanations: stray light cannot be negative; that would be a wrong black level. */
     private val possible: List<Explanation>
         get() = explanations.filterNot { mayBeBlack && it.cause == Cause.VEIL && it.amount < 0 }
 
     private val mayBeBlack: Boolean get() = explanations.any { it.cause == Cause.BLACK }
 
     /**
-     * The likelier of stray light and a wrong black level, where no dark frame was taken; null where one was. Stray light
-     * has the white's colour, a wrong black level is the same in every channel.
+     * The likelier of stray light and a wrong black level if there is no dark frame, else null. Stray light has the
+     * white's colour; a wrong black level is the same in every channel.
      */
     val offset: Explanation?
         get() = possible.filter { it.cause in OFFSETS }.maxByOrNull { it.gain }.takeIf { mayBeBlack }
 
-    /** The strongest suspect, and the gain beyond which it is named. */
+    /** The strongest explanation, and the gain above which it is reported; null if there is none. */
     fun strongestExplanation(): Pair<Explanation, Double>? {
         val favour = Rules.shipped.number("verdict.veil_favour")
         val strongest = possible.maxByOrNull { it.gain * if (it.cause in OFFSETS) favour else 1.0 } ?: return null
@@ -79,10 +79,11 @@ internal class GoodnessOfFit(
     }
 
     /**
-     * The strongest suspect, if it explains enough: a share of a surprise, or the bound. Else the offset.
+     * The explanation to report; null if none explains enough.
      *
-     * The several directions of a wrong white frame and of uneven light can follow an offset; an offset hardly follows
-     * them. So one that alone explains that share of what they do is named in their place.
+     * This is the strongest one if its gain exceeds the limit of [strongestExplanation], else an offset above
+     * [BLACK]. The several directions of a wrong white frame and of uneven light can imitate an offset, but an offset
+     * can hardly imitate them. So an offset that explains more than `verdict.share` of their gain replaces them.
      */
     fun bestExplanation(): Explanation? {
         val (strongest, enough) = strongestExplanation() ?: return null
@@ -94,21 +95,21 @@ internal class GoodnessOfFit(
     }
 
     companion object {
-        /** z(T) from which the evidence contradicts itself. */
+        /** Limit of z(T): above it the answer does not fit its signals. */
         val SURPRISE: Double get() = Rules.shipped.number("verdict.surprise")
 
-        /** χ² beyond which an offset is named, where no dark frame was taken. */
+        /** Gain above which an offset is reported if there is no dark frame. */
         val BLACK: Double get() = Rules.shipped.number("verdict.black")
 
-        /** Suspects that add to every signal; a tone curve looks much like them. */
+        /** Explanations that add to every signal; a tone curve has a similar effect. */
         private val OFFSETS = setOf(Cause.VEIL, Cause.BLACK)
 
-        /** Suspects of several directions for all patches. */
+        /** Explanations with several directions, common to all patches. */
         private val FREE = setOf(Cause.WHITE, Cause.LIGHT)
     }
 }
 
-/** What a surprise is about: an answer, and what it was told. */
+/** The k measured shots that a verdict judges, with their chart, lamps, white reference and answer. */
 internal class VerdictInputs(
     val signals: Signals,
     val table: ChartTable,
@@ -118,12 +119,12 @@ internal class VerdictInputs(
     val whiteTolerance: Double,
     gains: Gains? = null,
 ) {
-    /** How the light on the patches may be off; null where that is known. */
+    /** Gain modes of the light on the patches; null if there are none. */
     val gains: Gains? = gains?.takeIf { it.modes.values.isNotEmpty() }
 
     private val rows = Rows(signals)
 
-    /** The parts of the answer to shot j alone that concern that shot. */
+    /** The inputs of shot j only, with the answer to that shot. */
     fun only(j: Int, answer: Ssf): VerdictInputs = VerdictInputs(
         signals.only(j),
         table,
@@ -134,7 +135,7 @@ internal class VerdictInputs(
         gains?.only(j),
     )
 
-    /** Suspects are questioned where the one shot is given. */
+    /** Rules 1 and 2; with `shot`, for inputs of this shot only, also the explanations of rule 3. */
     fun surprise(shot: MeasuredShot? = null): GoodnessOfFit {
         val covariance = Covariance(this, rows)
         val precision = Precision(covariance.blocks, covariance.shared)
@@ -146,7 +147,7 @@ internal class VerdictInputs(
         return GoodnessOfFit(dot(residual, residual), prior, rows.size, explanations)
     }
 
-    /** Rule 3: by Σ⁻¹, and what it makes of the residual. */
+    /** Computes the explanations of rule 3 from Σ⁻¹ and the weighted residual. */
     private inner class Questioning(
         private val precision: Precision,
         private val residual: DoubleArray,
@@ -154,7 +155,7 @@ internal class VerdictInputs(
     ) {
         private val signal = rows.of(signals.sharedValues)
 
-        /** One direction: how every signal would move. */
+        /** One direction: the change of every signal. */
         private inline fun way(value: (Int) -> Double) = DoubleArray(rows.size) { value(it) }
 
         fun explanations(): List<Explanation> {
@@ -175,7 +176,7 @@ internal class VerdictInputs(
             }
         }
 
-        /** A black level that is off, in parts of the sensor's range. */
+        /** Direction of a wrong black level, in shares of the sensor's range. */
         private fun blackLevel(): DoubleArray {
             val (white, dark) = listOf(signals.sharedWhite, signals.sharedDark).map { rows.of(it) }
             return way { (1.0 - signal[it]) / ((white[it] - dark[it]) / (shot.means.saturation - dark[it])) }
@@ -183,7 +184,7 @@ internal class VerdictInputs(
 
         private fun unevenness(): List<DoubleArray> {
             val (x, y) = places(shot.pose)
-            // Where a plane and a bowl were solved for, they stand in Σ: what is beyond them.
+            // If Σ includes plane and bowl of the light, use the cubic terms.
             val falls = if (gains != null) {
                 listOf(
                     way { signal[it] * x[it] * x[it] * x[it] },
@@ -201,7 +202,7 @@ internal class VerdictInputs(
             return falls + listOfNotNull(signal.takeIf { shot.means.white == null })
         }
 
-        /** What a suspect explains, and its amount. */
+        /** Gain and amount of an explanation. */
         private fun gain(ways: List<DoubleArray>): Pair<Double, Double> {
             val solved = ways.map { precision.weighed(it) }
             val slope = DoubleArray(ways.size) { dot(solved[it], residual) }
@@ -213,7 +214,7 @@ internal class VerdictInputs(
         }
     }
 
-    /** X, Y of each row's patch. */
+    /** Centres X, Y of each row's patch, about their mean, divided by the larger range. */
     private fun places(pose: ChartPose): List<DoubleArray> {
         val centres = List(2) { axis ->
             DoubleArray(rows.size) { row ->

@@ -12,12 +12,12 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * What a verdict weighs: k shots, the answer, the answer to each alone (none for one shot), and for each shot what its file
- * foretells of its white.
+ * The inputs of a verdict: k shots, the answer, the answer to each shot alone (empty for one shot), and for each shot
+ * the camera's white points from its file.
  *
- * @property family the basis that the file's own word for the maker speaks for, if any, where the signals choose it.
- * @property unnamed of each shot, whether nobody named its light; none where all were named.
- * @property rivals finds other lamps; it is not asked where the capture is refused already.
+ * @property family the basis that the maker's name in the file suggests, if any, where the signals choose the basis.
+ * @property unnamed for each shot, whether its light is unnamed; empty if all are named.
+ * @property rivals computes the gains of other lamps; not called if the capture is already refused.
  */
 internal class Case(
     val told: VerdictInputs,
@@ -28,10 +28,13 @@ internal class Case(
     val unnamed: List<Boolean> = emptyList(),
     val rivals: () -> List<Rival>,
 ) {
-    /** What is told of each shot alone, and the answer to it. */
+    /** The inputs of each shot alone, with the answer to it. */
     val single: List<VerdictInputs> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
 
-    /** Rules 2 and 3 of each shot alone; below so many patches nothing is suspected. */
+    /**
+     * Rules 1 to 3 for each shot alone. With fewer than `verdict.fewest` used patches T is 0 and there are no
+     * explanations.
+     */
     fun each(): List<GoodnessOfFit> {
         val fewest = Rules.shipped.whole("verdict.fewest")
         return shots.mapIndexed { j, shot ->
@@ -49,8 +52,8 @@ internal fun used(signals: Signals, shot: Int): List<Int> =
     (0 until signals.patches).filter { signals.sharedUsed[shot * signals.patches + it] }
 
 /**
- * Evidence → verdict, by the numbered rules of docs/verdict.md, the same as in Python. RMSRE has no say: the same lamp
- * stands on both of its sides, so it stays small when the lamp is wrong.
+ * Applies all rules of docs/verdict.md to an answer, as in Python. RMSRE is not used: both of its sides contain the
+ * same lamp, so it stays small when the lamp is wrong.
  */
 internal object Judge {
     private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
@@ -86,7 +89,7 @@ internal object Judge {
         return Verdict(Status.of(reasons), reasons, checks.all)
     }
 
-    /** Rules 2 and 3: the strongest suspect of each shot, else that nothing explains the surprise. */
+    /** Applies the thresholds of rules 2 and 3: reports each shot's best explanation, or that there is none. */
     private fun surprised(
         found: GoodnessOfFit,
         each: List<GoodnessOfFit>,
@@ -118,11 +121,11 @@ internal object Judge {
         return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), hopeless))
     }
 
-    /** The reason's name for a suspect. */
+    /** The reason's name for an explanation. */
     private fun accusation(suspect: Explanation): String =
         if (suspect.cause == Cause.VEIL && !(suspect.amount > 0)) "bright_dark" else suspect.cause.word
 
-    /** What fills that reason's words. */
+    /** Values of that reason's placeholders. */
     private fun words(suspect: Explanation, table: ChartTable): Map<String, Any> = when (suspect.cause) {
         Cause.VEIL, Cause.BLACK -> mapOf("amount" to abs(suspect.amount))
         Cause.TONE -> mapOf("exponent" to 1 + suspect.amount)
@@ -131,8 +134,8 @@ internal object Judge {
     }
 
     /**
-     * z(x) of rule 2: the length of the code as a standard normal number under the prior; null where there is none. Under
-     * the prior the posterior mean x ~ N(0, K), K = I - C: xᵀx is nearly a multiple of a χ² (Satterthwaite 1946).
+     * z(x) of rule 2: the length of the code as a standard normal number under the prior; null without a prior. Under
+     * the prior the posterior mean x ~ N(0, K), K = I - C: xᵀx is nearly a scaled χ² (Satterthwaite 1946).
      */
     fun strangeness(ssf: Ssf): Double? {
         val covariance = ssf.sharedCodeCovariance.takeIf { ssf.sharedStd != null } ?: return null
@@ -144,12 +147,12 @@ internal object Judge {
             squares += own * own
             if (at / size == at % size) expected += own
         }
-        if (expected <= 0) return null // nothing was learned
+        if (expected <= 0) return null // the posterior equals the prior
         val u = 2.0 * squares / (9.0 * expected * expected)
         return (cbrt(ssf.sharedCode.sumOf { it * it } / expected) - (1.0 - u)) / sqrt(u)
     }
 
-    /** Curves unlike a camera's. */
+    /** Checks that the curves are probable under the prior. */
     private fun strange(ssf: Ssf, checks: Checks): List<Reason> {
         val size = strangeness(ssf) ?: return emptyList()
         checks.note("strange", size)
@@ -157,7 +160,7 @@ internal object Judge {
         return listOf(Reasons.because("strange", size, mapOf("size" to size), size > ALIEN))
     }
 
-    /** A camera that its basis does not know: wider than it, or of the other family than its maker. */
+    /** Checks whether the camera needs a wider prior, or another basis than its maker's name suggests (rule 7). */
     private fun unusual(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
         val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
         val other = ssf.choice.sumOf { if (family != null && it.basis != family) it.probability else 0.0 }
@@ -167,7 +170,9 @@ internal object Judge {
         return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
     }
 
-    /** Rule 9: colours that are not the chart's, as a plain camera sees them under the lamp that the answer takes. */
+    /**
+     * Checks the patches' colours against the chart's, for a simple camera model under the answer's lamp (rule 9).
+     */
     private fun disagreeing(j: Int, told: VerdictInputs, checks: Checks): List<Reason> {
         val power = told.ssf.sharedLamp
         val score = Agreement.of(told.signals.sharedValues, Agreement.expected(told.table, power))
@@ -176,7 +181,7 @@ internal object Judge {
         return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))
     }
 
-    /** A band too wide to tell cameras apart. */
+    /** Checks that the 95 % band is narrow enough to tell cameras apart. */
     private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
         if (ssf.sharedStd == null) return emptyList()
         val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3

@@ -14,16 +14,20 @@ import kotlin.math.max
  * Another lamp in place of a shot's own.
  *
  * @property shot 0-based.
- * @property gain of ln of the marginal likelihood over the named lamp's, on the narrowed prior.
+ * @property lamp the other lamp's name.
+ * @property gain increase in ln of the marginal likelihood over the named lamp, on the narrowed prior.
  */
 internal class Rival(val shot: Int, val lamp: String, val gain: Double)
 
-/** The camera's white (3) under a light of power (681), as a file's colour matrix tells it. */
+/** The camera's white (3) under a light of power (681), from a file's colour matrix. */
 internal class Foretold(val light: DoubleArray, val white: DoubleArray)
 
-/** What speaks against the lamp that was named, or against that it was not: rules 4, 5 and 8 of docs/verdict.md. */
+/**
+ * Checks the named lamp against rival lamps and against the raw white, and an unnamed light against the camera's
+ * family (rules 4, 5 and 8 of docs/verdict.md).
+ */
 internal object Light {
-    /** The one basis whose cameras are alike enough to tell a light by. */
+    /** The only basis whose cameras are similar enough to estimate a light. */
     private const val PHONES = "phones"
 
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
@@ -31,23 +35,24 @@ internal object Light {
     private val TINTED get() = Rules.shipped.number("verdict.tinted")
     private val TINTED_UNNAMED get() = Rules.shipped.number("verdict.tinted_unnamed")
 
-    /** How probable it is beforehand that a lamp is named wrongly. */
+    /** Prior probability that a lamp is named wrongly. */
     private val MISNAMED get() = Rules.shipped.number("verdict.misnamed")
 
-    /** Lamps are compared by cameras that spread so much less than their basis, which was enlarged on purpose. */
+    /** Width of the prior for comparing lamps, relative to that of the answer: the basis was enlarged on purpose. */
     val NARROW get() = Rules.shipped.number("verdict.narrow")
 
-    /** Lamps tried in the place of the named one. */
+    /** Lamps tried in place of the named one. */
     val RIVALS: List<String> get() = Rules.shipped.rivals
 
-    /** Shots of a capture beyond which rivals are not tried. */
+    /** Largest number of shots for which rivals are tried. */
     val MOST_RIVALLED: Int get() = Rules.shipped.whole("verdict.most_rivalled")
 
     /**
-     * Rule 4: of all shots and lamps the one that fits best, and how probable it is that a named lamp is wrong.
+     * Rule 4: finds the best-fitting rival of all shots, and the probability that the named lamp is wrong.
      *
-     * @param tintedShots those whose raw white contradicts the lamp, too: with two witnesses it is refused.
-     * @param checks told of the best.
+     * @param tintedShots 0-based, shots whose raw white also contradicts the lamp; the rival then refuses above its
+     *   limit.
+     * @param checks receives the best rival's gain.
      */
     fun rivalLamp(
         rivals: List<Rival>,
@@ -59,7 +64,7 @@ internal object Light {
         checks.note("rival", best.gain, best.shot)
         if (best.gain <= RIVAL) return emptyList()
         val own = rivals.filter { it.shot == best.shot }
-        // e^gain overflows beyond 709: the mean as a multiple of the best one's.
+        // e^gain overflows above 709: compute the mean relative to the best one's.
         val rest = own.sumOf { exp(it.gain - best.gain) } / own.size * MISNAMED / (1.0 - MISNAMED)
         val words = mapOf(
             "shot" to "shot ${best.shot + 1}",
@@ -73,15 +78,16 @@ internal object Light {
     }
 
     /**
-     * A camera that may be no phone, in a light that nobody named: its curves and the light look too much alike.
+     * Rule 8: an unnamed light can be estimated only if the camera is probably a phone. For other cameras the curves
+     * and the light cannot be separated well.
      *
-     * Nearly all makers of phones are known by name, so a file that names none of them is taken for a camera's, and must
-     * speak as clearly for a phone as a basis that answers alone.
+     * The rules list nearly all makers of phones; a file that names no listed maker has prior odds of [Choice.CLEAR]
+     * : 1 against a phone.
      */
     fun unnamed(choice: List<Hypothesis>, family: String?, checks: Checks = Checks()): List<Reason> {
         var phone = choice.sumOf { if (it.basis == PHONES) it.probability else 0.0 }
         val rest = choice.sumOf { if (it.basis != PHONES) it.probability else 0.0 }
-        // Else the odds hold the maker's word, or there was no choice.
+        // Otherwise the odds already include the maker's name, or there was no choice.
         if (family == null && rest > 0) phone /= phone + Choice.CLEAR * rest
         val number = Rules.shipped::number
         val bound = if (family == PHONES) number("verdict.unnamed") else Choice.CLEAR / (1.0 + Choice.CLEAR)
@@ -94,9 +100,10 @@ internal object Light {
     }
 
     /**
-     * Rule 5 of shot j, 0-based, by the answer to that shot alone.
+     * Rule 5: compares the raw white of shot j, 0-based, with the file's colour matrix, by the answer to that shot
+     * alone.
      *
-     * @param unnamed nobody named its light, so that the limit is that of an estimated one.
+     * @param unnamed whether its light is unnamed; then the limit is that for an estimated light.
      */
     fun tinted(
         j: Int,
@@ -119,7 +126,7 @@ internal object Light {
             val expected = DoubleArray(3) { channel ->
                 neutral.white[channel] * seen(curves.sharedLamp, channel) / seen(neutral.light, channel)
             }
-            // Curves that foretell no white: other rules see to them.
+            // No valid prediction of the white: other rules report such curves.
             if (expected.any { !(it > 0) }) return@mapNotNull null
             val ratio = DoubleArray(3) { ln(raw[it] / expected[it]) }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))

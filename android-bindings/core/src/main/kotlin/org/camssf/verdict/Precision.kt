@@ -4,11 +4,11 @@ import org.camssf.LeastSquares
 import kotlin.math.sqrt
 
 /**
- * Weighs by the inverse of Σ = D + U Uᵀ, D of blocks along the diagonal, without forming either.
+ * Applies the inverse of Σ = D + U Uᵀ, D block diagonal, without forming Σ or its inverse.
  *
- * With D = L Lᵀ, V = L⁻¹ U and C = I + Vᵀ V, Σ⁻¹ = L⁻ᵀ (I - V C⁻¹ Vᵀ) L⁻¹. What an error v leaves beside U is
- * w = z - V m, z = L⁻¹ v, and what it takes of U is m = C⁻¹ Vᵀ z: then aᵀ Σ⁻¹ b = w_aᵀ w_b + m_aᵀ m_b, a sum of squares
- * where a = b, so that no digits are lost however large U is beside D.
+ * With D = L Lᵀ, V = L⁻¹ U and C = I + Vᵀ V, Σ⁻¹ = L⁻ᵀ (I - V C⁻¹ Vᵀ) L⁻¹ (Woodbury). For an error v let z = L⁻¹ v, m
+ * = C⁻¹ Vᵀ z, the part that U explains, and w = z - V m, the rest. Then aᵀ Σ⁻¹ b = w_aᵀ w_b + m_aᵀ m_b, a sum of
+ * squares if a = b, so that no digits are lost even if U is much larger than D.
  *
  * @param blocks of D, each symmetric and positive definite.
  * @param shared U, (rows, errors).
@@ -18,10 +18,10 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
     private val roots = blocks.map { Triangle.root(it) }
     private val errors = shared[0].size
 
-    /** V. */
+    /** V (rows, errors). */
     private val leaning = Array(shared.size) { shared[it].copyOf() }
 
-    /** Of C. */
+    /** Cholesky factor of C. */
     private val root: Triangle
 
     init {
@@ -33,7 +33,7 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
         root = Triangle.root(capacity)
     }
 
-    /** w, and m behind it. */
+    /** w, followed by m, of an error v. */
     fun weighed(values: DoubleArray): DoubleArray {
         val beside = values.copyOf()
         for ((b, own) in roots.withIndex()) own.forward(beside, starts[b])
@@ -46,8 +46,10 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
     }
 
     /**
-     * What free errors of all rows of a block explain of an error that was [weighed]: eᵀ (Σ⁻¹)⁻¹ e of the block's rows,
-     * e = Σ⁻¹ v.
+     * The part of vᵀ Σ⁻¹ v that free errors in all rows of a block explain: eᵀ (Σ⁻¹)⁻¹ e of the block's rows, with e
+     * = Σ⁻¹ v.
+     *
+     * @param weighed the result of the function of this name for v.
      */
     fun alone(block: Int, weighed: DoubleArray): Double {
         val own = weighed.copyOfRange(starts[block], starts[block + 1])
@@ -59,9 +61,9 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
     }
 }
 
-/** The lower triangle of Cholesky's factorisation. */
+/** The lower triangular factor of a Cholesky factorisation. */
 private class Triangle private constructor(private val rows: Array<DoubleArray>) {
-    /** Its inverse times a part of the vector, in place. */
+    /** Multiplies a part of a vector by the inverse of this triangle, in place. */
     fun forward(vector: DoubleArray, from: Int = 0) {
         for ((i, row) in rows.withIndex()) {
             var value = vector[from + i]
@@ -70,7 +72,7 @@ private class Triangle private constructor(private val rows: Array<DoubleArray>)
         }
     }
 
-    /** Its inverse times some rows of a matrix, in place. */
+    /** Multiplies some rows of a matrix by the inverse of this triangle, in place. */
     fun forward(matrix: Array<DoubleArray>, from: Int) {
         for ((i, row) in rows.withIndex()) {
             val own = matrix[from + i]
@@ -79,7 +81,7 @@ private class Triangle private constructor(private val rows: Array<DoubleArray>)
         }
     }
 
-    /** The inverse of its transpose times a vector, in place. */
+    /** Multiplies a vector by the inverse of the transpose, in place. */
     fun backward(vector: DoubleArray) {
         for (i in rows.indices.reversed()) {
             vector[i] /= rows[i][i]
@@ -88,7 +90,7 @@ private class Triangle private constructor(private val rows: Array<DoubleArray>)
     }
 
     companion object {
-        /** Of a symmetric positive definite matrix, of which the lower triangle is read. */
+        /** Factorises a symmetric positive definite matrix; only its lower triangle is read. */
         fun root(matrix: Array<DoubleArray>): Triangle {
             val rows = Array(matrix.size) { matrix[it].copyOf() }
             for (i in rows.indices) {
@@ -103,7 +105,7 @@ private class Triangle private constructor(private val rows: Array<DoubleArray>)
     }
 }
 
-/** into += factor · values, of the first so many. */
+/** into += factor · values, for the first `count` entries. */
 private fun add(into: DoubleArray, factor: Double, values: DoubleArray, count: Int) {
     for (i in 0 until count) into[i] += factor * values[i]
 }

@@ -1,13 +1,13 @@
 package org.camssf.verdict
 
 /**
- * Why a result is not simply accepted.
+ * Why a result is not accepted.
  *
- * @property code word of the error vocabulary, the same in Python and JSON.
+ * @property code the error code, the same in Python and JSON.
  * @property message what is wrong.
  * @property advice what to do next.
  * @property value the number that decided, or null.
- * @property threshold the bound it broke, or null.
+ * @property threshold the bound that it broke, or null.
  */
 public class Reason internal constructor(
     public val code: String,

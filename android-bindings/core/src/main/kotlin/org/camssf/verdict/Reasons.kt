@@ -10,15 +10,16 @@ import org.camssf.NotSensorRaw
 import org.camssf.Rules
 import org.camssf.UnevenLight
 
-/** Words and limits of rules.json → reasons. */
+/** Creates reasons with the texts and limits of rules.json. */
 internal object Reasons {
     /**
-     * The reason of that name.
+     * Creates the reason of that name.
      *
+     * @param name in rules.json.
      * @param value the number that decided.
-     * @param words for the placeholders of its message and advice.
-     * @param fatal it passed the limit that refuses.
-     * @param threshold the bound it broke, where that is not simply the rule's own limit.
+     * @param words values of the placeholders of its message and advice.
+     * @param fatal whether the number passed the limit that refuses.
+     * @param threshold the bound that was broken, if it is not the rule's own limit.
      */
     fun because(
         name: String,
@@ -33,7 +34,7 @@ internal object Reasons {
         return Reason(wording.code, wording.message(words), wording.advice(words), value, bound, fatal)
     }
 
-    /** The error that a refused verdict raises: its gravest reason's. */
+    /** The error that a refused verdict raises: that of its first fatal reason. */
     fun refusal(verdict: Verdict): CalibrationException {
         val reason = verdict.reasons.first { it.fatal }
         val (message, advice) = reason.message to reason.advice

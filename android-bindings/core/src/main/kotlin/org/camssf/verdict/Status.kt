@@ -5,21 +5,21 @@ import org.camssf.frozen
 /**
  * How far an answer can be trusted.
  *
- * @property word the same in Python and JSON.
+ * @property word the name in Python and JSON.
  */
 public enum class Status(public val word: String) {
-    /** Nothing speaks against it. */
+    /** Every limit holds. */
     ACCEPTED("accepted"),
 
-    /** Usable, with reasons. */
+    /** The curves are usable; the reasons state the doubts. */
     DOUBTFUL("doubtful"),
 
-    /** No curves. */
+    /** There are no curves. */
     REFUSED("refused"),
     ;
 
     internal companion object {
-        /** Refused by one fatal reason, doubtful by any other. */
+        /** Refused if any reason is fatal, doubtful if there are other reasons, else accepted. */
         fun of(reasons: List<Reason>): Status = when {
             reasons.any { it.fatal } -> REFUSED
             reasons.isEmpty() -> ACCEPTED
@@ -29,10 +29,10 @@ public enum class Status(public val word: String) {
 }
 
 /**
- * What the evidence says. Safe to pass between threads.
+ * The judgement of an answer. Safe to pass between threads.
  *
  * @property outcome accepted, doubtful or refused.
- * @property checks every number that was looked at, whether it held or not; empty where a stage refused before.
+ * @property checks every number that was compared, whether its limit holds or not; empty if an earlier stage refused.
  */
 public class Verdict internal constructor(
     public val outcome: Status,

@@ -4,7 +4,12 @@ import kotlin.math.max
 import kotlin.math.min
 import kotlin.math.sqrt
 
-/** Connected pixels that are brighter than a dark line around them and fill a parallelogram; of all passes. */
+/**
+ * Finds blobs: connected pixels that are brighter than a dark line around them and fill a parallelogram.
+ *
+ * The arrays hold the blobs of all passes at 0 until [size]: centre ([x], [y]) px, [area] px, second moments [xx],
+ * [xy], [yy] px² and their determinant [det]. The next [find] overwrites them. Use it on one thread at a time.
+ */
 internal class Blobs {
     var size = 0
         private set
@@ -23,7 +28,7 @@ internal class Blobs {
     private var heads = IntArray(0)
     private val next = IntArray(MOST)
 
-    /** Of those that lie on each other the first is kept. */
+    /** Finds the blobs of a picture; of overlapping blobs, the first is kept. */
     fun find(codes: Codes) {
         val width = codes.width
         val height = codes.height
@@ -40,7 +45,10 @@ internal class Blobs {
         }
     }
 
-    /** The sum of the channels, and its sums from the picture's corner on; these may run over, their differences do not. */
+    /**
+     * Computes the sum of the channels and its integral image. Entries of the integral image may overflow; their
+     * differences are still correct.
+     */
     private fun prepare(codes: Codes) {
         val size = codes.width * codes.height
         if (bright.size < size) bright = IntArray(size)
@@ -62,7 +70,10 @@ internal class Blobs {
         }
     }
 
-    /** A row's runs of pixels that exceed so many sixteenths of their window's mean; the window ends with the picture. */
+    /**
+     * Adds the runs of a row: pixels that exceed `pass[1]` / 16 of their window's mean; windows end at the picture's
+     * edges.
+     */
     private fun scan(row: Int, width: Int, height: Int, pass: IntArray) {
         compare(row, width, height, pass)
         val excess = excess
@@ -80,8 +91,9 @@ internal class Blobs {
     }
 
     /**
-     * By how much each pixel of a row exceeds so many sixteenths of its window's mean, times the window's area. Where the
-     * window is whole that is a loop without branches, which compilers do several pixels at a time.
+     * Computes by how much each pixel of a row exceeds `pass[1]` / 16 of its window's mean, times 16 times the
+     * window's area. Where the window lies completely inside the picture, the loop has no branches, so that compilers
+     * can vectorise it.
      */
     private fun compare(row: Int, width: Int, height: Int, pass: IntArray) {
         val reach = pass[0]
@@ -114,14 +126,14 @@ internal class Blobs {
         for (x in end until width) clipped(x)
     }
 
-    /** Adds component i if it looks like a patch and is new. */
+    /** Adds component i if it looks like a patch and lies on no kept blob of similar size. */
     private fun add(i: Int, pixels: Int, columns: Int, lines: Int) {
         val count = components.count[i]
         if (size >= MOST || count < SMALLEST_AREA || count * LARGEST_SHARE > pixels) return
         val a = count.toDouble()
         val sx = components.x[i].toDouble()
         val sy = components.y[i].toDouble()
-        // Pixels are squares, not points: a twelfth each way.
+        // Pixels are squares, not points: each adds a variance of 1/12 along both axes.
         val mxx = (components.xx[i].toDouble() * a - sx * sx) / (a * a) + 1.0 / 12
         val myy = (components.yy[i].toDouble() * a - sy * sy) / (a * a) + 1.0 / 12
         val mxy = (components.xy[i].toDouble() * a - sx * sy) / (a * a)
@@ -145,7 +157,7 @@ internal class Blobs {
         size++
     }
 
-    /** Does it lie on another of about its size? */
+    /** True if a blob of area a, centred at (px, py), lies on a kept blob of similar size. */
     private fun known(px: Double, py: Double, a: Double, columns: Int, lines: Int): Boolean {
         val near = 0.1 * a
         val reach = sqrt(near).toInt() / CELL + 1
@@ -166,25 +178,33 @@ internal class Blobs {
     }
 
     private companion object {
-        /** What is bright: window's reach, px, and how many sixteenths of its mean a pixel must exceed. */
+        /**
+         * Thresholds of each pass: the window's reach, px, and how many sixteenths of its mean a pixel must exceed.
+         */
         val PASSES =
             arrayOf(intArrayOf(5, 15), intArrayOf(5, 13), intArrayOf(13, 15), intArrayOf(13, 13), intArrayOf(24, 12))
 
-        /** Blobs of a picture: what comes after is left out, for the time that it takes. */
+        /** Largest number of blobs of a picture; further ones are left out to limit the time. */
         const val MOST = 1500
 
-        /** Edge of the squares in which blobs are kept for looking them up, px. */
+        /** Edge of the squares that index the blobs by position, px. */
         const val CELL = 16
 
-        /** Pixels of a blob at least, and into how many such parts the picture would fall at most. */
+        /** Smallest area of a blob, px; its largest area is the picture's area / LARGEST_SHARE. */
         const val SMALLEST_AREA = 16
         const val LARGEST_SHARE = 20
 
-        /** Area by pixel count over area by second moments, 12 √det: 1 for every parallelogram. */
+        /**
+         * Bounds of the area by pixel count over the area by second moments, 12 √det; it is 1 for every
+         * parallelogram.
+         */
         const val FULL_LEAST = 0.82
         const val FULL_MOST = 1.12
 
-        /** (trace)² / det of the second moments at most: 4 for a square, 12 for one ten times as long as wide (variance). */
+        /**
+         * Largest (trace)² / det of the second moments: 4 for a square, 12 for variances that differ by a factor of
+         * ten.
+         */
         const val LONGEST_SHAPE = 14.0
     }
 }

@@ -6,10 +6,10 @@ import kotlin.math.max
 import kotlin.math.min
 
 /**
- * Finds the chart in a small picture: its corners, which way up, and how sure that is. The same rule as Python's
- * `camssf.photo.find`; docs/finder.md says it in words.
+ * Finds the chart in a small picture: its corners, orientation and confidence.
  *
- * Keeps its buffers from picture to picture: one finder for each thread that searches.
+ * Python's `camssf.photo.find` has the same algorithm; docs/finder.md describes it. A finder reuses its buffers from
+ * picture to picture, so use one finder per thread. It holds nothing that must be closed.
  */
 public class ChartFinder {
     private val whole = Codes()
@@ -19,9 +19,11 @@ public class ChartFinder {
     private val naming = Naming(blobs)
 
     /**
-     * Looks for charts: in the picture, and where there is none, in one of half the size.
+     * Finds charts in the picture; if there is none, in the picture at half its size.
      *
-     * @param picture of any size; larger ones than 960 px are reduced by whole-number blocks first.
+     * @param picture of any size; if its longer side exceeds 960 px, it is first reduced by whole-number blocks. It
+     *   is read before this returns.
+     * @return the charts, best first, and remarks about the search.
      */
     public fun find(picture: Picture): Found {
         whole.read(picture)
@@ -74,14 +76,14 @@ public class ChartFinder {
         )
     }
 
-    /** Without those that lie in a better one. */
+    /** Drops sightings that overlap a better one. */
     private fun apart(sightings: List<Sighting>): List<Sighting> {
         val kept = ArrayList<Sighting>()
         for (sighting in sightings) if (kept.none { overlap(sighting, it) }) kept += sighting
         return kept
     }
 
-    /** Is a patch of one nearer to a patch of the other than half a pitch? */
+    /** True if a patch of one is nearer than half a pitch to a patch of the other. */
     private fun overlap(a: Sighting, b: Sighting): Boolean {
         val stepX = b.patches[1].x - b.patches[0].x
         val stepY = b.patches[1].y - b.patches[0].y
@@ -94,11 +96,14 @@ public class ChartFinder {
     private companion object {
         private const val SMALLEST = 32
 
-        /** Agreement with a chart's colours from which a part of a lattice is that chart; and where there is no colour. */
+        /**
+         * Smallest agreement with a chart's colours (correlation) that is accepted; ACCEPT_LUMA for pictures without
+         * colour.
+         */
         private const val ACCEPT = 0.75
         private const val ACCEPT_LUMA = 0.85
 
-        /** Lattices that are compared with the charts, those of most patches first. */
+        /** Largest number of lattices that are compared with the charts, those with most blobs first. */
         private const val MOST_GRIDS = 24
         private val KINDS = ChartKind.entries
     }

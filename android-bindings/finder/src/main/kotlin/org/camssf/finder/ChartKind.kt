@@ -10,16 +10,15 @@ import org.camssf.InvalidArgument
 import org.camssf.model.Models
 
 /**
- * What can be told apart in a small picture: the grid of patches and its colours.
+ * A kind of chart that the finder can distinguish: a grid of patches and their colours.
  *
- * Classic, Classic Nano, Classic Mini and the Passport's classic page are **one** kind: the same 24 colours in the same
- * 6 × 4 grid. Only their sizes, which a picture does not tell, and the gap between their patches differ: 0.12 of the
- * pitch on Classic and Mini, 0.14 on Nano, 0.17 on the Passport. The gap is measured on the mosaic, when the pose is
- * refined there, not here.
+ * Classic, Classic Nano, Classic Mini and the Passport's classic page are **one** kind: they have the same 24 colours
+ * in the same 6 × 4 grid. A picture does not show their sizes. The gap between their patches is 0.12 of the pitch on
+ * Classic and Mini, 0.14 on Nano, 0.17 on the Passport; it is measured only when the pose is refined on the mosaic.
  *
- * @property columns of patches.
- * @property rows of patches.
- * @property layouts names of the layouts ([org.camssf.spectra.ChartLayout]) that it may be, the most usual first.
+ * @property columns number of patches in a row.
+ * @property rows number of patches in a column.
+ * @property layouts names of the possible layouts ([org.camssf.spectra.ChartLayout]), the most common one first.
  */
 public enum class ChartKind(public val columns: Int, public val rows: Int, public val layouts: List<String>) {
     /** 24 patches: Classic, Nano, Mini, Passport. */
@@ -44,7 +43,7 @@ public enum class ChartKind(public val columns: Int, public val rows: Int, publi
     }
 
     private companion object {
-        /** Python's own colours of the charts. */
+        /** The patch edges and colours of the charts; Python uses the same file. */
         val FILE: JsonObject by lazy {
             val text = try {
                 Models.read("finder.json").decodeToString()

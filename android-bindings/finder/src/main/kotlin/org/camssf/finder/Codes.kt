@@ -6,8 +6,10 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * A picture to be searched: codes from 0 to 4095 on a square-root scale, plane by plane. Whole numbers, so that Python
- * finds the same to the last bit. Its arrays are kept from picture to picture.
+ * A picture to be searched: codes from 0 to 4095 on a square-root scale, plane by plane.
+ *
+ * Codes are whole numbers, so that Python gives the same result to the last bit. The arrays are reused from picture
+ * to picture.
  */
 internal class Codes {
     var width = 0
@@ -17,7 +19,7 @@ internal class Codes {
     var channels = 0
         private set
 
-    /** Pixels of the source a side that one pixel holds, and where the first of them lies. */
+    /** One pixel covers step × step px of the source; the first of them is at (left, top). */
     var step = 1
         private set
     private var left = 0
@@ -27,7 +29,7 @@ internal class Codes {
     private var light = DoubleArray(0)
     private var rows = Array(3) { ByteArray(0) }
 
-    /** x or y (axis 0 or 1) in px of the source. */
+    /** Coordinate x or y (axis 0 or 1) in px of the source. */
     fun toSource(place: Double, axis: Int): Double =
         place * step + (step - 1) / 2.0 + (if (axis == 0) left else top)
 
@@ -51,7 +53,7 @@ internal class Codes {
         }
     }
 
-    /** Means of 2 × 2 pixels of another. */
+    /** Sets this to the means of 2 × 2 pixels of `other`. */
     fun halve(other: Codes) {
         shape(other.width / 2, other.height / 2, other.channels, 2 * other.step)
         left = other.left
@@ -99,7 +101,7 @@ internal class Codes {
         }
     }
 
-    /** Adds a line of one colour to the codes from `start` on. */
+    /** Adds a line of one colour to the codes from index `start` on. */
     private fun add(line: ByteArray, start: Int, factor: Int) {
         val all = values
         if (factor == 1) {
@@ -110,7 +112,10 @@ internal class Codes {
         for (x in 0 until width) repeat(factor) { all[start + x] += line[at++].toInt() and 0xff }
     }
 
-    /** Adds a line of luma, cb and cr (BT.601, full range) to the codes of red, green and blue, `size` apart. */
+    /**
+     * Adds a line of luma, cb and cr (BT.601, full range) as red, green and blue, whose planes are `size` codes
+     * apart.
+     */
     private fun addColours(start: Int, size: Int, factor: Int) {
         val all = values
         val (lumas, blues, reds) = rows
@@ -149,7 +154,7 @@ internal class Codes {
     }
 
     private fun read(mosaic: Mosaic) {
-        // From the first whole cell of the region on.
+        // Begin at the first complete colour filter cell of the region.
         left = (mosaic.region.left + 1) / 2 * 2
         top = (mosaic.region.top + 1) / 2 * 2
         val cells = (mosaic.region.right - left) / 2
@@ -188,7 +193,7 @@ internal class Codes {
         light.fill(0.0, 0, size)
     }
 
-    /** Codes of light: each colour relative to its largest. */
+    /** Converts light to codes: each colour relative to its largest value. */
     private fun roots() {
         val size = width * height
         for (c in 0 until channels) {
@@ -207,7 +212,7 @@ internal class Codes {
         private const val LONGEST = 960
         private const val TOP = 4095
 
-        /** Pixels a side that are taken together. */
+        /** Side of the blocks of pixels that are combined, px. */
         private fun factor(height: Int, width: Int): Int = max(1, (max(height, width) + LONGEST - 1) / LONGEST)
 
         private fun byte(shifted: Int): Int = ((shifted + 32768) shr 16).coerceIn(0, 255)

@@ -1,8 +1,10 @@
 package org.camssf.finder
 
 /**
- * Connected runs of pixels (four neighbours) and their sums, told row by row: whole numbers. A component is known by its
- * first run in reading order.
+ * Finds connected components (four neighbours) from the runs of pixels in each row, and sums their moments.
+ *
+ * All sums are whole numbers. The index of a component is that of its first run in reading order. Call [clear], then
+ * [row] and [run] from top to bottom, then [each] once.
  */
 internal class Components {
     private var runs = 0
@@ -31,14 +33,14 @@ internal class Components {
         here = 0
     }
 
-    /** What follows are the runs of this row. */
+    /** Begins a row: the runs that follow belong to it. */
     fun row(number: Int) {
         row = number.toLong()
         above = here
         here = runs
     }
 
-    /** Pixels from `start` to `end`, both included; from left to right. */
+    /** Adds a run of pixels from column `start` to `end`, both included; runs are added from left to right. */
     fun run(start: Int, end: Int) {
         if (runs == parent.size) grow()
         val me = runs++
@@ -58,14 +60,14 @@ internal class Components {
         while (other < here && first[other] <= end) join(other++, me)
     }
 
-    /** Calls `take` with every component, by its first run. */
+    /** Calls `take` with the index of every component, in the order of their first runs. */
     inline fun each(take: (Int) -> Unit) {
         for (i in 0 until gather()) if (isRoot(i)) take(i)
     }
 
     fun isRoot(i: Int): Boolean = parent[i] == i
 
-    /** Adds every run to its component's first; how many runs there are. */
+    /** Adds the sums of every run to the first run of its component; returns the number of runs. */
     fun gather(): Int {
         for (i in 0 until runs) {
             val root = root(i)

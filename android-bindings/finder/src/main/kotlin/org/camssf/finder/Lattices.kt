@@ -6,16 +6,18 @@ import kotlin.math.max
 import kotlin.math.min
 
 /**
- * Lattice coordinates → px, and the blobs in their places.
+ * A lattice: the homography from lattice coordinates to px, and the index of the blob at each place (u, v).
  *
- * @property u, v places, by u and then by v.
- * @property blob its number.
+ * @property map homography, nine numbers row by row.
+ * @property u first coordinate of each place; places are sorted by u, then by v.
+ * @property v second coordinate of each place.
+ * @property blob index of the blob at each place.
  */
 internal class Grid(val map: DoubleArray, val u: IntArray, val v: IntArray, val blob: IntArray) {
     val size: Int get() = blob.size
 }
 
-/** Blobs side by side in two directions, and the homography that they follow. */
+/** Finds lattices: blobs that are neighbours in two directions, and the homography that maps to them. */
 internal class Lattices(private val blobs: Blobs) {
     private val near = IntArray(MOST_NEIGHBOURS * blobs.x.size)
     private val far = DoubleArray(MOST_NEIGHBOURS * blobs.x.size)
@@ -30,12 +32,15 @@ internal class Lattices(private val blobs: Blobs) {
     private val pairs = DoubleArray(4 * blobs.x.size)
     private val shares = DoubleArray(blobs.x.size)
 
-    /** The blob of each place, or -1; place (u, v) at (u + ORIGIN) · SIDE + v + ORIGIN, so that they go by u, then v. */
+    /**
+     * Index of the blob at each place, or -1. Place (u, v) is at (u + ORIGIN) · SIDE + v + ORIGIN, so places are
+     * sorted by u, then by v.
+     */
     private val places = IntArray(SIDE * SIDE)
     private val offs = DoubleArray(SIDE * SIDE)
     private val groups = IntArray(SIDE * SIDE)
 
-    /** Lattices, those with most blobs first. */
+    /** All lattices of the blobs, those with most blobs first. */
     fun find(): List<Grid> {
         for (i in 0 until blobs.size) neighbours(i)
         used.fill(false)
@@ -51,7 +56,9 @@ internal class Lattices(private val blobs: Blobs) {
         return grids.sortedBy { -it.size }
     }
 
-    /** The nearest that may be the next patches, by their square distance as the blob's shape sees it. */
+    /**
+     * Finds the nearest blobs that may be adjacent patches, by their squared distance in the blob's second moments.
+     */
     private fun neighbours(i: Int) {
         val from = i * MOST_NEIGHBOURS
         var count = 0
@@ -82,7 +89,10 @@ internal class Lattices(private val blobs: Blobs) {
         nears[i] = count
     }
 
-    /** Two steps from the seed, clockwise as seen, that its shape calls square: the shortest such; false if none. */
+    /**
+     * Finds the shortest two steps from the seed that are square in its second moments, in clockwise order; false if
+     * there are none.
+     */
     private fun basis(seed: Int): Boolean {
         val from = seed * MOST_NEIGHBOURS
         val det = blobs.det[seed]
@@ -112,7 +122,7 @@ internal class Lattices(private val blobs: Blobs) {
         return best < Double.POSITIVE_INFINITY
     }
 
-    /** Free blobs reached from the seed step by step; each step is what the last one was. How many they are. */
+    /** Places unused blobs step by step from the seed; each step predicts the next one. Returns their number. */
     private fun grow(seed: Int): Int {
         places.fill(-1)
         used.copyInto(taken)
@@ -158,7 +168,7 @@ internal class Lattices(private val blobs: Blobs) {
         return count
     }
 
-    /** The free neighbour of blob i that lies nearest to where this step leads, or -1. */
+    /** The unused neighbour of blob i that is nearest to the position that this step predicts, or -1. */
     private fun next(i: Int, sx: Double, sy: Double): Int {
         val x = blobs.x[i] + sx
         val y = blobs.y[i] + sy
@@ -176,7 +186,10 @@ internal class Lattices(private val blobs: Blobs) {
         return chosen
     }
 
-    /** One homography for all: what lies in its places is added, what does not is left out, and it is fitted anew. */
+    /**
+     * Fits one homography to all blobs; each round adds blobs at its places, drops others, and fits again. Null if it
+     * fails.
+     */
     private fun settle(grown: Int): Grid? {
         var left = 0
         var right = 0
@@ -207,7 +220,7 @@ internal class Lattices(private val blobs: Blobs) {
         return Grid(h, u, v, IntArray(count) { places[at(u[it], v[it])] })
     }
 
-    /** Writes the places and their blobs' middles as pairs, by u and then by v. */
+    /** Writes the places and the centres of their blobs to `pairs`, sorted by u, then by v; returns their number. */
     private fun gather(): Int {
         var count = 0
         for (u in -ORIGIN until ORIGIN) {
@@ -224,7 +237,13 @@ internal class Lattices(private val blobs: Blobs) {
         return count
     }
 
-    /** The blobs that lie where the lattice has a place and are as large as those there; the nearest of each place. */
+    /**
+     * Assigns to each place of the lattice the nearest blob whose size agrees with the lattice.
+     *
+     * @param usual usual share of a cell's area that a blob fills.
+     * @param place largest distance of a blob from its place, in pitches.
+     * @param bounds smallest u and v, largest u and v.
+     */
     private fun inPlace(h: DoubleArray, usual: Double, place: Double, bounds: IntArray) {
         val back = Maps.inverse(h)
         places.fill(-1)
@@ -252,8 +271,8 @@ internal class Lattices(private val blobs: Blobs) {
     }
 
     /**
-     * Keeps the places that hang together, by steps of at most [BRIDGE], and hold most of the blobs that grew; what lies apart
-     * is by chance, or another's.
+     * Keeps the connected places, by steps of at most [BRIDGE], that hold most of the blobs that grew from the seed.
+     * Other blobs are there by chance, or belong to another lattice.
      */
     private fun together(bounds: IntArray) {
         groups.fill(0)
@@ -274,7 +293,7 @@ internal class Lattices(private val blobs: Blobs) {
         for (spot in places.indices) if (groups[spot] != most) places[spot] = -1
     }
 
-    /** Marks all places that hang together with this one; how many of their blobs grew from the seed. */
+    /** Marks all places that are connected with this one; returns how many of their blobs grew from the seed. */
     private fun spread(start: Int, group: Int): Int {
         groups[start] = group
         queueU[0] = start
@@ -297,7 +316,10 @@ internal class Lattices(private val blobs: Blobs) {
     }
 
     private companion object {
-        /** Square distance of a neighbour in the blob's own second moments: 12 / side² = 15.5 for a patch of 0.88 pitch. */
+        /**
+         * Bounds of a neighbour's squared distance in the blob's second moments: 12 / side² = 15.5 for a patch of
+         * 0.88 pitch.
+         */
         const val NEAREST = 10.0
         const val FARTHEST = 45.0
         const val MOST_NEIGHBOURS = 12
@@ -305,30 +327,35 @@ internal class Lattices(private val blobs: Blobs) {
         /** Largest ratio of two neighbours' areas. */
         const val ALIKE = 3.0
 
-        /** Of two steps from a blob, as its second moments see them: largest ratio of square lengths, largest cosine. */
+        /**
+         * Bounds for two steps from a blob, in its second moments: largest ratio of squared lengths, largest cosine.
+         */
         const val LENGTHS = 1.7
         const val COSINE = 0.35
 
-        /** How far a blob may lie from where its neighbour expects it, in steps. */
+        /** Largest distance of a blob from the position that its neighbour predicts, in steps. */
         const val STEP = 0.22
 
-        /** Blobs that make a lattice. */
+        /** Smallest number of blobs in a lattice. */
         const val FEWEST = 8
 
-        /** How far a blob may lie from its place in the whole lattice, in pitches, round by round. */
+        /** Largest distance of a blob from its place in the whole lattice, in pitches, for each round. */
         val PLACE = doubleArrayOf(0.25, 0.2, 0.15, 0.12)
 
-        /** A blob's area over what its lattice expects there. */
+        /** Bounds of a blob's area over the area that the lattice predicts there. */
         const val LEAST = 0.5
         const val MOST = 1.7
 
-        /** Places from the seed, each way, that a lattice grows to; and beyond those in which others may lie. */
+        /**
+         * Largest number of places from the seed, each way, to which a lattice grows; FAR is the margin in which
+         * further blobs are added.
+         */
         const val WIDEST = 40
         const val FAR = 14
         const val SIDE = 128
         const val ORIGIN = 64
 
-        /** Places between two blobs of one lattice, each way: one or none may be missing. */
+        /** Largest step between connected places, each way: one place between two blobs may be empty. */
         const val BRIDGE = 2
         val WAYS_U = intArrayOf(1, 0, -1, 0)
         val WAYS_V = intArrayOf(0, 1, 0, -1)

@@ -3,7 +3,9 @@ package org.camssf.finder
 import kotlin.math.abs
 import kotlin.math.max
 
-/** Homographies as nine numbers, row by row. Sums stand in the order in which Python's `lattices` has them. */
+/**
+ * Homographies as nine numbers, row by row. Sums are in the same order as in Python's `lattices`, for the same bits.
+ */
 internal object Maps {
     fun x(h: DoubleArray, u: Double, v: Double): Double =
         (h[0] * u + h[1] * v + h[2]) / (h[6] * u + h[7] * v + h[8])
@@ -11,14 +13,14 @@ internal object Maps {
     fun y(h: DoubleArray, u: Double, v: Double): Double =
         (h[3] * u + h[4] * v + h[5]) / (h[6] * u + h[7] * v + h[8])
 
-    /** By cofactors; its scale does not matter. */
+    /** Inverse homography by cofactors, up to its scale. */
     fun inverse(h: DoubleArray): DoubleArray = doubleArrayOf(
         h[4] * h[8] - h[5] * h[7], h[2] * h[7] - h[1] * h[8], h[1] * h[5] - h[2] * h[4],
         h[5] * h[6] - h[3] * h[8], h[0] * h[8] - h[2] * h[6], h[2] * h[3] - h[0] * h[5],
         h[3] * h[7] - h[4] * h[6], h[1] * h[6] - h[0] * h[7], h[0] * h[4] - h[1] * h[3],
     )
 
-    /** Area of a pitch squared at (u, v), px²; never 0. */
+    /** Area of one lattice cell at (u, v), px²; never 0. */
     fun area(h: DoubleArray, u: Double, v: Double): Double {
         val w = h[6] * u + h[7] * v + h[8]
         val det = h[0] * (h[4] * h[8] - h[5] * h[7]) - h[1] * (h[3] * h[8] - h[5] * h[6]) +
@@ -26,7 +28,9 @@ internal object Maps {
         return max(abs(det / (w * w * w)), 1e-9)
     }
 
-    /** Least-squares homography of `count` times (u, v, x, y), or null where they fix none; about their middles. */
+    /**
+     * Least-squares homography of `count` rows (u, v, x, y), centred and scaled; null if they do not determine one.
+     */
     fun fitted(pairs: DoubleArray, count: Int): DoubleArray? {
         var mu = 0.0
         var mv = 0.0
@@ -65,7 +69,7 @@ internal object Maps {
             }
         }
         val h = solved(normal) ?: return null
-        // Undo the scale and the middles: x = size · x' + mx, u' = u - mu.
+        // Undo the scaling and centring: x = size · x' + mx, u' = u - mu.
         val all = doubleArrayOf(
             size * h[0] + mx * h[6], size * h[1] + mx * h[7], size * h[2] + mx,
             size * h[3] + my * h[6], size * h[4] + my * h[7], size * h[5] + my,
@@ -75,7 +79,7 @@ internal object Maps {
         return all
     }
 
-    /** Gauss with the largest pivot of the column; null where one is as good as 0. */
+    /** Gaussian elimination with partial pivoting; null if a pivot is practically 0. */
     private fun solved(m: Array<DoubleArray>): DoubleArray? {
         val n = m.size
         for (i in 0 until n) {

@@ -10,9 +10,12 @@ import kotlin.math.min
 import kotlin.math.sqrt
 
 /**
- * A part of a lattice, named.
+ * A part of a lattice, oriented as a chart.
  *
- * @property u, v lattice coordinates of the patches in the chart's order.
+ * @property score agreement with the chart's colours, -1 to 1 (correlation).
+ * @property mirrored true if the colours agree with the chart seen in a mirror.
+ * @property u first lattice coordinate of the patches, in the chart's order.
+ * @property v second lattice coordinate of the patches, in the chart's order.
  */
 internal class Named(
     val kind: ChartKind,
@@ -22,13 +25,13 @@ internal class Named(
     val v: IntArray,
 )
 
-/** Which part of a lattice is a chart, and which corner its first patch, by its colours. */
+/** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
 internal class Naming(private val blobs: Blobs) {
     private var logs = DoubleArray(0)
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
 
-    /** Patches left of and above a place. */
+    /** Integral image of [member]: number of blobs left of and above a place. */
     private var sums = IntArray(0)
     private val pairs = DoubleArray(4 * MOST_PATCHES)
     private val offs = DoubleArray(MOST_PATCHES)
@@ -42,7 +45,7 @@ internal class Naming(private val blobs: Blobs) {
     private var rows = 0
     private var channels = 0
 
-    /** The part of the lattice that agrees best with the chart's colours. */
+    /** The part of the lattice that agrees best with the chart's colours; null if no part can be the chart. */
     fun named(codes: Codes, grid: Grid, kind: ChartKind): Named? {
         val span = max(kind.columns, kind.rows) - 1
         channels = codes.channels
@@ -98,8 +101,10 @@ internal class Naming(private val blobs: Blobs) {
     }
 
     /**
-     * The homography from the chart's own coordinates, patch (column, row) at (column, row), and how many fixed it:
-     * fitted to what was seen, and once more without what then lies off (a blob that is half of a patch, or two).
+     * The homography from chart coordinates (column, row) to px, and the number of blobs that it was fitted to; null
+     * if these are too few.
+     *
+     * It is fitted to all blobs, and again without outliers, such as a blob that covers half a patch or two patches.
      */
     fun placed(grid: Grid, found: Named): Pair<DoubleArray, Int>? {
         var count = 0
@@ -131,7 +136,7 @@ internal class Naming(private val blobs: Blobs) {
         return h to straight
     }
 
-    /** Logarithms of the mean colours at every place, which places are in view, and which are patches. */
+    /** Computes the logarithms of the mean colours at every place, which places are in view, and which hold blobs. */
     private fun look(codes: Codes, grid: Grid) {
         val size = columns * rows
         if (inside.size < size) {
@@ -190,7 +195,7 @@ internal class Naming(private val blobs: Blobs) {
         }
     }
 
-    /** Lattice steps of the patches from the first; way: 2 · quarter turns, 1 more if mirrored. */
+    /** Computes the lattice steps from the first patch to each; `way` is 2 · quarter turns, plus 1 if mirrored. */
     private fun turn(kind: ChartKind, way: Int) {
         for (k in 0 until kind.columns * kind.rows) {
             val i = if (way % 2 == 1) -(k % kind.columns) else k % kind.columns
@@ -209,7 +214,7 @@ internal class Naming(private val blobs: Blobs) {
         stepV[k] = v
     }
 
-    /** Patches in a rectangle of places, both ends included. */
+    /** Number of blobs in a rectangle of places, both ends included. */
     private fun members(left: Int, top: Int, right: Int, bottom: Int): Int {
         val stride = columns + 1
         val from = max(left, 0)
@@ -224,7 +229,10 @@ internal class Naming(private val blobs: Blobs) {
         return true
     }
 
-    /** Correlation with the chart's colours, to nine digits: another library's logarithms must not choose. */
+    /**
+     * Correlation with the chart's colours, rounded to nine digits: differences of logarithms between libraries must
+     * not decide between equal scores.
+     */
     private fun score(u: Int, v: Int, patches: Int, wanted: DoubleArray): Double {
         means.fill(0.0)
         for (k in 0 until patches) {
@@ -268,29 +276,34 @@ internal class Naming(private val blobs: Blobs) {
     companion object {
         private const val MOST_PATCHES = 140
 
-        /** Added to every code before its logarithm, so that noise in the dark counts for little. */
+        /** Added to every code before its logarithm, so that noise in dark patches has little effect. */
         private const val FLOOR = 20.0
 
-        /** Where a patch's colour is taken, in pitches from its middle, both ways. */
+        /** Offsets at which a patch's colour is sampled, in pitches from its centre, along both axes. */
         private val SPOTS = doubleArrayOf(-0.2, -0.1, 0.0, 0.1, 0.2)
 
-        /** Share of a chart's patches that must have been seen by themselves. */
+        /** Smallest share of a chart's patches that must have been found as blobs. */
         private const val SEEN = 0.45
 
         /**
-         * How far a blob may always lie from its place in the final fit, in pitches; further, if half of them lie a third
-         * of that away.
+         * Smallest limit for the distance of a blob from its place in the final fit, in pitches; the limit is three
+         * times the median distance if that is larger.
          */
         private const val STRAY = 0.03
 
-        /** Share of the places around a chart that may be patches, too: more, and it is a part of a larger grid. */
+        /**
+         * Largest share of the places around a chart that may hold blobs; with more, it is a part of a larger grid.
+         */
         private const val RING = 0.3
 
         private fun fewest(kind: ChartKind): Int = ceil(SEEN * (kind.columns * kind.rows)).toInt()
 
         private fun log(total: Int): Double = ln(total / (SPOTS.size * SPOTS.size).toDouble() + FLOOR)
 
-        /** A chart's colours (n, 3) as [score] compares them: lightness, and chroma twice where there is colour. */
+        /**
+         * A chart's colours (n, 3) in the form that [score] compares: lightness, and doubled chroma if there is
+         * colour.
+         */
         fun features(colours: DoubleArray, channels: Int): DoubleArray {
             val n = colours.size / 3
             val means = DoubleArray(3)

@@ -5,10 +5,11 @@ import org.camssf.photo.Mosaic
 import java.nio.ByteBuffer
 
 /**
- * One 8-bit plane of a picture, as Android's `Image.Plane` has it. Bytes are read where they stand, from the buffer's
- * beginning, whatever its position; nothing is kept.
+ * One 8-bit plane of a picture, with the strides of Android's `Image.Plane`.
  *
- * @property bytes 0 to 255, unsigned.
+ * Bytes are read from the buffer itself, from its index 0 and independent of its position. The plane keeps no copy.
+ *
+ * @property bytes values from 0 to 255, unsigned.
  * @property rowStride bytes from one row to the next.
  * @property pixelStride bytes from one pixel to the next in a row.
  */
@@ -21,7 +22,10 @@ public class Plane @JvmOverloads constructor(
     public constructor(bytes: ByteArray, rowStride: Int, pixelStride: Int = 1) :
         this(ByteBuffer.wrap(bytes), rowStride, pixelStride)
 
-    /** Row y's first `count` pixels; `reader` is this plane's buffer, whose position is free to move. */
+    /**
+     * Copies the first `count` pixels of row y; `reader` is a duplicate of this plane's buffer, so its position may
+     * change.
+     */
     internal fun row(reader: ByteBuffer, y: Int, count: Int, into: ByteArray) {
         if (pixelStride == 1) {
             reader.position(y * rowStride)
@@ -47,9 +51,9 @@ public class Plane @JvmOverloads constructor(
     }
 }
 
-/** What a picture was made of. */
+/** The data that a picture was made from. */
 internal sealed class Source {
-    /** One plane of luma, three of red, green and blue, or y, u and v. */
+    /** One plane of luma, three of red, green and blue, or three of y, u and v. */
     class Bytes(val planes: List<Plane>, val yuv: Boolean) : Source()
 
     class Light(val planes: List<FloatArray>, val rowStride: Int) : Source()
@@ -58,8 +62,10 @@ internal sealed class Source {
 }
 
 /**
- * A picture to be searched. It holds on to what it was made of and reads it when it is searched: give a preview's planes,
- * search, then close the image.
+ * A picture to be searched.
+ *
+ * It refers to the data that it was made from, and these are read when it is searched. For a preview: pass the
+ * planes, search, then close the image.
  *
  * @property width px.
  * @property height px.
@@ -72,24 +78,40 @@ public class Picture private constructor(
     public companion object {
         private const val SMALLEST = 32
 
-        /** Brightness alone, 8 bits as on a display. Without colours a chart in uneven light is found less often. */
+        /**
+         * A picture of luma alone, 8 bits as for a display. Without colours, a chart in uneven light is found less
+         * often.
+         *
+         * @throws InvalidArgument the picture is too small, or the plane is too short.
+         */
         @JvmStatic
         public fun luma(plane: Plane, width: Int, height: Int): Picture = bytes(width, height, false, plane)
 
-        /** `YUV_420_888`: u and v have half as many pixels a side. BT.601, full range, as cameras give it. */
+        /**
+         * A picture in `YUV_420_888`: u and v have half the resolution along both axes. BT.601, full range, as
+         * cameras give it.
+         *
+         * @throws InvalidArgument the picture is too small, or a plane is too short.
+         */
         @JvmStatic
         public fun yuv(y: Plane, u: Plane, v: Plane, width: Int, height: Int): Picture =
             bytes(width, height, true, y, u, v)
 
-        /** Red, green and blue, 8 bits as on a display, for example three planes over the bytes of a bitmap. */
+        /**
+         * A picture of red, green and blue, 8 bits as for a display, for example three planes over the bytes of a
+         * bitmap.
+         *
+         * @throws InvalidArgument the picture is too small, or a plane is too short.
+         */
         @JvmStatic
         public fun rgb(red: Plane, green: Plane, blue: Plane, width: Int, height: Int): Picture =
             bytes(width, height, false, red, green, blue)
 
         /**
-         * Linear light, in any unit in which black is 0: one plane, or red, green and blue.
+         * A picture of linear light, in any unit in which black is 0: one plane, or red, green and blue.
          *
          * @param rowStride numbers from one row to the next.
+         * @throws InvalidArgument the picture is too small, or the planes do not fit its size.
          */
         @JvmStatic
         @JvmOverloads
@@ -105,7 +127,11 @@ public class Picture private constructor(
             return Picture(width, height, Source.Light(planes, rowStride))
         }
 
-        /** What a mosaic holds of its photo; found points are px of the active area, as everywhere. */
+        /**
+         * The part of a photo that a mosaic holds; found points are px of the active area.
+         *
+         * @throws InvalidArgument the part is too small.
+         */
         @JvmStatic
         public fun of(mosaic: Mosaic): Picture {
             val region = mosaic.region

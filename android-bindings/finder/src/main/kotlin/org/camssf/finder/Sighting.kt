@@ -4,17 +4,19 @@ import org.camssf.photo.Corners
 import org.camssf.photo.Point
 
 /**
- * A chart in a picture. Points are px of the [Picture] that was searched, where the centre of its first pixel is (0, 0).
+ * A chart in a picture. Points are px of the searched [Picture], where the centre of its first pixel is (0, 0).
  *
- * @property corners outer corners of the block of patches, named as on the chart as printed: the top left is the first
- *   patch's (dark skin, A1), the bottom right the last one's. In a mirror they run anticlockwise.
- * @property kind which grid and colours.
- * @property mirrored the colours agree as seen in a mirror: a mirror, a front camera, a flipped picture.
- * @property confidence agreement with the chart's colours, 0 to 1: their correlation, whatever cast and exposure. Below
- *   0.75 nothing is called a chart; above 0.9 the light is even and the chart in focus. A printed copy of the same
- *   colours agrees as well: it cannot be told from a chart.
+ * @property corners outer corners of the block of patches: top left, top right, bottom right, bottom left as printed.
+ *   The first patch (dark skin, A1) is at the top left, the last one at the bottom right. The corners of a mirrored
+ *   chart run anticlockwise.
+ * @property kind the grid and its colours.
+ * @property mirrored true if the colours agree with the chart seen in a mirror: a mirror, a front camera or a flipped
+ *   picture.
+ * @property confidence agreement with the chart's colours, 0 to 1: their correlation, independent of colour cast and
+ *   exposure. Below 0.75 (0.85 without colour) nothing is reported; above 0.9 the light is even and the chart in
+ *   focus. A printed copy with the same colours cannot be distinguished from a chart.
  * @property patches centres of the patches, in the chart's reading order.
- * @property seen how many of the patches stood out by themselves; where the others lie follows from these.
+ * @property seen number of patches found as blobs; the positions of the others follow from these.
  */
 public class Sighting internal constructor(
     public val corners: Corners,
@@ -25,7 +27,7 @@ public class Sighting internal constructor(
     public val seen: Int,
 )
 
-/** What an app should know of a search beside where the chart lies. */
+/** A remark about a search. */
 public enum class Finding {
     /** No chart was found. */
     NONE,
@@ -38,12 +40,12 @@ public enum class Finding {
 }
 
 /**
- * What [ChartFinder.find] found.
+ * The result of [ChartFinder.find].
  *
  * @property sightings the charts, best first; empty if there is none.
- * @property findings what to know beside.
+ * @property findings remarks about the search.
  */
 public class Found internal constructor(public val sightings: List<Sighting>, public val findings: Set<Finding>) {
-    /** The best one, or null. */
+    /** The best sighting, or null. */
     public val sighting: Sighting? get() = sightings.firstOrNull()
 }

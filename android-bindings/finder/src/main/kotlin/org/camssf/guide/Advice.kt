@@ -5,62 +5,66 @@ import kotlin.math.max
 import kotlin.math.roundToInt
 
 /**
- * The one thing to do next, the most urgent first. [words] are all that this library says to the person who holds the
- * phone; an app with words of its own takes [name] and [Guidance.amount].
+ * The one thing to do next, the most urgent first.
  *
- * @property unit of [Guidance.amount]; empty where it means nothing.
+ * [words] gives a sentence for the user; an app with its own wording uses [name] and [Guidance.amount] instead.
+ *
+ * @property unit unit of [Guidance.amount]; empty if the amount has no meaning.
  */
 public enum class Advice(public val unit: String) {
     /** No chart is in view. */
     NO_CHART(""),
 
-    /** It is seen in a mirror, or the app gives frames that are mirrored already. */
+    /** The chart is seen in a mirror, or the app gives frames that are already mirrored. */
     MIRRORED(""),
 
-    /** More than one chart is in view, and it cannot be known which is meant. */
+    /** More than one chart is in view, so the intended one is unknown. */
     TWO_CHARTS(""),
 
-    /** It reaches the picture's border. */
+    /** The chart reaches the picture's border. */
     CUT(""),
 
-    /** It is too small; the amount is by how many times nearer the camera should come. */
+    /** The chart is too small; the amount is the factor by which the camera should come nearer. */
     TOO_FAR("times"),
 
-    /** The camera looks at it from aside; the amount is the angle. */
+    /** The camera looks at the chart obliquely; the amount is the angle. */
     TILTED("degrees"),
 
-    /** Camera or chart move; the amount is in distances from patch to patch, a second. */
+    /** Camera or chart move; the amount is the speed, in distances between neighbouring patches per second. */
     MOVING("pitches a second"),
 
-    /** The amount is how many stops more light the exposure should let in. */
+    /** The exposure is too low; the amount is the number of stops to add. */
     TOO_DARK("stops"),
 
-    /** The amount is how many stops less light the exposure should let in. */
+    /** The exposure is too high; the amount is the number of stops to remove. */
     TOO_BRIGHT("stops"),
 
-    /** Borders are soft; the amount is the blur's standard deviation. */
+    /** The borders of the patches are blurred; the amount is the blur's standard deviation. */
     OUT_OF_FOCUS("px"),
 
-    /** Something shines on patches; the amount is on how many. */
+    /** Patches have glare; the amount is their number. */
     GLARE("patches"),
 
-    /** A shadow's edge crosses the chart; the amount is how much darker it is there. */
+    /** The edge of a shadow crosses the chart; the amount is how much darker the shadow is. */
     SHADOW("stops"),
 
-    /** The light falls off across the chart; the amount is from the brightest to the darkest corner. */
+    /**
+     * The light falls off across the chart; the amount is the difference between the brightest and the darkest
+     * corner.
+     */
     UNEVEN("stops"),
 
-    /** Something coloured around colours the light; the amount is how much, as a share of white. */
+    /** Coloured surroundings colour the light; the amount is their colourfulness, as a share of white. */
     TINTED("share of white"),
 
-    /** All holds, not yet long enough. */
+    /** All conditions hold, but not yet for long enough. */
     STEADY(""),
 
-    /** All has held for some frames: take the photo. */
+    /** All conditions have held for some frames: take the photo. */
     NOW(""),
     ;
 
-    /** One line for the person, with the amount in it. */
+    /** One line for the user, including the amount. */
     public fun words(amount: Double): String = when (this) {
         NO_CHART -> "Point the camera at the chart, all of it in view."
         MIRRORED -> "The chart is seen in a mirror: photograph the chart itself."
@@ -82,7 +86,7 @@ public enum class Advice(public val unit: String) {
 
     private fun tenths(amount: Double): String = "${(10 * amount).roundToInt() / 10.0}"
 
-    /** In halves: nobody sets an exposure finer by hand. */
+    /** In half stops: an exposure that is set by hand needs no finer steps. */
     private fun stops(amount: Double): String {
         val halves = max(1, (2 * abs(amount)).roundToInt())
         val text = if (halves % 2 == 0) {
@@ -100,17 +104,17 @@ public enum class Advice(public val unit: String) {
 }
 
 /**
- * What to say now.
+ * The advice to show now.
  *
- * @property advice one thing, the same for some frames.
- * @property amount in [Advice.unit], of the latest frames; 0 where there is none.
- * @property measured the latest frame's own numbers, before any smoothing; null where no chart was found in it.
+ * @property advice the one thing to do, stable for some frames.
+ * @property amount in [Advice.unit], from the latest frames; 0 if there is none.
+ * @property measured the measures of the latest frame alone, not smoothed; null if no chart was found in it.
  */
 public class Guidance internal constructor(
     public val advice: Advice,
     public val amount: Double,
     public val measured: FrameMeasures?,
 ) {
-    /** One line for the person. */
+    /** One line for the user. */
     public val words: String get() = advice.words(amount)
 }

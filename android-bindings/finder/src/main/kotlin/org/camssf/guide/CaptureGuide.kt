@@ -8,21 +8,23 @@ import org.camssf.finder.Picture
 import kotlin.math.log2
 
 /**
- * Guides the hand that photographs a chart: a preview's frames in, one line of advice out, and "now" when all holds.
+ * Guides a user who photographs a chart: it takes preview frames, gives one line of advice, and says "now" when all
+ * conditions hold.
  *
- * Frames must be those of one camera, 640 × 480 or larger, not turned and not mirrored, 5 to 60 a second. Advice is steady:
- * each measure is the median of five frames with hysteresis, and other advice must last four frames before it is said.
- * Only "now" ends at once.
+ * Frames must come from one camera, 640 × 480 or larger, not rotated and not mirrored, at 5 to 60 frames per second.
+ * Each measure is the median of five frames with hysteresis, and new advice must last four frames (two after
+ * [Advice.NO_CHART]) before it is given. Only "now" ends at once.
  *
- * It guides and never refuses: the preview is not the RAW photo. What it cannot see is the lamp's spectrum, light from
- * behind the camera, and whether the chart is a printed copy.
+ * The guide never refuses a capture, because the preview is not the RAW photo. It cannot detect the lamp's spectrum,
+ * light from behind the camera, or a printed copy of the chart.
  *
- * One guide for one stream of frames, used by one thread at a time; it keeps arrays, no frame, and holds nothing that must
- * be closed. Nothing here is of Android.
+ * Use one guide for one stream of frames, on one thread at a time. It keeps arrays but no frame, holds nothing that
+ * must be closed, and uses no class of Android.
  *
- * @param focal focal length of the lens in longer sides of the picture, for the tilt: 0.75 is an ordinary phone's main
- *   camera (26 mm on film); of Camera2, LENS_INFO_AVAILABLE_FOCAL_LENGTHS over SENSOR_INFO_PHYSICAL_SIZE's width.
- * @throws InvalidArgument a focal length that no lens has.
+ * @param focal focal length of the lens / longer side of the picture on the sensor, for the tilt: 0.75 is the main
+ *   camera of an ordinary phone (26 mm on film). In Camera2: LENS_INFO_AVAILABLE_FOCAL_LENGTHS / width of
+ *   SENSOR_INFO_PHYSICAL_SIZE.
+ * @throws InvalidArgument the focal length is not between 0.2 and 20.
  */
 public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
     private val finder = ChartFinder()
@@ -65,15 +67,19 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
     }
 
     /**
-     * Looks for the chart in a frame and says what to do.
+     * Finds the chart in a frame and gives advice.
      *
-     * @param frame read before this returns; close its image then.
-     * @param time when it was taken, ns: `Image.getTimestamp`, or any clock's.
-     * @throws InvalidArgument a picture of another make than bytes of a preview.
+     * @param frame read before this returns; its image can be closed then.
+     * @param time time of the frame, ns, from `Image.getTimestamp` or any clock.
+     * @throws InvalidArgument the picture does not consist of 8-bit planes.
      */
     public fun look(frame: Picture, time: Long): Guidance = take(frame, finder.find(frame), time)
 
-    /** The same where the app has searched the frame already. */
+    /**
+     * The same as [look] for a frame that the app has already searched.
+     *
+     * @throws InvalidArgument the picture does not consist of 8-bit planes.
+     */
     public fun take(frame: Picture, found: Found, time: Long): Guidance {
         val sighting = found.sighting?.takeIf { it.confidence >= Limits.CONFIDENCE }
         val pitch = sighting?.let { ChartPlane.of(it)?.pitch }
@@ -91,7 +97,7 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
         return say(if (held >= Limits.HELD) Advice.NOW else due, measures)
     }
 
-    /** Begins anew, as for another camera. */
+    /** Restarts the guide, for example for another camera. */
     public fun reset() {
         forget()
         said = Advice.NO_CHART
@@ -137,7 +143,10 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
         tint.take(found.tint)
     }
 
-    /** What is due by the measures, the most urgent first: what comes later cannot be judged before it is mended. */
+    /**
+     * The advice for the current measures, the most urgent first: later conditions cannot be judged before the
+     * earlier ones hold.
+     */
     private fun due(): Advice = when {
         margin.bad -> Advice.CUT
         size.bad -> Advice.TOO_FAR
@@ -167,7 +176,7 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
         else -> 0.0
     }
 
-    /** "Now" begins when it is due and ends at once; all else waits until it has lasted. */
+    /** Updates the advice: "now" begins and ends at once; other advice must have lasted some frames. */
     private fun say(due: Advice, measures: FrameMeasures): Guidance {
         if (due != waiting) {
             waiting = due

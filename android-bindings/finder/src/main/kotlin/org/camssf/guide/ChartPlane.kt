@@ -7,8 +7,9 @@ import kotlin.math.hypot
 import kotlin.math.sqrt
 
 /**
- * The map from the chart's plane to a picture: patch (column, row) is centred at (u, v) = (column, row). It is laid
- * through the centres of the four corner patches, which do not hang on how wide the gaps are.
+ * The homography from the chart's plane to a picture: patch (column, row) is centred at (u, v) = (column, row).
+ *
+ * It maps the centres of the four corner patches, which do not depend on the width of the gaps.
  */
 internal class ChartPlane private constructor(private val m: DoubleArray, val columns: Int, val rows: Int) {
     private val inverse = adjugate(m)
@@ -17,7 +18,10 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
 
     fun y(u: Double, v: Double): Double = (m[3] * u + m[4] * v + m[5]) / (m[6] * u + m[7] * v + m[8])
 
-    /** Whether a pixel shows the chart, its frame, or what lies within `beyond` pitches of its patches' centres. */
+    /**
+     * True if a pixel lies within `beyond` pitches of the block of patch centres, so that it may show the chart or
+     * its frame.
+     */
     fun shows(x: Int, y: Int, beyond: Double): Boolean {
         val depth = inverse[6] * x + inverse[7] * y + inverse[8]
         val u = (inverse[0] * x + inverse[1] * y + inverse[2]) / depth
@@ -25,7 +29,7 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
         return u > -beyond && v > -beyond && u < columns - 1 + beyond && v < rows - 1 + beyond
     }
 
-    /** px from centre to centre, of the block's mean. */
+    /** Mean distance of patch centres, px. */
     val pitch: Double by lazy {
         val (w, h) = columns - 1.0 to rows - 1.0
         val corners = listOf(0.0 to 0.0, w to 0.0, w to h, 0.0 to h).map {
@@ -40,14 +44,17 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
         sqrt(kotlin.math.abs(twice) / 2 / (w * h))
     }
 
-    /** The longer side of the block of patches, px: between centres, and one patch more. */
+    /** Longer side of the block of patches, px: the distance between the outer centres plus one patch. */
     val longest: Double by lazy {
         val (w, h) = columns - 1.0 to rows - 1.0
         fun side(u: Double, v: Double, p: Double, q: Double) = hypot(x(p, q) - x(u, v), y(p, q) - y(u, v))
         maxOf(side(0.0, 0.0, w, 0.0), side(0.0, h, w, h)) * (columns - 0.14) / w
     }
 
-    /** From the chart with its border to the picture's nearest border, pitches. */
+    /**
+     * Distance from the chart, including its border, to the picture's nearest border, pitches; below 0 the chart is
+     * cut.
+     */
     fun margin(width: Int, height: Int): Double {
         val (low, right, bottom) = Triple(-BORDER, columns - 1 + BORDER, rows - 1 + BORDER)
         val corners = listOf(low to low, right to low, right to bottom, low to bottom)
@@ -57,9 +64,9 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
     }
 
     /**
-     * Degrees between the chart's normal and the line of sight to its middle.
+     * Angle between the chart's normal and the line of sight to its centre, degrees.
      *
-     * @param focal length of the lens, px; the lens' axis meets the picture's middle.
+     * @param focal focal length of the lens, px; the optical axis passes through the picture's centre.
      */
     fun tilt(width: Int, height: Int, focal: Double): Double {
         val (cx, cy) = (width - 1) / 2.0 to (height - 1) / 2.0
@@ -79,16 +86,18 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
     }
 
     companion object {
-        /** Pitches from a corner patch's centre to where the chart's printed border ends, or nearly. */
+        /**
+         * Approximate distance from the centre of a corner patch to the end of the chart's printed border, pitches.
+         */
         private const val BORDER = 0.75
 
-        /** Null where the sighting is no quadrilateral. */
+        /** The plane of a sighting; null if its corner patches form no quadrilateral. */
         fun of(sighting: Sighting): ChartPlane? {
             val (columns, rows) = sighting.kind.columns to sighting.kind.rows
             val all = sighting.patches
             val corners = listOf(all[0], all[columns - 1], all[all.size - 1], all[all.size - columns])
             val square = square(corners) ?: return null
-            // From pitches to the unit square: divide by the counts of steps.
+            // From pitches to the unit square: divide by the number of steps.
             val m = DoubleArray(9) { square[it] / doubleArrayOf(columns - 1.0, rows - 1.0, 1.0)[it % 3] }
             return ChartPlane(m, columns, rows)
         }
@@ -110,7 +119,7 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
             )
         }
 
-        /** The inverse but for its scale, which a projective map does not need. */
+        /** The inverse up to its scale, which has no effect in a projective map. */
         private fun adjugate(m: DoubleArray): DoubleArray = doubleArrayOf(
             m[4] * m[8] - m[5] * m[7], m[2] * m[7] - m[1] * m[8], m[1] * m[5] - m[2] * m[4],
             m[5] * m[6] - m[3] * m[8], m[0] * m[8] - m[2] * m[6], m[2] * m[3] - m[0] * m[5],

@@ -10,17 +10,17 @@ import kotlin.math.max
 import kotlin.math.sin
 
 /**
- * How even the light on the chart is.
+ * Measures how even the light on the chart is.
  *
- * **Gradient.** A patch is of one colour, so what changes within it is the light: the median over the patches of each
- * one's slope in ln. It needs no knowledge of the chart and none of the tone curve but its steepness.
+ * **Gradient.** A patch has one colour, so changes within it come from the light: the gradient is the median of the
+ * patches' slopes in ln. It does not depend on the chart's colours, and on the tone curve only by its steepness.
  *
- * **Shadow.** ln of all cells is fitted by what the patches reflect (a tone curve of second order and the colourfulness,
- * since previews brighten or darken colours) and one step across a line. Lines of twelve directions are tried. Where a
- * plane fits as well there is no shadow but a gradient.
+ * **Shadow.** ln of all cells is fitted by the patches' reflectances (a tone curve of second order, and the
+ * colourfulness because previews brighten or darken colours) and one step across a line. Lines of twelve directions
+ * are tried. If a plane fits about as well, the light has a gradient and no shadow.
  *
- * **Glare** adds light, however dark the patch: a spot is much brighter than the rest of its own patch, by more than any
- * shadow's edge explains. Of a veil over all, the black patch tells.
+ * **Glare** adds light, even to dark patches: a spot is much brighter than the rest of its own patch, by more than
+ * the edge of a shadow explains. A veil over the whole chart is measured on the black patch.
  */
 internal class Evenness(kind: ChartKind) {
     private val reference = Reference.of(kind)
@@ -28,7 +28,7 @@ internal class Evenness(kind: ChartKind) {
     private val count = kind.columns * kind.rows
     private val size = 9 * count
 
-    /** Places of the cells, pitches from the chart's middle. */
+    /** Positions of the cells, pitches from the chart's centre. */
     private val u = DoubleArray(size) { it / 9 % columns - (columns - 1) / 2.0 + (it % 9 % 3 - 1) * STEP }
     private val v = DoubleArray(size) { it / 9 / columns - (kind.rows - 1) / 2.0 + (it % 9 / 3 - 1) * STEP }
     private val width = kind.columns - 1.0
@@ -41,7 +41,7 @@ internal class Evenness(kind: ChartKind) {
     private val basis = Array(4) { DoubleArray(size) }
     private val slope = DoubleArray(count)
 
-    /** How much steeper than sRGB's the frame's tone curve is. */
+    /** Steepness of the frame's tone curve relative to sRGB's. */
     private var steepness = 1.0
 
     /** Stops; see [FrameMeasures]. */
@@ -54,14 +54,18 @@ internal class Evenness(kind: ChartKind) {
     var veil: Double? = null
         private set
 
-    /** @param white the white patch's level. */
+    /**
+     * Measures a frame and sets the properties.
+     *
+     * @param white level of the white patch.
+     */
     fun look(light: PatchLight, white: Double) {
         for (i in 0 until count) used[i] = light.clipped[i] < MOSTLY_CLEAR && light.level[i] > FAINTEST
         val within = ln(2.0) * gradients(light)
         val step = if (reference == null) 0.0 else step(light)
         gradient = within / ln(2.0)
         shadow = if (reference == null) null else abs(step) / steepness / ln(2.0)
-        // As the frame shows it, tone curve and all.
+        // In the frame's own values, without correction for the tone curve.
         glare = spots(light, white, abs(step) + within / (width + height))
         veil = reference?.let {
             val black = it.black
@@ -69,7 +73,7 @@ internal class Evenness(kind: ChartKind) {
         }
     }
 
-    /** Stops across the block, and none of it where fewer patches than a quarter tell. */
+    /** Gradient across the block, stops; 0 if fewer than a quarter of the patches can be used. */
     private fun gradients(light: PatchLight): Double {
         var sum = 0.0
         for ((axis, across) in listOf(width, height).withIndex()) {
@@ -92,7 +96,7 @@ internal class Evenness(kind: ChartKind) {
         return sum / ln(2.0)
     }
 
-    /** ln of how much darker the frame shows the darker side of the best line; 0 where a plane says as much. */
+    /** Step across the best line in ln, in the frame's own values; 0 if a plane fits about as well. */
     private fun step(light: PatchLight): Double {
         val reference = reference ?: return 0.0
         if (2 * used.count { it } < count) return 0.0
@@ -134,7 +138,7 @@ internal class Evenness(kind: ChartKind) {
         return height
     }
 
-    /** Length of the tone's part that the constant does not explain: what [step] divides a steepness by. */
+    /** Norm of the part of the tone that a constant does not explain; [step] divides by it to get the steepness. */
     private fun spread(reference: Reference): Double {
         var (sum, squares, n) = Triple(0.0, 0.0, 0)
         for (patch in 0 until count) {
@@ -146,7 +150,9 @@ internal class Evenness(kind: ChartKind) {
         return kotlin.math.sqrt(9 * max(squares - sum * sum / max(n, 1), 0.0))
     }
 
-    /** Sum of squares that a direction takes away from [rest]; leaves it, made free of the basis, in [steps]. */
+    /**
+     * Sum of squares of [rest] that a direction explains; [steps] then holds the direction, orthogonal to the basis.
+     */
     private fun gain(direction: DoubleArray): Double {
         free(direction)
         val length = dot(steps, steps)
@@ -171,20 +177,24 @@ internal class Evenness(kind: ChartKind) {
         basis.forEach { remove(it, steps) }
     }
 
-    /** @param explained ln of what the light's own course within a patch may make of it. */
+    /**
+     * Indices of the patches with a spot of glare.
+     *
+     * @param explained ln of the change within a patch that gradient and shadow may cause.
+     */
     private fun spots(light: PatchLight, white: Double, explained: Double): List<Int> {
         if (white <= 0) return emptyList()
         val factor = Limits.SPOT_FACTOR * exp(explained)
         val shining = (0 until count).filter {
             val low = light.middle[it]
-            // Where most of a patch shines, its darkest cell is the patch.
+            // If glare covers most of a patch, its darkest cell shows the patch's own level.
             val least = (9 * it until 9 * it + 9).minOf { cell -> light.cells[cell] }
             val base = minOf(low, max(least, FAINTEST))
             light.top[it] - base > Limits.SPOT * white && light.top[it] > factor * base
         }
         val reference = reference
         if (shining.isEmpty() || reference == null) return shining
-        // A patch that shines all over has no edge; it lies beside one that has.
+        // A patch that glare covers completely has no edge inside, but one of its neighbours has.
         return (0 until count).filter { patch ->
             val wanted = white * reference.luminance[patch] / reference.luminance[reference.white]
             val high = light.level[patch] - wanted > 2 * Limits.SPOT * white && light.level[patch] > factor * wanted
@@ -206,7 +216,10 @@ internal class Evenness(kind: ChartKind) {
         return sum
     }
 
-    /** Which cells lie beyond each of the lines: twelve directions, 23 places each: one between any two cells. */
+    /**
+     * Cells beyond each of the lines: twelve directions with 23 positions each, so that a line lies between any two
+     * cells.
+     */
     private fun lines(): List<BooleanArray> = (0 until 12).flatMap { turn ->
         val (c, s) = cos(turn * PI / 12) to sin(turn * PI / 12)
         val along = DoubleArray(size) { c * u[it] + s * v[it] }
@@ -218,25 +231,25 @@ internal class Evenness(kind: ChartKind) {
     }
 
     private companion object {
-        /** Pitches between the middles of neighbouring cells. */
+        /** Distance between the centres of neighbouring cells, pitches. */
         const val STEP = 2 * PatchLight.REACH / 3
 
         const val MOSTLY_CLEAR = 0.02
 
-        /** ln of a step that may be noise, and leaves black over white as it is. */
+        /** Largest step in ln that may be noise; up to it, black / white is reported. */
         const val EVEN = 0.2
         const val FAINTEST = 0.002
 
-        /** ln: residuals beyond are glare's, and must not move a line. */
+        /** Limit of residuals in ln: larger ones come from glare and must not move a line. */
         const val WILDEST = 1.0
 
-        /** Part of the cells' variance that a line must split off, p (1 - p): 6 % of the cells at least. */
+        /** Smallest share of the cells' variance that a line must split off: p (1 - p) for a share p of the cells. */
         const val LEAST_SIDE = 0.05
 
-        /** A shadow leaves at most this part of what the best plane leaves. */
+        /** A shadow must leave at most this share of the squared residuals that the best plane leaves. */
         const val CLEARLY = 0.8
 
-        /** Of a preview's tone curve against sRGB's. */
+        /** Bounds of the steepness of a preview's tone curve relative to sRGB's. */
         const val FLATTEST = 0.7
         const val STEEPEST = 1.8
     }

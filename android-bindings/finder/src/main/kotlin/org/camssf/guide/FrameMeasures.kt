@@ -3,26 +3,32 @@ package org.camssf.guide
 import org.camssf.finder.Sighting
 
 /**
- * What one frame tells of a capture. Light is counted linear, the frame's values taken for sRGB's: a preview's own tone
- * curve makes stops from it a guide, not a measurement.
+ * Measures of one frame.
  *
- * @property sighting of the chart that was measured.
- * @property size longer side of the block of patches, as a share of the picture's longer side.
- * @property margin from the chart with its border to the picture's nearest border, in patch pitches; below 0 it is cut.
- * @property tilt angle between the chart's normal and the line of sight to its middle, degrees, for the lens told.
- * @property speed of the fastest corner in pitches a second; null in the first frame, and after a pause.
- * @property white the white patch's level, 1 is the frame's full scale; where it is clipped, what other patches tell of it.
+ * Light is linear, on the assumption that the frame's values are sRGB. A preview has its own tone curve, so stops are
+ * for guidance only.
+ *
+ * @property sighting the chart that was measured.
+ * @property size longer side of the block of patches / longer side of the picture.
+ * @property margin distance from the chart, including its border, to the picture's nearest border, in patch pitches;
+ *   below 0 the chart is cut.
+ * @property tilt angle between the chart's normal and the line of sight to its centre, degrees, for the focal length
+ *   of the guide.
+ * @property speed speed of the fastest corner, pitches per second; null in the first frame and after a pause.
+ * @property white level of the white patch, where 1 is the frame's full scale; if it is clipped, estimated from other
+ *   patches.
  * @property clipped share of the white patch's pixels that are at the ceiling.
- * @property blur standard deviation of the softness of patch borders, px; the worse of both directions. Null where no
- *   border has enough contrast.
- * @property glare indices of the patches on which something shines, in reading order.
- * @property veil the black patch's level over the white one's, null where either is not known or a shadow may
- *   lie on one of them.
- * @property shadow by how much one part of the chart is darker than the rest along an edge, stops; 0 where an even
- *   gradient says it better. Null for a chart of unknown colours (SG).
- * @property gradient from the brightest to the darkest corner of the block, stops, as seen within the patches.
- * @property tint how coloured the surroundings are in the chart's own light: most less least channel of their mean, white
- *   is 1. Null where the frame has no colours.
+ * @property blur standard deviation of the blur of the patch borders, px; the worse of both directions. Null if too
+ *   few borders have enough contrast.
+ * @property glare indices of the patches with glare, in reading order.
+ * @property veil level of the black patch / level of the white patch; null if the chart's colours are unknown,
+ *   white is too dark or has glare, or a shadow may lie on the chart.
+ * @property shadow how much darker one part of the chart is than the rest, along an edge, stops; 0 if an even
+ *   gradient fits about as well. Null for a chart of unknown colours (SG).
+ * @property gradient difference between the brightest and the darkest corner of the block, stops, measured within the
+ *   patches.
+ * @property tint colourfulness of the surroundings in the chart's own light: largest minus smallest channel of their
+ *   mean, where white is 1. Null if the frame has no colours.
  */
 public class FrameMeasures internal constructor(
     public val sighting: Sighting,

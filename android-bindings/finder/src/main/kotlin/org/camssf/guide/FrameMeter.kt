@@ -5,7 +5,7 @@ import org.camssf.finder.Picture
 import org.camssf.finder.Sighting
 import kotlin.math.max
 
-/** One frame and its sighting → measures. Keeps arrays of a kind of chart from frame to frame. */
+/** Measures one frame, given its sighting. The arrays for each kind of chart are reused from frame to frame. */
 internal class FrameMeter(private val focal: Double) {
     private class Kept(kind: ChartKind) {
         val light = PatchLight(kind.columns, kind.rows)
@@ -16,7 +16,7 @@ internal class FrameMeter(private val focal: Double) {
     private val kept = HashMap<ChartKind, Kept>()
     private val sharpness = Sharpness()
 
-    /** Null where the sighting is no quadrilateral. */
+    /** The measures of a frame; null if the sighting is no quadrilateral. */
     fun measure(picture: Picture, sighting: Sighting, speed: Double?): FrameMeasures? {
         val plane = ChartPlane.of(sighting) ?: return null
         val pixels = Pixels(picture)
@@ -53,7 +53,10 @@ internal class FrameMeter(private val focal: Double) {
         )
     }
 
-    /** The white patch's level; where it is clipped, the median of what patches brighter than dark grey say. */
+    /**
+     * Level of the white patch; if it is clipped, at least the median of its estimates from patches brighter than
+     * dark grey.
+     */
     private fun white(light: PatchLight, reference: Reference?, index: Int): Double {
         if (reference == null || light.clipped[index] < Limits.CLIPPED.end) return light.level[index]
         val told = (0 until light.count).filter {
@@ -62,12 +65,15 @@ internal class FrameMeter(private val focal: Double) {
         return max(light.level[index], if (told.isEmpty()) CLIPPED_ALL else told[told.size / 2])
     }
 
-    /** The white patch, or of a clipped one the next grey: on 24 patches they lie beside it. */
+    /**
+     * Index of the white patch, or if that is clipped, of the next grey patch that is not: the 24 patches have them
+     * in sequence.
+     */
     private fun grey(light: PatchLight, white: Int): Int =
         (white until minOf(white + 3, light.count)).firstOrNull { light.clipped[it] < 0.02 } ?: white
 
     private companion object {
-        /** Where all is clipped: two stops, then look again. */
+        /** Level if all patches are clipped: two stops too bright, after which the next frame shows more. */
         const val CLIPPED_ALL = 4 * Limits.GOOD_WHITE
     }
 }

@@ -1,91 +1,110 @@
 package org.camssf.guide
 
 /**
- * Where advice begins and ends. Python has no guide, so these stand here and not in rules.json. None of them refuses a
- * capture: that is the verdict's part, on the RAW photo.
+ * Limits at which advice begins and ends.
  *
- * Each pair is (begin, end): once said, advice stays until the measure is better by the difference, which is about three
- * times what a steady preview's measure moves from frame to frame.
+ * Python has no guide, so the limits are here and not in rules.json. None of them refuses a capture; the verdict does
+ * that, on the RAW photo.
+ *
+ * Each pair is (begin, end): advice stays until the measure has passed `end`. The difference is about three times the
+ * variation of a measure between frames of a steady preview.
  */
 internal object Limits {
-    /** Sightings below are no chart, as the finder has it. */
+    /** Smallest confidence of a sighting that counts as a chart, as in the finder. */
     const val CONFIDENCE = 0.75
 
-    /** docs/photograph.md asks for a third of the picture's width; a quarter still gives patches of 100 px in RAW. */
+    /**
+     * Size of the chart: docs/photograph.md recommends a third of the picture's width; a quarter still gives large
+     * patches in RAW.
+     */
     val SIZE = Limit(0.25, 0.27, below = true)
 
-    /** What [SIZE]'s advice leads to. */
+    /** Size that the advice for [SIZE] aims at. */
     const val GOOD_SIZE = 0.4
 
-    /** Pitches: the refinement on the mosaic looks beyond the patches. */
+    /** Pitches: the refinement on the mosaic also samples around the patches. */
     val MARGIN = Limit(0.0, 0.1, below = true)
 
-    /** Degrees. Gloss of a semi-matt patch grows beyond it, and the line of sight leaves 45°/0°. */
+    /** Degrees. At larger angles a semi-matt patch has more gloss, and the geometry is no longer 45°/0°. */
     val TILT = Limit(20.0, 16.0)
 
-    /** Pitches a second: at 1/30 s of exposure 2 % of a patch. */
+    /** Pitches per second: at 1/30 s of exposure, 2 % of a patch. */
     val SPEED = Limit(0.7, 0.5)
 
-    /** Level of the white patch: below, the dark patches lose their bits; above, the next channel clips. */
+    /** Level of the white patch: below [DARK], dark patches lose bits; above [BRIGHT], the next channel clips. */
     val DARK = Limit(0.30, 0.36, below = true)
     val BRIGHT = Limit(0.90, 0.86)
 
-    /** What exposure advice leads to: docs/photograph.md's three quarters of full scale, with some room. */
+    /**
+     * Level of the white patch that exposure advice aims at: three quarters of full scale (docs/photograph.md), with
+     * a margin.
+     */
     const val GOOD_WHITE = 0.65
 
-    /** Share of the white patch at the ceiling. */
+    /** Share of the white patch's pixels that are at the ceiling. */
     val CLIPPED = Limit(0.05, 0.02)
 
-    /** An 8-bit value from here on is at the ceiling. */
+    /** Smallest 8-bit value that counts as the ceiling. */
     const val CEILING = 252
 
-    /** px, and pitches: half the margin that measuring leaves around each patch. The larger of both counts. */
+    /**
+     * Blur in px and in pitches: half the margin that measuring leaves around each patch. The larger of both limits
+     * applies.
+     */
     val BLUR_PIXELS = Limit(1.6, 1.4)
     val BLUR_PITCHES = Limit(0.045, 0.04)
 
-    /** A spot: brighter than its patch by this share of white, and by this factor. */
+    /** A spot of glare is brighter than its patch by this share of white, and by this factor. */
     const val SPOT = 0.04
     const val SPOT_FACTOR = 1.35
 
-    /** Patches with a spot. */
+    /** Number of patches with a spot of glare. */
     val GLARE = Limit(0.5, 0.5)
 
-    /** Black over white: 0.035 on a clean chart; a preview that lifts its shadows may show twice that. */
+    /**
+     * Level of the black patch / level of the white patch: 0.035 on a clean chart; about twice that if the preview
+     * lifts its shadows.
+     */
     val VEIL = Limit(0.12, 0.10)
 
-    /** Stops. Half of it is what the colours of a preview may look like. */
+    /** Stops. Inexact colours of a preview may look like half of this. */
     val SHADOW = Limit(0.40, 0.32)
 
-    /** Stops: 20 % across the chart, which without a white frame stays in the signals. */
+    /** Stops: 20 % across the chart, which stays in the signals if there is no white frame. */
     val GRADIENT = Limit(0.27, 0.21)
 
-    /** Share of white: a wooden desk, which lights nothing on it, stays below; half a view of red wall does not. */
+    /**
+     * Share of white: a wooden desk below the chart, which does not light it, is below; a red wall in half of the
+     * view is above.
+     */
     val TINT = Limit(0.28, 0.24)
 
-    /** Frames: of each measure the median of so many counts. */
+    /** Number of frames: each measure is their median. */
     const val MEDIAN = 5
 
-    /** Frames that other advice must last before it is said. */
+    /** Number of frames that new advice must last before it is given. */
     const val PATIENCE = 4
 
-    /** Frames that the chart may be lost before it is said. */
+    /** Number of frames without a chart before [Advice.NO_CHART] is given. */
     const val LOST = 6
 
-    /** Frames that all must hold before "now". */
+    /** Number of frames in which all conditions must hold before "now". */
     const val HELD = 10
 
-    /** s: corners are compared over so long, so that the search's own jitter counts little; at most [PAUSE]. */
+    /** Seconds over which corners are compared, so that jitter of the search has little effect; at most [PAUSE]. */
     const val SPAN = 0.1
     const val PAUSE = 0.6
 }
 
 /**
- * @property begin where advice begins.
- * @property end where it ends.
- * @property below whether small values are the bad ones.
+ * A limit with hysteresis.
+ *
+ * @property begin value at which advice begins.
+ * @property end value at which it ends.
+ * @property below true if small values are bad.
  */
 internal class Limit(val begin: Double, val end: Double, val below: Boolean = false) {
-    /** Whether a value is bad, if it was so before; an unknown one is not. */
+    /** True if a value is bad; `before` is the previous answer. NaN is not bad. */
     fun bad(value: Double, before: Boolean): Boolean {
         val limit = if (before) end else begin
         return if (below) value < limit else value > limit

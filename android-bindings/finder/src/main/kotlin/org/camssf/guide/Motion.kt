@@ -4,7 +4,7 @@ import org.camssf.finder.Sighting
 import org.camssf.photo.Corners
 import kotlin.math.hypot
 
-/** How fast the chart's corners move over the last tenth of a second. */
+/** Measures how fast the chart's corners move over the last tenth of a second. */
 internal class Motion {
     private class Past(val time: Long, val corners: Corners)
 
@@ -13,9 +13,9 @@ internal class Motion {
     fun forget() = past.clear()
 
     /**
-     * Pitches a second of the fastest corner; null at first and after a pause.
+     * Speed of the fastest corner, pitches per second; null in the first frame and after a pause.
      *
-     * @param time ns, of any clock.
+     * @param time ns, from any clock.
      * @param pitch px.
      */
     fun speed(sighting: Sighting, time: Long, pitch: Double): Double? {

@@ -3,13 +3,14 @@ package org.camssf.guide
 import kotlin.math.roundToInt
 
 /**
- * The light of the patches of one chart in one frame: of each the middle of 0.6 × 0.6 pitches, in 3 × 3 cells. Arrays are
- * kept from frame to frame.
+ * The light of the patches of one chart in one frame: the central 0.6 × 0.6 pitches of each patch, in 3 × 3 cells.
+ *
+ * The arrays are reused from frame to frame.
  */
 internal class PatchLight(val columns: Int, val rows: Int) {
     val count = columns * rows
 
-    /** (n, 9) mean luminance of the cells, row by row in the chart's own directions. */
+    /** (n, 9) mean luminance of the cells, row by row in the chart's orientation. */
     val cells = DoubleArray(9 * count)
 
     /** (n) mean luminance. */
@@ -18,17 +19,17 @@ internal class PatchLight(val columns: Int, val rows: Int) {
     /** (n, 3) mean of red, green, blue. */
     val colour = DoubleArray(3 * count)
 
-    /** (n) share of pixels that are at the ceiling in some channel. */
+    /** (n) share of pixels that are at the ceiling in any channel. */
     val clipped = DoubleArray(count)
 
-    /** (n) mean luminance of the brightest twentieth, and the median. */
+    /** (n) mean luminance of the brightest twentieth of the pixels, and median luminance. */
     val top = DoubleArray(count)
     val middle = DoubleArray(count)
 
     private val sorted = DoubleArray(MOST * MOST)
 
     fun read(pixels: Pixels, plane: ChartPlane) {
-        // As many samples as pixels, a multiple of three a side.
+        // About one sample per pixel; the number along a side is a multiple of three.
         val side = (2 * REACH * plane.pitch / 3).roundToInt().coerceIn(2, MOST / 3) * 3
         cells.fill(0.0)
         colour.fill(0.0)
@@ -67,7 +68,10 @@ internal class PatchLight(val columns: Int, val rows: Int) {
     }
 
     companion object {
-        /** Half of the side that is read, pitches: clear of borders that are blurred or off by a tenth. */
+        /**
+         * Half the side of the area that is read, pitches: it excludes borders that are blurred or misplaced by a
+         * tenth.
+         */
         const val REACH = 0.3
         private const val MOST = 18
     }

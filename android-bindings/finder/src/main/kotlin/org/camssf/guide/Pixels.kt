@@ -8,9 +8,10 @@ import kotlin.math.pow
 import kotlin.math.roundToInt
 
 /**
- * Linear light of a picture's pixels, its bytes taken for sRGB's. [read] leaves what it found in the fields.
+ * Reads the linear light of a picture's pixels, on the assumption that its bytes are sRGB. [read] sets the
+ * properties.
  *
- * @throws InvalidArgument a picture that is not made of bytes.
+ * @throws InvalidArgument the picture does not consist of 8-bit planes.
  */
 internal class Pixels(picture: Picture) {
     private val source = picture.source as? Source.Bytes ?: throw InvalidArgument(
@@ -38,7 +39,7 @@ internal class Pixels(picture: Picture) {
     var peak = 0
         private set
 
-    /** The pixel at column x and row y, the nearest one where it lies outside. */
+    /** Reads the pixel at column x and row y, or the nearest one if that lies outside. */
     fun read(x: Int, y: Int) {
         val column = x.coerceIn(0, width - 1)
         val row = y.coerceIn(0, height - 1)
@@ -46,7 +47,7 @@ internal class Pixels(picture: Picture) {
             planes[0].at(column, row).let { keep(it, it, it) }
         } else if (!source.yuv) {
             keep(planes[0].at(column, row), planes[1].at(column, row), planes[2].at(column, row))
-        } else { // JFIF's, full range
+        } else { // JFIF, full range
             val y8 = planes[0].at(column, row)
             val u = planes[1].at(column / 2, row / 2) - 128
             val v = planes[2].at(column / 2, row / 2) - 128
@@ -68,7 +69,7 @@ internal class Pixels(picture: Picture) {
         peak = maxOf(r, g, b)
     }
 
-    /** Light between pixels, of the plane that shows borders best: brightness, or green. */
+    /** Linear light between pixels (bilinear), from the plane that shows borders best: luma, or green. */
     fun between(x: Double, y: Double): Double {
         val left = x.coerceIn(0.0, width - 1.000001)
         val top = y.coerceIn(0.0, height - 1.000001)
@@ -81,7 +82,7 @@ internal class Pixels(picture: Picture) {
     }
 
     companion object {
-        /** sRGB's byte to linear light, IEC 61966-2-1. */
+        /** sRGB byte to linear light, IEC 61966-2-1. */
         val LINEAR = DoubleArray(256) {
             val c = it / 255.0
             if (c <= 0.04045) c / 12.92 else ((c + 0.055) / 1.055).pow(2.4)

@@ -7,10 +7,10 @@ import kotlin.math.exp
 import kotlin.math.ln
 
 /**
- * What the patches of a kind of chart are known to reflect.
+ * Known reflectances of the patches of a kind of chart.
  *
- * @property luminance of each, 0 to 1.
- * @property colourfulness of each: one less the smallest over the largest of red, green, blue.
+ * @property luminance luminance of each patch, 0 to 1.
+ * @property colourfulness 1 - smallest / largest of red, green and blue, for each patch.
  * @property white index of the white patch.
  * @property black index of the black patch.
  */
@@ -20,7 +20,7 @@ internal class Reference private constructor(
     val white: Int,
     val black: Int,
 ) {
-    /** ln of [luminance], less that of a middle grey. */
+    /** ln of [luminance] relative to a middle grey of 0.2. */
     val tone = DoubleArray(luminance.size) { ln(luminance[it] / 0.2) }
 
     companion object {
@@ -37,7 +37,7 @@ internal class Reference private constructor(
                 }
                 return sum / total
             }
-            // The eye's V(λ) as a bell.
+            // V(λ), approximated by a Gaussian.
             val luminance = DoubleArray(table.patches.size) { seen(it, 559.0, 42.0) }
             val colour = DoubleArray(table.patches.size) { patch ->
                 val rgb = listOf(600.0, 540.0, 455.0).map { seen(patch, it, 38.0) }
@@ -46,7 +46,7 @@ internal class Reference private constructor(
             Reference(luminance, colour, table.white, luminance.indices.minByOrNull { luminance[it] }!!)
         }
 
-        /** Null for the SG: camssf has no table of its colours. */
+        /** The reference of a kind of chart; null for the SG, because camssf has no table of its colours. */
         fun of(kind: ChartKind): Reference? = if (kind == ChartKind.CLASSIC_24) classic else null
     }
 }

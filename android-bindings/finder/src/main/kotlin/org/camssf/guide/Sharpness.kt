@@ -5,14 +5,18 @@ import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * How soft the borders of the patches are. Across a border between a bright patch and the dark gap, light rises by its
- * contrast C with a slope of at most C / (σ √(2π)) where the blur is a Gaussian of σ: the slope gives σ.
+ * Measures the blur of the patch borders.
+ *
+ * Across a border between a bright patch and the dark gap, blurred by a Gaussian of standard deviation σ, light rises
+ * by its contrast C with a slope of at most C / (σ √(2π)). The slope gives σ.
  */
 internal class Sharpness {
     private val profile = DoubleArray(LENGTH)
     private val found = Array(2) { ArrayList<Double>() }
 
-    /** Standard deviation of the blur in px, the worse of both directions; null where no border has contrast. */
+    /**
+     * Standard deviation of the blur, px, the worse of both directions; null if too few borders have enough contrast.
+     */
     fun look(pixels: Pixels, plane: ChartPlane, light: PatchLight, white: Double): Double? {
         found.forEach { it.clear() }
         for (patch in 0 until light.count) {
@@ -26,7 +30,10 @@ internal class Sharpness {
         }.maxOrNull()
     }
 
-    /** From within the patch to beyond its gap; the mean of lines beside each other. */
+    /**
+     * Standard deviation of one border's blur, px, from the mean profile of parallel lines that run from inside the
+     * patch to beyond its gap; null if the contrast is too small.
+     */
     private fun border(pixels: Pixels, plane: ChartPlane, light: PatchLight, patch: Int, side: IntArray): Double? {
         val (u, v) = patch % light.columns to patch / light.columns
         profile.fill(0.0)
@@ -50,7 +57,7 @@ internal class Sharpness {
         return contrast / (steepest * sqrt(2 * PI))
     }
 
-    /** px of one pitch across this border. */
+    /** Length of one pitch across this border, px. */
     private fun step(plane: ChartPlane, u: Int, v: Int, side: IntArray, at: Double): Double {
         val (a, b) = u + (at - 0.05) * side[0] to v + (at - 0.05) * side[1]
         val (c, d) = u + (at + 0.05) * side[0] to v + (at + 0.05) * side[1]
@@ -60,7 +67,10 @@ internal class Sharpness {
     private companion object {
         val SIDES = listOf(intArrayOf(1, 0), intArrayOf(-1, 0), intArrayOf(0, 1), intArrayOf(0, -1))
 
-        /** Pitches from the patch's centre: the patch ends at 0.42 to 0.44, the next begins at 0.56 to 0.58. */
+        /**
+         * Ends of the profile, pitches from the patch's centre: the patch ends at 0.42 to 0.44, the next one begins
+         * at 0.56 to 0.58.
+         */
         const val FROM = 0.25
         const val TO = 0.58
         const val LENGTH = 34
@@ -70,7 +80,7 @@ internal class Sharpness {
         const val ASIDE = 0.25
         const val LINES = 10
 
-        /** Of white: darker patches have too little contrast with the gap. */
+        /** Share of white: darker patches have too little contrast with the gap. */
         const val BRIGHT = 0.15
         const val CONTRAST = 0.2
         const val FEWEST = 4

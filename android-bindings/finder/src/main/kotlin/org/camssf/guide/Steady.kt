@@ -1,16 +1,16 @@
 package org.camssf.guide
 
-/** One measure over time: the median of the last frames, and whether it is bad, with hysteresis. */
+/** Smooths one measure over time: the median of the latest frames, and with hysteresis whether it is bad. */
 internal class Steady(private val limit: Limit) {
     private val last = DoubleArray(Limits.MEDIAN)
     private val sorted = DoubleArray(Limits.MEDIAN)
     private var count = 0
 
-    /** Whether advice is due. */
+    /** True if advice is needed. */
     var bad = false
         private set
 
-    /** The median of the frames that had a value; 0 where none had. */
+    /** Median of the latest frames that had a value; 0 if none had one. */
     var value = 0.0
         private set
 
@@ -20,7 +20,7 @@ internal class Steady(private val limit: Limit) {
         value = 0.0
     }
 
-    /** Takes a frame's value; an unknown one leaves all as it is. */
+    /** Adds a frame's value; null, NaN and infinity change nothing. */
     fun take(found: Double?) {
         if (found == null || !found.isFinite()) return
         last[count++ % last.size] = found

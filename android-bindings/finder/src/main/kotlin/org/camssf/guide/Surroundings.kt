@@ -1,19 +1,22 @@
 package org.camssf.guide
 
-/** How coloured that is which lies around the chart, seen in the chart's own light. */
+/** Measures how coloured the surroundings of the chart are, relative to the chart's own light. */
 internal object Surroundings {
     private const val ACROSS = 40
     private const val DOWN = 30
 
-    /** Pitches from the outer patches' centres: the chart's own frame counts neither. */
+    /**
+     * Distance from the outer patches' centres in which pixels are ignored, pitches; it includes the chart's frame.
+     */
     private const val BEYOND = 1.2
     private const val FEWEST = 60
 
     /**
-     * Most less least channel of the mean, the chart's white patch being 1.
+     * Largest minus smallest channel of the surroundings' mean, where the chart's white patch is 1. 0 if the chart
+     * fills nearly the whole picture; null if the picture has no colours or the grey patch no light.
      *
      * @param grey index of a neutral patch that is not clipped.
-     * @param factor its luminance over the white patch's.
+     * @param factor luminance of that patch / luminance of the white patch.
      */
     fun tint(pixels: Pixels, plane: ChartPlane, light: PatchLight, grey: Int, factor: Double): Double? {
         if (!pixels.hasColour) return null
@@ -31,7 +34,7 @@ internal object Surroundings {
                 seen++
             }
         }
-        if (seen < FEWEST) return 0.0 // the chart is nearly all that there is
+        if (seen < FEWEST) return 0.0 // the chart fills nearly the whole picture
         val white = DoubleArray(3) { light.colour[3 * grey + it] / factor }
         if (white.min() <= 0) return null
         val parts = listOf(red / white[0], green / white[1], blue / white[2]).map { it / seen }

@@ -3,7 +3,7 @@ package org.camssf.model
 import java.io.InputStream
 import java.security.MessageDigest
 
-/** The files that this jar carries: Python's own models, tables and rules, each with the SHA-256 of its build. */
+/** The files in this jar: the models, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
     /** Names of the files. */
     @JvmField
@@ -13,9 +13,9 @@ public object Models {
     )
 
     /**
-     * The file of this name, opened; the caller closes it.
+     * Opens the file of this name; the caller closes the stream.
      *
-     * @throws IllegalStateException if the jar was stripped of it (an app's packaging rules can do that).
+     * @throws IllegalStateException the file is missing from the jar (an app's packaging rules can remove it).
      */
     public fun open(name: String): InputStream =
         checkNotNull(Models::class.java.getResourceAsStream("/org/camssf/model/$name")) {
@@ -23,9 +23,9 @@ public object Models {
         }
 
     /**
-     * The content of one of [NAMES], its hash checked.
+     * Reads one of [NAMES] and checks its hash.
      *
-     * @throws IllegalStateException if it is missing or differs from what this jar was built with.
+     * @throws IllegalStateException the file is missing or differs from the one that this jar was built with.
      */
     public fun read(name: String): ByteArray = checked(name, open(name).use { it.readBytes() })
 

@@ -1,6 +1,6 @@
 package org.camssf.passport
 
-/** Base64url without padding (RFC 7515, section 2). Java's own is not there before Android's API 26. */
+/** Base64url without padding (RFC 7515, section 2). Java's own class is missing in Android before API 26. */
 internal object Base64Url {
     fun encode(data: ByteArray): String {
         val out = StringBuilder((data.size * 4L / 3 + 2).toInt())
@@ -15,7 +15,10 @@ internal object Base64Url {
         return out.toString()
     }
 
-    /** What stands in [from] until [until]; null if it is nothing, or not in its one spelling: the bits left over are 0. */
+    /**
+     * Decodes the characters at [from] until [until]. Null if there are none, or if they are not the only valid
+     * spelling: unused bits must be 0.
+     */
     fun decode(text: ByteArray, from: Int = 0, until: Int = text.size): ByteArray? {
         val length = until - from
         if (length == 0 || length % 4 == 1) return null

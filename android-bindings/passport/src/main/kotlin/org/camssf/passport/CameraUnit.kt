@@ -4,15 +4,15 @@ import org.camssf.InvalidArgument
 import org.camssf.photo.Photo
 
 /**
- * One physical camera; "" and null where nothing is known.
+ * One physical camera; "" and null where unknown.
  *
- * @property make as its files name it.
- * @property model likewise.
- * @property cameraId of a phone with several cameras, the one that was used.
- * @property serial of the body.
- * @property lens its model.
+ * @property make manufacturer, as in its files.
+ * @property model model, as in its files.
+ * @property cameraId id of the camera that was used, for a phone with several cameras.
+ * @property serial serial number of the body.
+ * @property lens model of the lens.
  * @property focalLength mm.
- * @property aperture the f-number.
+ * @property aperture f-number.
  */
 public data class CameraUnit @JvmOverloads constructor(
     public val make: String = "",
@@ -23,7 +23,12 @@ public data class CameraUnit @JvmOverloads constructor(
     public val focalLength: Double? = null,
     public val aperture: Double? = null,
 ) {
-    /** With what the other knows where this one is silent; where both speak, they must agree. */
+    /**
+     * This unit, with unknown fields taken from `other`.
+     *
+     * @param source name of the other's source, for messages.
+     * @throws InvalidArgument a field is known in both and differs.
+     */
     internal fun agreed(other: CameraUnit, source: String): CameraUnit {
         for ((mine, theirs) in told().zip(other.told())) {
             val (name, own) = mine
@@ -42,7 +47,7 @@ public data class CameraUnit @JvmOverloads constructor(
         )
     }
 
-    /** By their names, null where nothing is known. */
+    /** The fields by their names; null where unknown. */
     private fun told(): List<Pair<String, Any?>> = words().map { (name, word) -> name to word.ifEmpty { null } } +
         sizes()
 
@@ -64,7 +69,7 @@ public data class CameraUnit @JvmOverloads constructor(
     }
 
     internal companion object {
-        /** By what camera a photo was taken, as far as its file says. */
+        /** The camera that took a photo, as far as its file contains it. */
         fun of(photo: Photo): CameraUnit = CameraUnit(
             photo.make, photo.model, photo.camera.id, photo.camera.serial, photo.camera.lens,
             photo.camera.focalLength, photo.camera.aperture,

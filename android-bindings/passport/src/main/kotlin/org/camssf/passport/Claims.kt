@@ -2,7 +2,7 @@ package org.camssf.passport
 
 import org.camssf.PassportInvalid
 
-/** Payload → passport: Python's data/passport.schema.json, of the result what [ResultForm] checks. */
+/** Reads a passport from its payload: checks Python's data/passport.schema.json, and the result by [ResultForm]. */
 internal object Claims {
     const val FORMAT = "camssf-passport/1"
 

@@ -3,13 +3,22 @@ package org.camssf.passport
 import java.math.BigDecimal
 import java.math.RoundingMode
 
-/** The part of a result that a passport holds, as Python's `documents/excerpt.py` makes it. */
+/**
+ * The part of a result that a passport holds: curves, bands, verdict and provenance, without the single patches.
+ *
+ * Python's `documents/excerpt.py` makes the same excerpt.
+ */
 internal object Excerpt {
     private const val DECIMALS = 5
     private val LEFT_OUT = setOf("code_covariance", "truth", "excerpt")
     private val CURVES = setOf("ssf", "ssf_std")
 
-    /** @param result a result with curves; what is not in its form stays as it is, for [ResultForm] to refuse. */
+    /**
+     * The excerpt of a result. Curves and bands are rounded to five decimals.
+     *
+     * @param result a result with curves; members that do not have its form are kept, so that [ResultForm] rejects
+     *   them.
+     */
     fun of(result: Members): Members {
         val kept = (result.values - LEFT_OUT).mapValues { (name, value) ->
             when (name) {
@@ -19,8 +28,8 @@ internal object Excerpt {
             }
         }
         return try {
-            Sound.parse(Sound.write(members(kept))) as Members // half a character as it is written
-        } catch (_: UnsoundException) { // two names that differ in half a character: not in the form anyhow
+            Sound.parse(Sound.write(members(kept))) as Members // unpaired surrogates as they are written
+        } catch (_: UnsoundException) { // names that differ only in unpaired surrogates: the form is wrong
             members(emptyMap())
         }
     }

@@ -11,8 +11,8 @@ import java.security.spec.ECFieldFp
 import java.security.spec.X509EncodedKeySpec
 
 /**
- * The one curve of passports (FIPS 186-5), and ECDSA's signatures in their two forms: DER, as `java.security` has them, and
- * r and s in 32 bytes each, as a JWS has them.
+ * The curve of all passports, P-256 (FIPS 186-5), and the two forms of its ECDSA signatures: DER, as in
+ * `java.security`, and r and s in 32 bytes each, as in a JWS.
  */
 internal object P256 {
     private val prime = number("FFFFFFFF00000001000000000000000000000000FFFFFFFFFFFFFFFFFFFFFFFF")
@@ -21,13 +21,17 @@ internal object P256 {
     private val generatorX = number("6B17D1F2E12C4247F8BCE6E563A440F277037D812DEB33A0F4A13945D898C296")
     private val generatorY = number("4FE342E2FE1A7F9B8EE7EB4A7C0F9E162BCE33576B315ECECBB6406837BF51F5")
 
-    /** n: how many points the generator makes. */
+    /** n: the order of the generator. */
     val order = number("FFFFFFFF00000000FFFFFFFFFFFFFFFFBCE6FAADA7179E84F3B9CAC2FC632551")
 
-    /** What a SubjectPublicKeyInfo of this curve begins with; x and y follow. */
+    /** First bytes of every SubjectPublicKeyInfo of this curve; x and y follow. */
     private val head = number("3059301306072A8648CE3D020106082A8648CE3D03010703420004").toByteArray()
 
-    /** x and y of a key, 64 bytes. */
+    /**
+     * x and y of a key, 64 bytes.
+     *
+     * @throws InvalidArgument the key is not on P-256.
+     */
     fun point(key: PublicKey): ByteArray {
         if (key !is ECPublicKey) throw foreign()
         val form = key.params
@@ -38,7 +42,11 @@ internal object P256 {
         return fixed(key.w.affineX) + fixed(key.w.affineY)
     }
 
-    /** Of a SubjectPublicKeyInfo in DER, which has one form only. */
+    /**
+     * x and y, 64 bytes, of a SubjectPublicKeyInfo in DER, which has only one form.
+     *
+     * @throws InvalidArgument the key is not on P-256.
+     */
     fun point(info: ByteArray): ByteArray {
         val fits = info.size == head.size + 64 && info.copyOf(head.size).contentEquals(head)
         if (!fits) throw foreign()
@@ -47,7 +55,7 @@ internal object P256 {
         return point
     }
 
-    /** A key of the platform's ordinary provider: a Keystore's own public key may not verify. */
+    /** A key of the platform's default provider, because a Keystore's own public key may be unable to verify. */
     fun key(point: ByteArray): PublicKey =
         KeyFactory.getInstance("EC").generatePublic(X509EncodedKeySpec(head + point))
 
@@ -60,7 +68,9 @@ internal object P256 {
         "Make one with KeyPairGenerator, \"EC\" and the curve secp256r1, or with `camssf passport key`.",
     )
 
-    /** True if [signature], r and s within their bounds, is one of the first [length] bytes. */
+    /**
+     * True if [signature] is a signature of the first [length] bytes; r and s must be in their bounds ([isInBounds]).
+     */
     fun verify(point: ByteArray, data: ByteArray, length: Int, signature: ByteArray): Boolean = try {
         Signature.getInstance("SHA256withECDSA").run {
             initVerify(key(point))
@@ -71,14 +81,17 @@ internal object P256 {
         false
     }
 
-    /** 0 < r < n, 0 < s < n. (r, s) and (r, n - s) both fit: a signature's bytes identify nothing. */
+    /**
+     * True if 0 < r < n and 0 < s < n. (r, s) and (r, n - s) are both valid, so a signature's bytes are not an
+     * identifier.
+     */
     fun isInBounds(signature: ByteArray): Boolean {
         val r = unsigned(signature, 0)
         val s = unsigned(signature, 32)
         return r.signum() > 0 && r < order && s.signum() > 0 && s < order
     }
 
-    /** DER → r and s; null if it is no signature of this curve. */
+    /** r and s of a signature in DER, 64 bytes; null if it is not a signature of this curve. */
     fun raw(der: ByteArray): ByteArray? {
         if (der.size !in 8..72 || der[0].toInt() != 0x30 || der[1].toInt() != der.size - 2) return null
         val numbers = ArrayList<BigInteger>()

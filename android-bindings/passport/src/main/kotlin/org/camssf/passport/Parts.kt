@@ -2,14 +2,18 @@ package org.camssf.passport
 
 import org.camssf.PassportInvalid
 
-/** In bytes, as Python's. */
+/** In bytes, as in Python. */
 internal const val LARGEST_PASSPORT = 100_000
 
 /**
- * A compact JWS (RFC 7515) in the one form that passports and lists have. What messages call it is `what`, "the passport".
+ * A compact JWS (RFC 7515) in the only form that passports and lists of revoked names have.
  *
- * @property kid the name of the key that it says it is signed by.
- * @property length how many of its first bytes are signed.
+ * The parameter `what` of its functions is its name in messages, for example "the passport".
+ *
+ * @property kid name of the key in the header.
+ * @property payload decoded bytes.
+ * @property signature r and s, 64 bytes.
+ * @property length number of bytes, from the first, that are signed.
  */
 internal class Parts private constructor(
     val kid: String,
@@ -22,7 +26,7 @@ internal class Parts private constructor(
         const val PASSPORT = "camssf-passport+jwt"
         const val WHAT = "the passport"
 
-        /** Characters that a header may have. */
+        /** Largest number of characters of a header. */
         private const val HEADER = 1024
 
         fun header(kid: String): String = """{"alg":"$ALGORITHM","kid":"$kid","typ":"$PASSPORT"}"""
@@ -30,7 +34,12 @@ internal class Parts private constructor(
         fun advice(what: String): String =
             "Ask the one who signed it for $what as it was written; trust nothing in this one."
 
-        /** If one of the trusted [points], by their names, signed these bytes. */
+        /**
+         * Reads a signed document and verifies that one of the trusted keys signed these bytes.
+         *
+         * @param points x and y of the trusted keys, by the keys' names.
+         * @throws PassportInvalid the form is wrong, or no trusted key signed these bytes.
+         */
         fun verified(data: ByteArray, type: String, points: Map<String, ByteArray>, what: String): Parts {
             val parts = read(data, type, what)
             val point = points[parts.kid] ?: throw PassportInvalid(

@@ -14,22 +14,24 @@ import kotlin.time.Clock
 import kotlin.time.Instant
 
 /**
- * A result with whose camera it is, since when and until when it holds, and made from what: what Python's `camssf passport`
- * signs and verifies, document for document (docs/passport.md). Signed it is a compact JWS with ES256; what was received is
- * what is verified. It cannot be changed, and may be passed between threads.
+ * A signed excerpt of a result with the camera unit, capture time and validity period.
  *
- * @property id 32 hexadecimal digits, by chance.
- * @property issued whole seconds, as [begins] and [ends].
- * @property begins it is valid from then on.
- * @property ends it is no more valid then.
- * @property unit whose curves these are.
- * @property captured when the photo was taken, ISO 8601; "" where nobody said.
- * @property chartSerial of the chart; "" where nobody said.
- * @property lampSerials of each shot's lamp, likewise.
- * @property software the version of camssf that wrote it.
- * @property resultSha256 of the whole result's file, byte for byte.
- * @property result the excerpt of the result, JSON: what `Standardiser.read` takes. It holds curves, bands and verdict, not the
- *   covariance and the patches, so colours look about twice as uncertain as with the whole result.
+ * Python's `camssf passport` signs and verifies the same documents (docs/passport.md). A signed passport is a compact
+ * JWS with ES256; the received bytes are verified without being decoded and written again. Instances are immutable
+ * and may be passed between threads.
+ *
+ * @property id 32 random hexadecimal digits.
+ * @property issued time of issue, in whole seconds like [begins] and [ends].
+ * @property begins start of validity.
+ * @property ends end of validity; at this time it is no longer valid.
+ * @property unit the camera unit that the curves belong to.
+ * @property captured when the photo was taken, ISO 8601; "" if unknown.
+ * @property chartSerial serial number of the chart; "" if unknown.
+ * @property lampSerials serial number of each shot's lamp; "" if unknown.
+ * @property software version of camssf that wrote it.
+ * @property resultSha256 SHA-256 of the whole result's file.
+ * @property result the excerpt of the result, JSON, for `Standardiser.read`. It holds curves, bands and verdict, but
+ *   neither the covariance nor the patches, so colours look about twice as uncertain as with the whole result.
  */
 public class Passport internal constructor(
     public val id: String,
@@ -46,10 +48,10 @@ public class Passport internal constructor(
 ) {
     public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
 
-    /** What is signed, as JSON: docs/passport.md has the table of its claims. */
+    /** The payload as JSON; docs/passport.md has the table of its claims. */
     public fun toJson(): String = claims().joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }
 
-    /** Names, and values as JSON. */
+    /** Names of the claims, and their values as JSON. */
     internal fun claims(): List<Pair<String, String>> {
         val lamps = lampSerials.joinToString(",", "[", "]") { Sound.quote(it) }
         return listOf(
@@ -68,11 +70,12 @@ public class Passport internal constructor(
     }
 
     /**
-     * The signed passport, to be kept and sent as these very bytes.
+     * Signs the passport; keep and send these bytes unchanged.
      *
-     * @param keys on P-256, of the Android Keystore or of any provider; the private one is used and not kept, and its
-     *   provider's words go into no message.
-     * @throws InvalidArgument the key is another one or does not sign, the two are no pair, or the result has too many shots.
+     * @param keys a pair on P-256, from the Android Keystore or any other provider. The private key is used and not
+     *   kept, and no message contains its provider's text.
+     * @throws InvalidArgument the key is of another kind or cannot sign, the two keys are not a pair, or the result
+     *   has too many shots.
      */
     public fun sign(keys: KeyPair): ByteArray = sign(keys.public) { data ->
         try {
@@ -89,16 +92,18 @@ public class Passport internal constructor(
     }
 
     /**
-     * The same where the app signs itself.
+     * Signs the passport with the app's own signer.
      *
-     * @param public of the key that [signer] signs with.
+     * @param public public key of the key that [signer] signs with.
+     * @throws InvalidArgument the key is of another kind, the signature does not match it, or the result has too many
+     *   shots.
      */
     public fun sign(public: PublicKey, signer: PassportSigner): ByteArray {
         val point = P256.point(public)
         val payload = toJson()
         try {
             Claims.read(payload.toByteArray())
-        } catch (error: PassportInvalid) { // what no verifier takes is not signed
+        } catch (error: PassportInvalid) { // do not sign what every verifier rejects
             throw InvalidArgument(error.message, error.advice, cause = error)
         }
         val text = listOf(Parts.header(PassportKeys.name(point)), payload).joinToString(".") {
@@ -121,7 +126,7 @@ public class Passport internal constructor(
         return data + ".${Base64Url.encode(signature)}".toByteArray()
     }
 
-    /** Without the result. */
+    /** One line, without the result. */
     override fun toString(): String = "passport $id of $unit, valid from ${iso(begins)} to ${iso(ends)}"
 
     public companion object {
@@ -129,25 +134,25 @@ public class Passport internal constructor(
         private const val LARGEST_DOCUMENT = 64 * 1024 * 1024
         private const val LONGEST_DAYS = 36500
 
-        /** Characters of a signature, and the dot before it. */
+        /** Number of characters of a signature and the dot before it. */
         private const val SIGNATURE = 87
 
-        /** Only its class: what a provider says of a private key is nobody's business. */
+        /** Names only the exception's class, because a provider's message may contain details of a private key. */
         private fun unfit(error: Exception) = InvalidArgument(
             "The private key does not sign (${error.javaClass.simpleName}).",
             "Give a private key on P-256; one that asks for its user first needs a PassportSigner.",
         )
 
         /**
-         * A passport of a result, not yet signed.
+         * Creates an unsigned passport of a result.
          *
-         * @param result the bytes of the file that `Calibrated.toJson` became.
-         * @param said what the result does not hold; it must not contradict the photos.
-         * @param now the time of issue.
-         * @param photos that the result was made from, for what they say of the unit and of the time: of
-         *   `Calibrated.capture.shots`, or of `Photo.read`.
-         * @throws InvalidArgument the result is none, was refused, or what is said cannot be; or a photo is not the
-         *   result's, or was taken by another unit.
+         * @param result the bytes of the file that was written from `Calibrated.toJson`.
+         * @param said what the signer states in addition to the result; it must not contradict the photos.
+         * @param now time of issue.
+         * @param photos photos that the result was made from, of `Calibrated.capture.shots` or from `Photo.read`;
+         *   their metadata give the unit and the time.
+         * @throws InvalidArgument the result is invalid or was refused, a statement is impossible, a photo does not
+         *   belong to the result, or a photo is from another unit.
          */
         @JvmStatic
         @JvmOverloads
@@ -212,7 +217,7 @@ public class Passport internal constructor(
             ).also { it.unit.toJson() }
         }
 
-        /** Of a shot's photo. */
+        /** SHA-256 of a shot's photo. */
         private fun sha256(shot: Any?): Any? {
             val photo = (shot as? Members)?.values?.get("photo") as? Members
             return photo?.values?.get("sha256")
@@ -236,14 +241,14 @@ public class Passport internal constructor(
             data.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
 
         /**
-         * The passport, if it is one: whole, signed by a trusted key, in its form and time, not called back.
+         * Verifies a passport: unchanged, signed by a trusted key, valid in form and time, not revoked.
          *
          * @param data as received.
-         * @param trusted public keys, of [PassportKeys.readPublic] or any provider.
-         * @param revoked of [PassportKeys.readRevoked].
-         * @param now at what time.
-         * @param result the bytes of the whole result's file, which it shall belong to.
-         * @throws PassportInvalid anything of it is not as it must be.
+         * @param trusted public keys, from [PassportKeys.readPublic] or any provider.
+         * @param revoked names from [PassportKeys.readRevoked].
+         * @param now time of the check.
+         * @param result bytes of the whole result's file that the passport must belong to; null to skip this check.
+         * @throws PassportInvalid one of these checks fails.
          * @throws InvalidArgument a trusted key is not on P-256.
          */
         @JvmStatic
@@ -255,7 +260,7 @@ public class Passport internal constructor(
             now: Instant = Clock.System.now(),
             result: ByteArray? = null,
         ): Passport {
-            val received = data.copyOf() // what is verified is what is read, whatever the caller does meanwhile
+            val received = data.copyOf() // the caller may change its array during the check
             val points = PassportKeys.points(trusted)
             checkSize(received)
             val parts = Parts.verified(received, Parts.PASSPORT, points, Parts.WHAT)
@@ -274,7 +279,7 @@ public class Passport internal constructor(
             }
         }
 
-        /** The very bytes that were signed, and the excerpt is what they hold. */
+        /** Throws unless the passport belongs to that result: the SHA-256 of its bytes and the excerpt must match. */
         private fun checkBelongs(passport: Passport, result: ByteArray) {
             if (hex(PassportKeys.sha256(result)) != passport.resultSha256) {
                 throw PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
@@ -309,9 +314,9 @@ public class Passport internal constructor(
         }
 
         /**
-         * What a passport says, and by what key it says it is signed. Nothing of it is verified.
+         * Reads a passport and the name of its key, without verifying anything.
          *
-         * @throws PassportInvalid it has not the form of one.
+         * @throws PassportInvalid the form is wrong.
          */
         @JvmStatic
         public fun show(data: ByteArray): Shown {

@@ -7,9 +7,14 @@ import java.security.PublicKey
 import kotlin.time.Clock
 import kotlin.time.Instant
 
-/** Public keys by name and by file, and the signed list of what was called back. Private keys stay where they are. */
+/** Names and files of public keys, and the signed list of revoked passports and keys. No private key is read here. */
 public object PassportKeys {
-    /** A public key's name in passports, its thumbprint (RFC 7638, SHA-256): 43 characters, the same in every language. */
+    /**
+     * Name of a public key in passports: its thumbprint (RFC 7638, SHA-256), 43 characters, the same in every
+     * language.
+     *
+     * @throws InvalidArgument the key is not on P-256.
+     */
     @JvmStatic
     public fun name(key: PublicKey): String = name(P256.point(key))
 
@@ -21,9 +26,9 @@ public object PassportKeys {
     }
 
     /**
-     * The key in a PEM file, as `camssf passport key` and OpenSSL write it.
+     * Reads the public key in a PEM file, as `camssf passport key` and OpenSSL write it.
      *
-     * @throws InvalidArgument it is no public key on P-256.
+     * @throws InvalidArgument the file is not a public key on P-256.
      */
     @JvmStatic
     public fun readPublic(pem: ByteArray): PublicKey {
@@ -38,12 +43,13 @@ public object PassportKeys {
     }
 
     /**
-     * What a signed list calls back: ids of passports and names of keys. `camssf passport revoke` writes and renews it.
+     * Reads the revoked names from a signed list: ids of passports and names of keys. `camssf passport revoke` writes
+     * and renews such lists.
      *
      * @param list as received.
-     * @param trusted public keys, of [readPublic] or any provider; one of them must have signed it.
-     * @param now at what time.
-     * @throws PassportInvalid the list is not signed, by a stranger, changed, in no form, or has ended.
+     * @param trusted public keys, from [readPublic] or any provider; one of them must have signed the list.
+     * @param now time of the check.
+     * @throws PassportInvalid the list is unsigned, signed by an untrusted key, changed, malformed or expired.
      * @throws InvalidArgument a trusted key is not on P-256.
      */
     @JvmStatic

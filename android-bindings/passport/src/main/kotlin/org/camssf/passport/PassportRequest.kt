@@ -4,13 +4,13 @@ import java.util.Collections
 import kotlin.time.Instant
 
 /**
- * What the one who signs says beside the result.
+ * What the signer states in addition to the result.
  *
- * @property unit whose curves these are; what the photos and the result say may be left to them.
- * @property captured when the photo was taken, ISO 8601; "" leaves it to the photos.
- * @property chartSerial of the chart; "" where nobody said.
- * @property days how long it is valid.
- * @property begins from when on; now if null.
+ * @property unit the camera unit; empty fields are taken from the photos and the result.
+ * @property captured when the photo was taken, ISO 8601; "" to take it from the photos.
+ * @property chartSerial serial number of the chart; "" if unknown.
+ * @property days validity period.
+ * @property begins start of validity; null for now.
  */
 public class PassportRequest @JvmOverloads constructor(
     public val unit: CameraUnit = CameraUnit(),
@@ -20,6 +20,6 @@ public class PassportRequest @JvmOverloads constructor(
     public val days: Double = 365.0,
     public val begins: Instant? = null,
 ) {
-    /** Of each shot's lamp, in their order; none at all, or one a shot. */
+    /** Serial number of each shot's lamp, in order; empty, or one entry per shot. */
     public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
 }

@@ -1,7 +1,13 @@
 package org.camssf.passport
 
-/** Signs with a key that the app holds: for keys that want their user first, through `BiometricPrompt.CryptoObject`. */
+/**
+ * Signs with a key that the app holds, for example one that needs user authentication
+ * (`BiometricPrompt.CryptoObject`).
+ */
 public fun interface PassportSigner {
-    /** SHA256withECDSA of [data], in DER, as `java.security.Signature.sign` returns it. What this throws goes through. */
+    /**
+     * Signature of [data] by SHA256withECDSA, in DER, as `java.security.Signature.sign` returns it. Its exceptions
+     * reach the caller of [Passport.sign].
+     */
     public fun sign(data: ByteArray): ByteArray
 }

@@ -3,8 +3,8 @@ package org.camssf.passport
 import kotlin.math.abs
 
 /**
- * Of data/passport.schema.json what an app relies on: verdict, camera, curves, bands, gains and shots, and that nothing stands
- * there that must stand outside. Python checks the whole schema.
+ * Checks the parts of data/passport.schema.json that an app needs: verdict, camera, curves, bands, gains and shots,
+ * and that members which do not belong to an excerpt are absent. Python checks the whole schema.
  */
 internal object ResultForm {
     private const val FORMAT = "camssf-result/1"
@@ -14,7 +14,7 @@ internal object ResultForm {
     private val COLOURS = listOf("red", "green", "blue")
     private val OUTSIDE = listOf("code_covariance", "truth", "excerpt")
 
-    /** It says of itself that it was refused. */
+    /** True if the result states that it was refused. */
     fun isRefused(result: Any?): Boolean =
         ((result as? Members)?.values?.get("verdict") as? Members)?.values?.get("status") == "refused"
 

@@ -2,7 +2,7 @@ package org.camssf.passport
 
 import org.camssf.PassportInvalid
 
-/** The signed list of passports and keys that were called back: Python's `documents/revocations.py`, word for word. */
+/** Reads the signed list of revoked passports and keys, as Python's `documents/revocations.py` does. */
 internal object Revocations {
     const val TYPE = "camssf-revocations+jwt"
     private const val FORMAT = "camssf-revocations/1"

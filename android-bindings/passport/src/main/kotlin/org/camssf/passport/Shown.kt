@@ -1,13 +1,13 @@
 package org.camssf.passport
 
 /**
- * What stands in a document that has the form of a passport. Nothing of it is verified: anybody may have written it.
+ * The content of a document that has the form of a passport. Nothing is verified: anybody may have written it.
  *
- * @property passport what it says.
- * @property key the name of the key that it says it is signed by.
+ * @property passport the content.
+ * @property key name of the key in the header.
  */
 public class Shown internal constructor(public val passport: Passport, public val key: String) {
-    /** What `camssf passport show` prints: all but the result. */
+    /** The content as `camssf passport show` prints it, without the result. */
     public fun toJson(): String {
         val verdict = (Sound.parse(passport.result) as Members).values["verdict"] as? Members
         val status = (verdict?.values?.get("status") as? String)?.let { Sound.quote(it) }

@@ -3,12 +3,12 @@ package org.camssf.passport
 import java.nio.ByteBuffer
 import java.nio.charset.CharacterCodingException
 
-/** Not sound JSON. Never leaves this package. */
+/** The text is not strict JSON. Used inside this package only. */
 internal class UnsoundException(message: String) : Exception(message)
 
-/** A number as it was written. */
+/** A number, with its text as written. */
 internal class Numeral(val text: String) {
-    /** Null where it is not written as a whole number, or not below 10¹⁸. */
+    /** The number; null if it is not written as a whole number of at most 18 digits. */
     val whole: Long? get() = if (WHOLE.matches(text)) text.toLong() else null
 
     private companion object {
@@ -16,12 +16,14 @@ internal class Numeral(val text: String) {
     }
 }
 
-/** An object, and where in the text the values of its members stand, if it is the outermost. */
+/** A JSON object; for the outermost one, also the range of each value in the text. */
 internal class Members(val values: Map<String, Any?>, val places: Map<String, IntRange>)
 
 /**
- * Sound JSON → [Members], lists, strings, [Numeral], Boolean, null. It refuses what Python's does, which kotlinx's parser
- * would take: a key twice in an object, words without quotes, NaN, control characters in a string.
+ * Parses strict JSON to [Members], lists, strings, [Numeral], Boolean and null.
+ *
+ * It rejects what Python's parser rejects and kotlinx's parser would accept: a key twice in an object, words without
+ * quotes, NaN, control characters in a string.
  */
 internal class Sound private constructor(private val text: String) {
     private var at = 0
@@ -144,7 +146,7 @@ internal class Sound private constructor(private val text: String) {
         return Numeral(text.substring(from, at))
     }
 
-    /** How many; at least one. */
+    /** Skips digits and returns their number, at least one. */
     private fun digits(): Int {
         val from = at
         while (at < text.length && text[at] in '0'..'9') at++
@@ -172,24 +174,24 @@ internal class Sound private constructor(private val text: String) {
     private fun fail(what: String): Nothing = throw UnsoundException("$what, at character $at")
 
     companion object {
-        /** Python's own bound lies above it, and is another one in each version. */
+        /** Deepest nesting. Python's own limit is higher and depends on its version. */
         const val DEEPEST = 500
 
-        /** Digits of a whole number, as Python's. */
+        /** Largest number of digits of a whole number, as in Python. */
         private const val LONGEST = 4300
         private const val HEX = "0123456789abcdef"
         private val ESCAPES = mapOf(
             '"' to '"', '\\' to '\\', '/' to '/', 'b' to '\b', 'f' to '\u000c', 'n' to '\n', 'r' to '\r', 't' to '\t',
         )
 
-        /** UTF-8 → text, with nothing mended. */
+        /** Decodes UTF-8; invalid bytes are not replaced but rejected. */
         fun text(data: ByteArray): String = try {
             Charsets.UTF_8.newDecoder().decode(ByteBuffer.wrap(data)).toString()
         } catch (_: CharacterCodingException) {
             throw UnsoundException("not UTF-8")
         }
 
-        /** The value that a text is. */
+        /** Parses a text that is one JSON value. */
         fun parse(text: String): Any? = Sound(text).document()
 
         /** A value as JSON without blanks; numbers as they were written. */
@@ -224,7 +226,7 @@ internal class Sound private constructor(private val text: String) {
             }
         }
 
-        /** Two values that say the same: numbers by their values, members in any order. */
+        /** True if two values are equal: numbers by their values, members in any order. */
         fun isSame(one: Any?, other: Any?): Boolean = when (one) {
             is Members ->
                 other is Members && one.values.keys == other.values.keys &&
@@ -237,7 +239,7 @@ internal class Sound private constructor(private val text: String) {
             else -> one == other
         }
 
-        /** A string as JSON; half a character is U+FFFD, as Python writes it. */
+        /** A string as JSON; an unpaired surrogate becomes U+FFFD, as in Python. */
         fun quote(text: String): String {
             val out = StringBuilder(text.length + 2).append('"')
             for ((i, letter) in text.withIndex()) {

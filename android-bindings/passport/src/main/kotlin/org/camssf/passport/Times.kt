@@ -5,15 +5,17 @@ import kotlin.math.floor
 import kotlin.math.round
 import kotlin.time.Instant
 
-/** The first second that no calendar of four digits holds. */
+/** The first second after the year 9999, in seconds since 1970. */
 internal const val AFTER_ALL = 253402300800L
 
-/** As Python's isoformat. */
+/** A time as Python's isoformat writes it. */
 internal fun iso(at: Instant): String = at.toString().removeSuffix("Z") + "+00:00"
 
 internal fun second(at: Long): Instant = Instant.fromEpochSeconds(at)
 
-/** When a passport that begins then ends: whole seconds, one at least. */
+/**
+ * End of a passport's validity, in seconds since 1970: a whole number of seconds after its beginning, at least one.
+ */
 internal fun end(begins: Long, days: Double): Long {
     val length = maxOf(1L, floor(round(days * 86400e6) / 1e6).toLong())
     if (begins < 0 || begins + length >= AFTER_ALL) {
@@ -22,7 +24,7 @@ internal fun end(begins: Long, days: Double): Long {
     return begins + length
 }
 
-/** A time in ISO 8601, in the one spelling that Python's isoformat has; "" stays. */
+/** A time in ISO 8601, in the only spelling that Python's isoformat has; "" stays "". */
 internal fun captured(text: String): String {
     if (text.isEmpty()) return ""
     val found = TIME.matchEntire(text)?.groupValues ?: throw noTime(text)

@@ -11,7 +11,7 @@ import org.camssf.photo.Corners
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Point
 
-/** A grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
+/** Shows a grey picture of a mosaic on which four taps mark the chart's corners, in the mosaic's pixels. */
 internal class CornersView(context: Context) : View(context) {
     private val paint = Paint(Paint.ANTI_ALIAS_FLAG)
     private var picture: Bitmap? = null
@@ -31,7 +31,7 @@ internal class CornersView(context: Context) : View(context) {
         invalidate()
     }
 
-    /** From now on each tap is a place, in the mosaic's pixels. */
+    /** Calls `then` with the position of each tap from now on, in the mosaic's pixels. */
     fun pick(then: (Point) -> Unit) {
         spot = then
     }
@@ -78,10 +78,10 @@ internal class CornersView(context: Context) : View(context) {
     internal companion object {
         private const val SIDE = 600
 
-        /** Clockwise about their middle, whatever their order was. */
+        /** The corners in clockwise order around their centre, from taps in any order. */
         fun ordered(taps: List<Double>): Corners = Corners.around(taps.chunked(2).map { Point(it[0], it[1]) })
 
-        /** Green samples, every so many, with a gamma that shows the dark patches. */
+        /** Green samples at every `step`-th position, with a gamma that makes dark patches visible. */
         fun thumbnail(mosaic: Mosaic, step: Int): Bitmap {
             val (width, height) = mosaic.width / step to mosaic.height / step
             val colors = IntArray(width * height)

@@ -9,12 +9,12 @@ import android.view.View
 import org.camssf.Grid
 import org.camssf.recovery.Ssf
 
-/** Three curves over 380 to 720 nm, each of peak 1, with their 95 % bands. */
+/** Draws three curves from 380 to 720 nm, each with peak 1, with their 95 % bands. */
 internal class CurvesView(context: Context) : View(context) {
     private val paint = Paint(Paint.ANTI_ALIAS_FLAG)
     private val path = Path()
 
-    /** What is drawn; null leaves the frame empty. */
+    /** The curves to draw; null leaves the frame empty. */
     var ssf: Ssf? = null
         set(value) {
             field = value

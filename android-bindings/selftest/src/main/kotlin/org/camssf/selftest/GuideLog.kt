@@ -4,7 +4,7 @@ import org.camssf.guide.Advice
 import org.camssf.guide.Guidance
 import org.json.JSONObject
 
-/** What a live session was: how long frames took, what was said, the last frame's measures. No picture. */
+/** Statistics of a live session: time per frame, advice given, and the last frame's measures. It holds no picture. */
 internal class GuideLog {
     private val milliseconds = ArrayList<Double>()
     private val said = LinkedHashMap<Advice, Int>()
@@ -12,7 +12,7 @@ internal class GuideLog {
     private var before: Advice? = null
     private var last: Guidance? = null
 
-    /** Takes a frame's guidance and the time that search and guide took. */
+    /** Adds a frame's guidance, and the time that search and guide took, ns. */
     @Synchronized
     fun add(guidance: Guidance, nanoseconds: Long) {
         milliseconds += nanoseconds / 1e6
@@ -22,7 +22,7 @@ internal class GuideLog {
         if (guidance.measured != null) last = guidance
     }
 
-    /** For the report: times in ms, frames by advice. */
+    /** The statistics for the report: times in ms, number of frames for each advice. */
     @Synchronized
     fun toJson(): JSONObject {
         val sorted = milliseconds.sorted()

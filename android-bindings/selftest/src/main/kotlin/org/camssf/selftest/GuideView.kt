@@ -11,7 +11,7 @@ import org.camssf.guide.Guidance
 import org.camssf.photo.Corners
 import org.camssf.photo.PreviewMap
 
-/** The chart's outline and one line of advice, over a preview. */
+/** Draws the chart's outline and one line of advice over a preview. */
 internal class GuideView(context: Context) : View(context) {
     private val paint = Paint(Paint.ANTI_ALIAS_FLAG)
     private val path = Path()
@@ -19,10 +19,10 @@ internal class GuideView(context: Context) : View(context) {
     private var outline: Corners? = null
 
     /**
-     * Shows what the guide said of a frame.
+     * Shows the guidance of a frame.
      *
-     * @param frame from the frame to the mosaic.
-     * @param view from this view to the mosaic.
+     * @param frame the map from the frame to the mosaic.
+     * @param view the map from this view to the mosaic.
      */
     fun show(said: Guidance, frame: PreviewMap, view: PreviewMap) {
         guidance = said

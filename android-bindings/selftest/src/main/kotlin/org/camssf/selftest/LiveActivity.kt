@@ -23,8 +23,9 @@ import org.camssf.guide.CaptureGuide
 import org.camssf.photo.PreviewFit
 
 /**
- * The back camera's live picture with finder and guide on it. Keeps no picture; what the guide said goes back to the
- * screen that asked, as the text of [GuideLog].
+ * Shows the back camera's preview with finder and guide.
+ *
+ * It keeps no picture. Its result for the calling activity is the text of [GuideLog].
  */
 public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
     internal val log = GuideLog()
@@ -95,7 +96,7 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
             val told = manager.getCameraCharacteristics(id)
             manager.openCamera(id, opened(told), handler)
         } catch (_: CameraAccessException) {
-            finish() // another app has it, or a policy forbids it
+            finish() // another app uses the camera, or a policy forbids it
         } catch (_: SecurityException) {
             finish()
         }
@@ -112,7 +113,7 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
         override fun onError(device: CameraDevice, error: Int) = device.close()
     }
 
-    @Suppress("DEPRECATION") // what replaces it is of API 28
+    @Suppress("DEPRECATION") // its replacement needs API 28
     private fun preview(device: CameraDevice, told: CameraCharacteristics) {
         val surface = texture.surfaceTexture?.apply { setDefaultBufferSize(WIDTH, HEIGHT) } ?: return
         val guide = CaptureGuide(PreviewFrames.focal(told))
@@ -122,7 +123,7 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
         val looking = PreviewFrames.listener(guide) { said ->
             runOnUiThread {
                 if (advice.width > 0) {
-                    // A TextureView stretches its stream; the manifest keeps the screen upright.
+                    // A TextureView stretches its stream; the manifest fixes the screen to portrait.
                     val size = advice.width to advice.height
                     val view = PreviewFrames.view(told, WIDTH to HEIGHT, size, rotation(), PreviewFit.STRETCH)
                     advice.show(said, frame, view)
@@ -152,11 +153,11 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
         override fun onConfigureFailed(session: CameraCaptureSession) = runOnUiThread { finish() }
     }
 
-    @Suppress("DEPRECATION") // what replaces it is of API 30
+    @Suppress("DEPRECATION") // its replacement needs API 30
     private fun rotation() = 90 * windowManager.defaultDisplay.rotation
 
     internal companion object {
-        /** Of the result's text. */
+        /** Name of the result's extra that holds the log. */
         const val LOG = "log"
         private const val CAMERA = 1
         private const val WIDTH = 640

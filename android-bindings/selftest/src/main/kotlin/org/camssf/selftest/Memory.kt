@@ -6,14 +6,14 @@ import android.system.OsConstants
 import java.io.File
 import java.io.IOException
 
-/** What the app takes of the phone's memory, bytes. */
+/** Measures the app's use of memory, bytes. */
 internal object Memory {
-    /** The kernel's page: 4096 or 16384. */
+    /** Size of the kernel's pages: 4096 or 16384. */
     fun page(): Long = Os.sysconf(OsConstants._SC_PAGESIZE)
 
     /**
-     * Java's heap and its limit, the native heap, where ONNX Runtime lives, and the process' peak, with what it shares
-     * with every other app.
+     * Java's heap and its limit; the native heap, which ONNX Runtime uses; and the peak of the process, which
+     * includes memory shared with other apps.
      */
     fun now(): Map<String, Long> {
         val java = Runtime.getRuntime()
@@ -25,7 +25,7 @@ internal object Memory {
         )
     }
 
-    /** Of the kernel's own books; -1 where they are shut. */
+    /** Peak of the process from /proc/self/status; -1 if this cannot be read. */
     private fun peak(): Long {
         val lines = try {
             File("/proc/self/status").readLines()

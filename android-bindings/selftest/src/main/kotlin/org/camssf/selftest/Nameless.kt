@@ -2,7 +2,7 @@ package org.camssf.selftest
 
 import org.camssf.photo.dng.DngSource
 
-/** A photo whose name, which may hold date and time, stays out of results. */
+/** A photo without its file name, which may contain date and time and must not reach results. */
 internal class Nameless(source: DngSource) : DngSource by source {
     override val name: String = "photo"
 }

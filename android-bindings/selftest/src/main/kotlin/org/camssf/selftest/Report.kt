@@ -8,12 +8,11 @@ import org.json.JSONArray
 import org.json.JSONObject
 
 /**
- * What the user sends back: the device, the golden vectors, the calibration, what the guide said, tapped colours.
- * No photo, no place, no time.
+ * The report that the user sends back: device, golden vectors, calibration, guidance and tapped colours.
  *
- * A result carries its photos' names, and Android's hold date and time (IMG_20261121_130000.dng): whoever calls
- * [calibration] calls the photo something else, as [Nameless] does. The photo's SHA-256 stays, so that the sender can
- * show which photo it was.
+ * It holds no photo, place or time. A result contains the names of its photos, and Android's names contain date and
+ * time (IMG_20261121_130000.dng), so whoever calls [calibration] must rename the photo, as [Nameless] does. The
+ * photo's SHA-256 stays, so that the sender can show which photo it was.
  */
 internal class Report(private val device: Map<String, String>) {
     private var golden: JSONObject? = null
@@ -21,7 +20,7 @@ internal class Report(private val device: Map<String, String>) {
     private var guide: JSONObject? = null
     private val colours = JSONArray()
 
-    /** Takes the golden vectors' outcomes and the time that they took, ms. */
+    /** Adds the outcomes of the golden vectors, and the time that they took, ms. */
     fun golden(outcomes: List<Outcome>, milliseconds: Long) {
         val faults = JSONArray()
         for (outcome in outcomes) outcome.faults.forEach { faults.put("${outcome.case}: $it") }
@@ -33,7 +32,7 @@ internal class Report(private val device: Map<String, String>) {
             .put("milliseconds", milliseconds)
     }
 
-    /** Takes a result, the time that it took, ms, and the memory afterwards, bytes (see [Memory]). */
+    /** Adds a result, the time that it took, ms, and the memory use afterwards, bytes (see [Memory]). */
     fun calibration(found: Calibration, milliseconds: Long, memory: Map<String, Long>) {
         calibration = JSONObject()
             .put("milliseconds", milliseconds)
@@ -41,17 +40,17 @@ internal class Report(private val device: Map<String, String>) {
             .put("result", JSONObject(found.toJson()))
     }
 
-    /** Takes what a live session was, the text of a [GuideLog]. */
+    /** Adds the statistics of a live session, the text of a [GuideLog]. */
     fun guide(log: String) {
         guide = JSONObject(log)
     }
 
-    /** Takes the standard colour of a tapped spot; not where it was. */
+    /** Adds the standard colour of a tapped spot, without its position. */
     fun colour(found: StandardColour) {
         colours.put(JSONObject().put("lab", JSONArray(found.lab.toList())))
     }
 
-    /** "camssf-selftest/1". */
+    /** The report as JSON, "camssf-selftest/1". */
     fun toJson(): String = JSONObject()
         .put("format", "camssf-selftest/1")
         .put("device", JSONObject(device))

@@ -33,10 +33,10 @@ import java.io.IOException
 import java.util.concurrent.Executors
 
 /**
- * The first screen: golden vectors, the guide on the live picture ([LiveActivity]), a calibration from a chosen DNG,
- * standard colour of tapped spots, and a JSON to send back.
+ * The first screen: golden vectors, the guide on the live preview ([LiveActivity]), a calibration from a chosen DNG,
+ * standard colours of tapped spots, and a JSON report to send back.
  *
- * Everything but drawing runs on one worker thread; what it finds is posted to the main thread.
+ * Everything except drawing runs on one worker thread; its results are posted to the main thread.
  */
 public class SelfTestActivity : Activity() {
     private val worker = Executors.newSingleThreadExecutor()
@@ -88,7 +88,7 @@ public class SelfTestActivity : Activity() {
         if (result == RESULT_OK && request == SAVE) save(uri)
     }
 
-    /** Runs all golden cases of the app's assets. */
+    /** Runs all golden cases in the app's assets. */
     internal fun runGolden(): Unit = work("Running the golden vectors …") {
         val start = System.nanoTime()
         val outcomes = ArrayList<Outcome>()
@@ -168,7 +168,7 @@ public class SelfTestActivity : Activity() {
         startActivityForResult(intent, request)
     }
 
-    /** Runs on the worker; whatever ends it is said on the screen. */
+    /** Runs a job on the worker thread; its exceptions are shown on the screen. */
     private fun work(what: String, job: () -> Unit) {
         tell(what)
         buttons.forEach { it.isEnabled = false }
@@ -215,7 +215,7 @@ public class SelfTestActivity : Activity() {
         const val SAVE = 2
         const val LIVE = 3
 
-        /** In the menu of lamps: a light that nobody named. */
+        /** Entry in the menu of lamps for an unnamed light. */
         const val UNNAMED = "auto"
         const val INTRODUCTION = "Checks that camssf computes on this phone what it computes on a desktop. " +
             "Nothing leaves the phone but the report that you save and send yourself."

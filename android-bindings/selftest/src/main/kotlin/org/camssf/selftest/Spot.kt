@@ -15,7 +15,10 @@ import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import kotlin.math.roundToInt
 
-/** Standard colour of places in the photo that a camera was calibrated from; the chart's white is the reference. */
+/**
+ * Computes the standard colour of places in the photo that a camera was calibrated from, relative to the chart's
+ * white.
+ */
 internal class Spot(
     private val mosaic: Mosaic,
     corners: Corners,
@@ -32,7 +35,7 @@ internal class Spot(
         standardiser = Standardiser.of(found, Lamp.read(lamp), Reference(white, WHITE))
     }
 
-    /** The colour of the 12 × 12 samples about a place in the mosaic. */
+    /** The colour of the 12 × 12 samples around a place in the mosaic. */
     fun at(place: Point): StandardColour =
         standardiser.colourOf(RawRegion.measure(mosaic, listOf(around(place))).single())
 
@@ -48,10 +51,10 @@ internal class Spot(
     companion object {
         private const val SIDE = 12
 
-        /** Of a ColorChecker's white patch. */
+        /** Reflectance of a ColorChecker's white patch. */
         private const val WHITE = 0.9
 
-        /** One line for the screen. */
+        /** A colour as one line for the screen. */
         fun words(colour: StandardColour): String {
             val (l, a, b) = colour.lab.map { (10 * it).roundToInt() / 10.0 }
             return "L* $l, a* $a, b* $b, relative to the lamp"

@@ -22,22 +22,24 @@ import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
 
 /**
- * Results without a calibration, for an app's own tests: what its screens and files make of an answer, of a doubtful one
- * and of a refusal. No model runs, and ONNX Runtime need not be there. Each says in its assumptions that it is a fake.
+ * Fake results without a calibration, for an app's own tests of its screens and files: an answer, a doubtful answer
+ * and a refusal.
+ *
+ * No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
  */
 public object Fakes {
-    /** The code of the assumption that every fake carries. */
+    /** Code of the assumption that every fake answer has. */
     public const val FAKE: String = "fake"
 
     private const val BASIS = "phones"
     private const val BAND = 0.02
 
     /**
-     * An answer: the mean phone's curves, with a band of 2 % of the peak, on the signals of [SampleCapture].
+     * An answer: the mean curves of the phones, with a band of 2 % of the peak, on the signals of [SampleCapture].
      *
-     * @param doubts codes of the reasons for which it is doubtful; none for an accepted one.
+     * @param doubts codes of the reasons for which it is doubtful; empty for an accepted answer.
      * @param curves (681, 3) other curves, row-major, on [Grid], any scale.
-     * @throws InvalidArgument curves of another size, or without a positive peak.
+     * @throws InvalidArgument the curves have another size, or do not respond to white.
      */
     @JvmStatic
     @JvmOverloads
@@ -89,7 +91,7 @@ public object Fakes {
     /**
      * A refusal.
      *
-     * @param error why; `Overexposed("Too bright.", "Close the lens by a stop.")`, for instance.
+     * @param error its cause, for example `Overexposed("Too bright.", "Close the lens by a stop.")`.
      */
     @JvmStatic
     public fun refused(error: CalibrationException): Refused {

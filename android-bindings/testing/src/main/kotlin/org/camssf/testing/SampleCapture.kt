@@ -11,11 +11,14 @@ import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** A drawn photo of a Classic chart, 180 × 132 samples, under a flat light: what an app's tests can calibrate from. */
+/**
+ * A synthetic photo of a Classic chart, 180 × 132 samples, under light with a flat spectrum, for calibrations in an
+ * app's tests.
+ */
 public object SampleCapture {
     private const val NAME = "chart-turned-0.dng"
 
-    /** The DNG's bytes; a new array at each call. */
+    /** The bytes of the DNG; a new array for each call. */
     @JvmStatic
     public fun bytes(): ByteArray = requireNotNull(SampleCapture::class.java.getResourceAsStream(NAME)).use {
         it.readBytes()
@@ -25,19 +28,19 @@ public object SampleCapture {
     @JvmStatic
     public fun chart(): ChartTable = ChartTable.read("classic24")
 
-    /** Taps around the block of patches, as a careful hand makes them. */
+    /** Corners of the block of patches, as a careful user would tap them. */
     @JvmStatic
     public fun corners(): Corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
 
-    /** The photo; opened anew at each reading. */
+    /** The photo; each reading opens it again. */
     @JvmStatic
     public fun photo(): PhotoSource = PhotoSource.dng { DngSource.of(bytes(), NAME) }
 
-    /** One shot of it, without white and dark frame; `SsfCalibrator.calibrate` takes it, and accepts it. */
+    /** A capture of one shot, without white and dark frame; `SsfCalibrator.calibrate` accepts it. */
     @JvmStatic
     public fun capture(): Capture = Capture(Shot(photo(), Lamp.read("E"), corners()), chart())
 
-    /** The same measured, without ONNX Runtime. */
+    /** The shot of this capture, measured; ONNX Runtime is not needed. */
     @JvmStatic
     public fun measured(): MeasuredShot = Measuring(capture(), Tell.NOBODY).run().shots[0]
 }

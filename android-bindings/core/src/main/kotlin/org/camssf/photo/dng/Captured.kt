@@ -5,8 +5,8 @@ private val OFFSET = Regex("[+-]([0-9]{2}):([0-9]{2})")
 private val LENGTHS = listOf(0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31)
 
 /**
- * When a photo was taken: Exif's DateTimeOriginal with its offset, as ISO 8601; "" where the file is silent, or its clock
- * was never set and wrote zeros or blanks.
+ * Capture time as ISO 8601: Exif's DateTimeOriginal with its offset. "" if the tag is missing or invalid; a clock
+ * that was never set writes zeros or blanks.
  */
 internal fun captured(tiff: Tiff, exif: Directory): String {
     val parts = TIME.matchEntire(tiff.text(exif, Tag.TIME))?.groupValues?.drop(1) ?: return ""

@@ -16,27 +16,27 @@ import org.camssf.photo.outside
 import java.security.MessageDigest
 
 /**
- * DNG → mosaic: the sensor's samples as stored, and what the file says about them.
+ * Reads a DNG as a mosaic: the sensor's samples as stored, and the file's metadata.
  *
- * Reads classic TIFF of either byte order; colour filter mosaics in strips or tiles; 8 to 16 bits; uncompressed,
- * lossless JPEG and deflate. It trusts no number in the file: a damaged or hostile file gets a [RawError] in time and
- * memory that its own length bounds. Stateless, any thread.
+ * It supports classic TIFF of either byte order; colour filter mosaics in strips or tiles; 8 to 16 bits;
+ * uncompressed, lossless JPEG and deflate. Every number in the file is checked: a damaged or hostile file raises a
+ * [RawError], and time and memory are bounded by its length. Stateless; callable from any thread.
  */
 public object DngReader {
     /**
      * Reads the raw frame of a DNG file.
      *
-     * The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white level
-     * are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
+     * The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white
+     * level are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
      * (tags 50713 to 50716), is averaged for each cell position.
      *
-     * @param source stays open; read by one thread.
-     * @param region decode only this part of the active area, as far as it lies inside: the strips and tiles that it
-     *   touches. Damage elsewhere then goes unseen.
+     * @param source stays open; the caller closes it. It is read by one thread.
+     * @param region decode only this part of the active area, clipped to it, that is, only the strips and tiles that
+     *   it touches. Damage elsewhere is then not detected.
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
-     * @throws UnsupportedRaw a sound raw file that is no DNG, or a DNG in a form that camssf does not read.
+     * @throws UnsupportedRaw an intact raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
-     * @throws OutOfMemory the part does not fit into the memory that is left.
+     * @throws OutOfMemory the samples do not fit into the free memory.
      * @throws InvalidArgument `region` is empty or lies outside the active area.
      * @throws InterruptedException the thread is interrupted; the flag is cleared.
      */
@@ -51,14 +51,14 @@ public object DngReader {
     }
 
     /**
-     * What [read] says of the file, without its samples.
+     * The metadata that [read] returns, without the samples.
      *
-     * @param region as there: it must lie in the photo, at least in part.
+     * @param region as in [read]: at least a part of it must be inside the photo.
      */
     internal fun facts(source: DngSource, region: Region?): Facts =
         bounded(source, region) { Head(Tiff(source), region).facts() }
 
-    /** Gives the samples of a part, each once, in the order in which the file holds them; none is kept. */
+    /** Passes the samples of a part to `rows`, each once, in the file's order; none is kept. */
     internal fun scan(source: DngSource, region: Region, rows: Rows) = bounded(source, region) {
         val head = Head(Tiff(source), region)
         val area = head.picture.area
@@ -79,7 +79,7 @@ public object DngReader {
         )
     }
 
-    /** The parsed file, and the part of it that is asked for. */
+    /** The parsed file and its requested part. */
     private class Head(val tiff: Tiff, region: Region?) {
         private val raw = rawDirectory(tiff)
         val picture = storedPicture(tiff, raw)
@@ -97,7 +97,7 @@ public object DngReader {
 
         fun decode(window: Window) = decode(tiff, picture, window, before11(tiff))
 
-        /** Reads the file once through for its hash. */
+        /** The metadata; reads the whole file once for its hash. */
         fun facts(): Facts {
             val first = tiff.main[0]
             val exif = tiff.exif()
@@ -151,7 +151,7 @@ public object DngReader {
         return part
     }
 
-    /** DNG 1.0 wrote 16 more bits behind category 16 of lossless JPEG. */
+    /** True for DNG 1.0, which writes 16 more bits after category 16 of lossless JPEG. */
     private fun before11(tiff: Tiff): Boolean = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 2).getOrElse(1) { 0 } < 1
 
     private fun sha256(tiff: Tiff): String {

@@ -13,38 +13,38 @@ import java.nio.ByteBuffer
 import java.nio.channels.FileChannel
 
 /**
- * Where a DNG's bytes come from: random access, any number of reads, one thread at a time.
+ * The bytes of a DNG: random access, any number of reads, one thread at a time.
  *
- * Whoever opens a source closes it. On Android a `Uri` gives a descriptor, and `FileInputStream(descriptor).channel`
- * goes into [of]; where a provider only streams, the stream does.
+ * The caller that opens a source closes it. On Android, open a `Uri` as a descriptor and pass
+ * `FileInputStream(descriptor).channel` to [of]; if the provider only streams, pass the stream.
  */
 public interface DngSource : Closeable {
-    /** Of the file, for messages and results; no path. */
+    /** Name of the file without its path, for messages and results. */
     public val name: String
 
-    /** Bytes. */
+    /** Size, bytes. */
     public val size: Long
 
     /**
      * Reads `length` bytes from byte `at` into `into`, beginning at `offset`.
      *
-     * @throws IOException where the bytes do not come, all of them.
+     * @throws IOException not all of these bytes can be read.
      */
     @Throws(IOException::class)
     public fun read(at: Long, into: ByteArray, offset: Int, length: Int)
 
     public companion object {
-        /** Largest stream that [of] takes, unless told otherwise, bytes. */
+        /** Default for the largest stream that [of] accepts, bytes. */
         public const val STREAM_LIMIT: Long = 256L shl 20
 
-        /** Bytes in memory, not copied. */
+        /** A source of bytes in memory, which are not copied. */
         @JvmStatic
         public fun of(bytes: ByteArray, name: String): DngSource = BytesSource(bytes, bytes.size, name)
 
         /**
-         * A file, opened here.
+         * A source of a file, which is opened here.
          *
-         * @throws UnreadableRaw where it is missing, a folder, or not to be opened.
+         * @throws UnreadableRaw the file is missing, a folder, or cannot be opened.
          */
         @JvmStatic
         public fun of(file: File): DngSource {
@@ -64,9 +64,10 @@ public interface DngSource : Closeable {
         }
 
         /**
-         * An open channel, which closing the source closes; its position is neither used nor changed.
+         * A source of an open channel. Closing the source closes the channel; its position is neither used nor
+         * changed.
          *
-         * @throws UnreadableRaw where it has no size, as a pipe has none.
+         * @throws UnreadableRaw the channel has no size, for example a pipe.
          */
         @JvmStatic
         public fun of(channel: FileChannel, name: String): DngSource {
@@ -79,11 +80,11 @@ public interface DngSource : Closeable {
         }
 
         /**
-         * A stream, read to its end here and left open.
+         * A source of a stream, which is read to its end here and left open.
          *
-         * @param limit bytes that are accepted at most.
-         * @throws UnreadableRaw where it fails.
-         * @throws UnsupportedRaw where it is longer than `limit`.
+         * @param limit largest number of bytes accepted.
+         * @throws UnreadableRaw reading the stream fails.
+         * @throws UnsupportedRaw the stream is longer than `limit`.
          */
         @JvmStatic
         @JvmOverloads
@@ -107,7 +108,7 @@ public interface DngSource : Closeable {
     }
 }
 
-/** Gives its bytes away without a copy. */
+/** Gives access to its buffer without a copy. */
 private class Grown : ByteArrayOutputStream(1 shl 20) {
     fun bytes(): ByteArray = buf
 }
@@ -132,7 +133,7 @@ private class ChannelSource(
         if (at < 0) throw EOFException("byte $at")
         var done = 0
         while (done < length) {
-            // in steps: the runtime copies through a buffer as large as what is asked for
+            // in steps, because the runtime copies through a buffer as large as the request
             val count = channel.read(ByteBuffer.wrap(into, offset + done, minOf(length - done, STEP)), at + done)
             if (count < 0) throw EOFException("byte ${at + done} of $size")
             done += count

@@ -46,7 +46,10 @@ internal fun black(tiff: Tiff, raw: Directory, area: Region): DoubleArray {
     return black
 }
 
-/** The mean of a repeating pattern at rows of parity i and columns of parity j; an odd period meets both parities. */
+/**
+ * Mean of a repeating pattern at rows of parity i and columns of parity j. With an odd period, each entry occurs at
+ * both parities.
+ */
 private fun patternMean(pattern: DoubleArray, rows: Int, columns: Int, i: Int, j: Int): Double {
     var sum = 0.0
     for (y in i until 2 * rows step 2) {
@@ -64,14 +67,17 @@ private fun DoubleArray.every2(first: Int): Double {
     return sum / ((size - first + 1) / 2)
 }
 
-/** The white level, DN; 2^bits - 1 where the file is silent. */
+/** The white level, DN; 2^bits - 1 if the tag is missing. */
 internal fun white(tiff: Tiff, raw: Directory, bits: Int): Double {
     val white = tiff.numbers(raw, Tag.WHITE, 1)?.get(0) ?: (2.0.pow(bits) - 1)
     if (!(white > 0 && white <= 65535)) throw tiff.damaged("a white level of $white")
     return white
 }
 
-/** (65536) what each stored value stands for, as unsigned 16 bit; the last entry holds beyond the table's end. Or null. */
+/**
+ * (65536) linearised value of each stored value, unsigned 16-bit; the table's last entry holds beyond its end. Null
+ * if there is no table.
+ */
 internal fun linearization(tiff: Tiff, raw: Directory): ShortArray? {
     if (tiff.count(raw, Tag.LINEARIZATION) > 65536) throw tiff.damaged("a linearization table of too many values")
     val table = tiff.whole(raw, Tag.LINEARIZATION)
@@ -80,7 +86,7 @@ internal fun linearization(tiff: Tiff, raw: Directory): ShortArray? {
     return ShortArray(65536) { table[minOf(it, table.size - 1)].toShort() }
 }
 
-/** Shielded parts of the sensor, in samples of the stored picture; what is no such part is left out. */
+/** Shielded parts of the sensor, in samples of the stored picture; invalid rectangles are left out. */
 internal fun maskedAreas(tiff: Tiff, raw: Directory, picture: StoredPicture): List<Region> {
     val count = tiff.count(raw, Tag.MASKED_AREAS)
     if (count == 0L || count % 4 != 0L || count > 4 * MAX_MASKED) return emptyList()
@@ -93,7 +99,7 @@ internal fun maskedAreas(tiff: Tiff, raw: Directory, picture: StoredPicture): Li
     }
 }
 
-/** The first positive number under `tag`; writers put 0 for unknown. */
+/** The first positive number under `tag`; some writers store 0 for unknown. */
 internal fun positive(tiff: Tiff, directories: List<Directory>, tag: Int): Double? {
     for (directory in directories) {
         val value = tiff.numbers(directory, tag, limit = 1)?.get(0) ?: continue
@@ -102,14 +108,14 @@ internal fun positive(tiff: Tiff, directories: List<Directory>, tag: Int): Doubl
     return null
 }
 
-/** Just `count` finite numbers, else null. */
+/** The numbers under `tag` if there are exactly `count` and all are finite; null otherwise. */
 internal fun finite(tiff: Tiff, directory: Directory, tag: Int, count: Int): DoubleArray? {
     val values = tiff.numbers(directory, tag, limit = count) ?: return null
     val whole = tiff.count(directory, tag) == count.toLong()
     return if (whole && values.none { it.isNaN() || it.isInfinite() }) values else null
 }
 
-/** Pairs (S, O), one pair or one for each of up to four planes; else null. */
+/** Noise profile: pairs (S, O), one pair or one for each of up to four planes; null if missing or invalid. */
 internal fun noiseProfile(tiff: Tiff, raw: Directory): DoubleArray? {
     val directory = if (Tag.NOISE_PROFILE in raw) raw else tiff.main[0]
     val count = tiff.count(directory, Tag.NOISE_PROFILE)

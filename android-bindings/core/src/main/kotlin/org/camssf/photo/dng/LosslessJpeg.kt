@@ -4,16 +4,16 @@ import org.camssf.UnsupportedRaw
 import java.nio.ByteBuffer
 
 /**
- * Lossless JPEG (ITU-T T.81, process 14, SOF3) of 2 to 16 bits and 1 to 4 interleaved components.
+ * Decoder of lossless JPEG (ITU-T T.81, process 14, SOF3) with 2 to 16 bits and 1 to 4 interleaved components.
  *
- * Damage is found as far as the format allows: codes that no table holds, samples beyond the precision, an early end,
- * a late end, markers out of turn. One object decodes many images, one after the other.
+ * It detects damage as far as the format allows: codes that are in no table, samples beyond the precision, data that
+ * end too early or too late, markers in the wrong order. One object decodes many images, one after the other.
  *
- * @param tiff names the file in errors.
- * @param extraBits category 16 is followed by 16 bits, as DNG before 1.1 wrote it.
+ * @param tiff the file, for error messages.
+ * @param extraBits true if category 16 is followed by 16 bits, as in DNG before 1.1.
  */
 internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boolean) {
-    /** A decoded line of columns × components samples; as a row it begins at sample `start`. */
+    /** A decoded line of columns × components samples; `copy` counts from sample `start`. */
     class Line(val size: Int) : Window.Row {
         var start = 0
         val values = IntArray(size)
@@ -38,11 +38,11 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
     private var selector = 0
     private var shift = 0
     private val defined = arrayOfNulls<ByteArray>(4)
-    private val tables = arrayOfNulls<Huffman>(4) // kept, as the next image mostly has the same
+    private val tables = arrayOfNulls<Huffman>(4) // kept, because the next image usually has the same tables
     private var used: Array<IntArray> = emptyArray()
     private var long: Array<Huffman> = emptyArray()
 
-    // The coded bytes in hand, without stuffing, and the bits read of them.
+    // State of the current segment: its coded bytes, without stuffing, and the bits already read.
     private var end = 0
     private var marker = 0
     private var next = 0
@@ -53,11 +53,11 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
     /**
      * Decodes one image.
      *
-     * @param bytes the image, changed on the way, with [SLACK] bytes behind it.
-     * @param length of the image in bytes.
-     * @param samples that it must hold.
-     * @param wanted stop behind the line that holds the last of so many; the rest is then not checked.
-     * @param sink takes each line with the number of its first sample, counted over lines and components.
+     * @param bytes the image, followed by [SLACK] bytes; its content is changed.
+     * @param length length of the image, bytes.
+     * @param samples number of samples that the image must have.
+     * @param wanted stop after the line with the last of this many samples; the rest is then not checked.
+     * @param sink receives each line and the number of its first sample, counted over lines and components.
      */
     fun decode(bytes: ByteArray, length: Int, samples: Long, wanted: Long, sink: (Line, Long) -> Unit) {
         this.bytes = bytes
@@ -100,7 +100,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
 
     private fun short(at: Int): Int = (byte(at) shl 8) or byte(at + 1)
 
-    /** Reads all markers up to the scan; returns where its coded data begin. */
+    /** Reads all markers up to the scan; returns the offset of its coded data. */
     private fun header(): Int {
         if (length < 2 || short(0) != 0xffd8) throw tiff.damaged("a piece of its data is no JPEG")
         var place = 2
@@ -199,7 +199,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
 
     // Coded data --------------------------------------------------------------------------------------------------
 
-    /** Takes the stuffing out of the coded bytes from `from` up to the next marker, in place. */
+    /** Removes the stuffing from the coded bytes from `from` up to the next marker, in place. */
     private fun segment(from: Int) {
         val bytes = bytes
         var write = from
@@ -227,7 +227,10 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         count = 0
     }
 
-    /** Proves that the segment is used up, and that just this marker follows. Zero bytes may fill it up. */
+    /**
+     * Checks that the segment was read completely and that exactly this marker follows; trailing zero bytes are
+     * allowed.
+     */
     private fun close(expected: Int) {
         val used = ((at * 8L - count + 7) / 8).toInt()
         for (i in used until end) if (bytes[i] != ZERO) throw tiff.damaged("its JPEG data go on too long")
@@ -237,7 +240,8 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
     /**
      * Reads a line of differences.
      *
-     * `buffer` holds the next bits from its highest on, `count` of them sure, and maybe more that come again.
+     * `buffer` holds the next bits, starting at the highest. `count` of them are valid; the bits after them are
+     * loaded again.
      */
     private fun differences(into: IntArray) {
         val words = words
@@ -249,7 +253,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         var count = count
         var component = 0
         for (i in into.indices) {
-            if (count < 32) { // a code and its bits are 32 at most
+            if (count < 32) { // a code and its bits are at most 32
                 if (at > limit) throw tiff.damaged("its JPEG data end early")
                 buffer = buffer or (words.getLong(at) ushr count)
                 at += (63 - count) ushr 3
@@ -280,7 +284,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         this.count = count
     }
 
-    /** Turns the line's differences into samples. T.81 H.1.1 and table H.1; all of it modulo 2^16. */
+    /** Converts the line's differences to samples, modulo 2^16. T.81 H.1.1 and table H.1. */
     private fun predict(line: IntArray, above: IntArray, first: Boolean) {
         val n = components
         val start = 1 shl (precision - shift - 1)
@@ -310,7 +314,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
     }
 
     companion object {
-        /** Bytes that must lie behind an image. */
+        /** Number of bytes required after an image. */
         const val SLACK = 24
         private const val FF: Byte = -1
         private const val ZERO: Byte = 0
@@ -318,13 +322,14 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
 }
 
 /**
- * A Huffman table of difference categories, laid out for reading many bits at once.
+ * A Huffman table of difference categories, arranged so that many bits are read at once.
  *
- * An entry is the bits to drop (0 to 4), the category's bits still to read (5 to 9), and, where there are none, the
- * difference itself (16 to 31); 0 where there is no such code.
+ * An entry consists of the number of bits to drop (bits 0 to 4), the number of difference bits still to read
+ * (bits 5 to 9), and, if that is 0, the difference itself (bits 16 to 31). An entry of 0 means that no such code
+ * exists.
  *
- * @property stored its bytes in the file: how many codes of 1 to 16 bits, then their categories.
- * @property entries by the next [BITS] bits; 0 also for codes that are longer.
+ * @property stored its bytes in the file: the number of codes of each length 1 to 16, then their categories.
+ * @property entries indexed by the next [BITS] bits; also 0 for longer codes.
  */
 internal class Huffman private constructor(
     val stored: ByteArray,
@@ -382,14 +387,14 @@ internal class Huffman private constructor(
     }
 
     companion object {
-        /** Bits looked up at once. */
+        /** Number of bits per lookup. */
         const val BITS = 12
 
-        /** The table, or null where it is none. */
+        /** The table; null if it is invalid. */
         fun of(stored: ByteArray, extraBits: Boolean): Huffman? =
             Huffman(stored, IntArray(1 shl BITS), extraBits).takeIf { it.fill() }
 
-        /** The difference that the `bits` bits of `value` stand for. T.81 F.2.2.1, EXTEND. */
+        /** The difference that the `bits` bits of `value` encode. T.81 F.2.2.1, EXTEND. */
         fun extend(value: Int, bits: Int): Int = value + (((value ushr (bits - 1)) - 1) and (1 - (1 shl bits)))
     }
 }

@@ -2,7 +2,10 @@ package org.camssf.photo.dng
 
 import org.camssf.photo.Neutral
 
-/** Camera white of each light that the file has a colour matrix for; AnalogBalance on top (DNG 1.7, chapter 6). */
+/**
+ * The camera's white under the illuminant of each of the file's colour matrices, AnalogBalance included (DNG 1.7,
+ * chapter 6).
+ */
 internal fun neutrals(tiff: Tiff, first: Directory): List<Neutral> {
     val gains = finite(tiff, first, Tag.ANALOG_BALANCE, 3) ?: doubleArrayOf(1.0, 1.0, 1.0)
     return listOf(

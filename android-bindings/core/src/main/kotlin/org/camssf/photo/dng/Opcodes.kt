@@ -13,12 +13,12 @@ private const val OPTIONAL = 1
 private const val MAX_LIST = 16 shl 20
 private const val MAX_OPCODES = 1024L
 
-/** What the three opcode lists hold. DNG 1.7, chapter "Opcode List Processing"; big-endian in every file. */
+/** The contents of the three opcode lists. DNG 1.7, chapter "Opcode List Processing"; big-endian in every file. */
 internal class Opcodes(private val tiff: Tiff, raw: Directory) {
     val gainMaps = ArrayList<GainMap>()
     val badPixels = ArrayList<BadPixels>()
 
-    /** Numbers of the operations that are neither of the above nor optional. */
+    /** Numbers of the opcodes that are none of the above and not optional. */
     val unknown = ArrayList<Int>()
 
     init {
@@ -37,7 +37,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         while (left-- > 0) {
             wanted(buffer, 16, tag)
             val number = buffer.getInt()
-            buffer.getInt() // the version that it needs
+            buffer.getInt() // the required DNG version
             val flags = buffer.getInt()
             val length = buffer.getInt().toLong() and 0xffffffffL
             wanted(buffer, length, tag)
@@ -56,7 +56,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         if (buffer.remaining() < bytes) throw tiff.damaged("opcode list $tag ends early")
     }
 
-    /** The same checks as Python's. */
+    /** Reads a gain map, with the same checks as in Python. */
     private fun gainMap(content: ByteBuffer, list: Int, tag: Int): GainMap {
         fun damaged() = tiff.damaged("opcode list $tag holds a lens-shading map that breaks its format")
         if (content.remaining() < GAIN_MAP_HEAD) throw damaged()
@@ -72,7 +72,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         val net = GainMap.Net(
             pointsV,
             pointsH,
-            // as Adobe's reader: a single point has no spacing
+            // as in Adobe's reader: a single point has no spacing
             if (pointsV == 1) 1.0 else spacingV,
             if (pointsH == 1) 1.0 else spacingH,
             if (pointsV == 1) 0.0 else originV,
@@ -89,7 +89,7 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
     private fun badPixels(content: ByteBuffer, number: Int, list: Int, tag: Int): BadPixels {
         wanted(content, 8, tag)
         if (number == FIX_BAD_CONSTANT) return BadPixels(list, content.getInt(), IntArray(0), emptyList())
-        content.getInt() // the phase of the colour filters
+        content.getInt() // the Bayer phase, which is not used
         wanted(content, 8, tag)
         val points = content.getInt().toLong() and 0xffffffffL
         val areas = content.getInt().toLong() and 0xffffffffL
@@ -104,6 +104,6 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         return Region(left, top, right, bottom)
     }
 
-    /** An unsigned number; the largest Int for all beyond. */
+    /** An unsigned number; larger values become the largest Int. */
     private fun unsigned(content: ByteBuffer): Int = content.getInt().let { if (it < 0) Int.MAX_VALUE else it }
 }

@@ -8,10 +8,10 @@ import java.util.zip.Inflater
 private const val CHUNK = 1 shl 18
 
 /**
- * Decodes the strips or tiles that the wanted part touches, and no others.
+ * Decodes only the strips or tiles that the wanted part touches.
  *
- * @param window takes the rows.
- * @param extraBits category 16 of lossless JPEG is followed by 16 bits, as DNG before 1.1 wrote it.
+ * @param window receives the rows.
+ * @param extraBits true if category 16 of lossless JPEG is followed by 16 bits, as in DNG before 1.1.
  */
 internal fun decode(
     tiff: Tiff,
@@ -35,7 +35,7 @@ internal fun decode(
     }
 }
 
-/** Room that grows and is used again. */
+/** A reusable buffer that grows as needed. */
 internal class Scratch {
     private var bytes = ByteArray(0)
 
@@ -45,7 +45,7 @@ internal class Scratch {
     }
 }
 
-/** One strip or tile at (left, top) of the stored picture, of which `rows` are wanted. */
+/** One strip or tile at (left, top) of the stored picture; `rows` are its wanted rows. */
 private class Piece(
     private val tiff: Tiff,
     private val picture: StoredPicture,
@@ -59,7 +59,9 @@ private class Piece(
     private val length = picture.counts[number].toInt()
     private val width = minOf(picture.pieceWidth, picture.width - left)
 
-    /** Rows to decode: all where the wanted ones reach the active area's end, so that damage below them is found. */
+    /**
+     * Number of rows to decode: all if the wanted ones reach the active area's end, so that damage below is detected.
+     */
     private val decoded =
         if (top + rows.last + 1 < picture.area.bottom) rows.last + 1 else picture.rows(number)
     private val order = if (picture.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
@@ -85,7 +87,7 @@ private class Piece(
         jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * decoded, ::put)
     }
 
-    /** Lays `line`, which begins at sample `from` of the piece, over the piece's rows. */
+    /** Distributes `line`, which starts at sample `from` of the piece, over the piece's rows. */
     private fun put(line: LosslessJpeg.Line, from: Long) {
         var row = (from / picture.pieceWidth).toInt()
         var column = (from % picture.pieceWidth).toInt()
@@ -120,7 +122,7 @@ private class Piece(
         }
     }
 
-    /** Undoes the horizontal difference, modulo the sample's size. TIFF 6.0, section 14. */
+    /** Reverses horizontal differencing, modulo the sample's range. TIFF 6.0, section 14. */
     private fun accumulate(row: ShortArray) {
         val mask = (1 shl picture.bits) - 1
         for (i in 1 until row.size) row[i] = (row[i] + row[i - 1] and mask).toShort()
@@ -128,10 +130,11 @@ private class Piece(
 }
 
 /**
- * Rows of unsigned samples of 8 to 16 bits: whole 16-bit words in `order`, else packed with the highest bit first.
+ * Rows of unsigned samples of 8 to 16 bits: 16-bit words in byte order `order`; other sizes are packed, highest bit
+ * first.
  *
- * @param bytes with [SLACK] bytes behind the last sample.
- * @property start byte at which the row begins.
+ * @param bytes the samples, followed by [SLACK] bytes.
+ * @property start offset of the row, bytes.
  */
 internal class Packed(private val bytes: ByteArray, private val bits: Int, order: ByteOrder) : Window.Row {
     var start = 0
@@ -143,7 +146,7 @@ internal class Packed(private val bytes: ByteArray, private val bits: Int, order
             8 -> for (i in 0 until count) into[at + i] = (bytes[start + from + i].toInt() and 0xff).toShort()
 
             16 -> {
-                shorts.position(start / 2 + from) // a row of 16-bit words begins at an even byte
+                shorts.position(start / 2 + from) // a row of 16-bit words starts at an even byte
                 shorts.get(into, at, count)
             }
 
@@ -171,7 +174,7 @@ private class Inflated(private val tiff: Tiff, private var at: Long, private var
     private val inflater = Inflater()
     private val chunk = ByteArray(minOf(left, CHUNK))
 
-    /** Just `length` bytes into `into`. */
+    /** Reads exactly `length` bytes into `into`. */
     fun read(into: ByteArray, length: Int) {
         var have = 0
         while (have < length) {
@@ -181,7 +184,7 @@ private class Inflated(private val tiff: Tiff, private var at: Long, private var
         }
     }
 
-    /** Proves that the stream ends here, its checksum included. */
+    /** Checks that the stream ends here, including its checksum. */
     fun finish() {
         if (some(ByteArray(1), 0, 1) != 0) throw tiff.damaged("its deflated samples are too many")
         if (!inflater.finished()) throw tiff.damaged("its deflated samples have no end")
@@ -189,7 +192,7 @@ private class Inflated(private val tiff: Tiff, private var at: Long, private var
 
     fun close() = inflater.end()
 
-    /** At least one byte, or none at the stream's or the piece's end. */
+    /** Reads at least one byte; returns 0 at the end of the stream or the piece. */
     private fun some(into: ByteArray, from: Int, length: Int): Int {
         while (true) {
             val count = try {

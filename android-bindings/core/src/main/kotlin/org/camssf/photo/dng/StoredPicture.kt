@@ -15,7 +15,7 @@ private const val MAX_SIDE = 65535L
 private const val MAX_SAMPLES = 1L shl 29
 private const val MAX_PIECES = 1L shl 16
 
-/** Deflate cannot shrink more than this. */
+/** Upper limit of deflate's compression ratio. */
 private const val MAX_DEFLATE = 1032L
 
 private val CODECS = mapOf(
@@ -28,13 +28,13 @@ private val CODECS = mapOf(
 )
 
 /**
- * The stored picture and the strips or tiles that hold it, row by row from the top left.
+ * Layout of the stored picture and its pieces: strips or tiles, row by row from the top left.
  *
  * @property area the active area, in samples of the stored picture.
- * @property differences deflate holds differences of neighbours (TIFF's predictor 2).
- * @property pieceWidth samples of a piece's row; edge tiles are padded to it.
+ * @property differences true if deflate holds differences of neighbours (TIFF's predictor 2).
+ * @property pieceWidth width of a piece, samples; edge tiles are padded to it.
  * @property pieceHeight rows of a piece; the last strip may have fewer.
- * @property across pieces side by side.
+ * @property across number of pieces in a row.
  */
 internal class StoredPicture(
     val width: Int,
@@ -50,7 +50,7 @@ internal class StoredPicture(
     val offsets: LongArray,
     val counts: LongArray,
 ) {
-    /** Rows that piece `number` really stores. */
+    /** Number of rows that piece `number` stores. */
     fun rows(number: Int): Int = if (tiled) pieceHeight else minOf(pieceHeight, height - number * pieceHeight)
 
     /** Bytes of an uncompressed row of a piece. */
@@ -58,10 +58,11 @@ internal class StoredPicture(
 }
 
 /**
- * The directory of the largest full picture of the sensor's own samples.
+ * The directory of the largest full-resolution mosaic.
  *
- * @throws NotSensorRaw where there are demosaiced pictures only.
- * @throws UnsupportedRaw where the file is no DNG or holds neither.
+ * @throws NotSensorRaw the file holds only demosaiced pictures.
+ * @throws UnsupportedRaw the file is a raw file but no DNG, has another DNG version, or holds no mosaic.
+ * @throws UnreadableRaw the file is an ordinary TIFF picture.
  */
 internal fun rawDirectory(tiff: Tiff): Directory {
     val version = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 4)
@@ -85,10 +86,10 @@ internal fun rawDirectory(tiff: Tiff): Directory {
 }
 
 /**
- * Size, coding, active area and pieces, each of them checked against the file's size.
+ * Reads size, coding, active area and pieces, and checks them against the file's size.
  *
- * @throws UnsupportedRaw for a form that camssf does not read; the message names it.
- * @throws UnreadableRaw where the numbers contradict each other or the file.
+ * @throws UnsupportedRaw a form that camssf does not read; the message names it.
+ * @throws UnreadableRaw the numbers contradict each other or the file's size.
  */
 internal fun storedPicture(tiff: Tiff, raw: Directory): StoredPicture {
     val width = tiff.one(raw, Tag.WIDTH, 0)
@@ -170,7 +171,9 @@ private fun differences(tiff: Tiff, raw: Directory, bits: Int, compression: Int)
     return true
 }
 
-/** Every piece lies in the file and is large enough to hold its samples; together they are no longer than the file. */
+/**
+ * Checks that every piece is inside the file and large enough for its samples, and that all together fit in the file.
+ */
 private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
     var sum = 0L
     for (number in picture.offsets.indices) {
@@ -183,7 +186,7 @@ private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
         val least = when (picture.compression) {
             UNCOMPRESSED -> plain
 
-            // a bit a sample at least
+            // at least one bit per sample
             LOSSLESS_JPEG -> (picture.rows(number).toLong() * picture.pieceWidth + 7) / 8
 
             else -> plain / MAX_DEFLATE

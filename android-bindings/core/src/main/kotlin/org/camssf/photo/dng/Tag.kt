@@ -1,6 +1,6 @@
 package org.camssf.photo.dng
 
-/** The tags that the reader looks at: TIFF 6.0; Exif 2.3; Digital Negative (DNG) Specification 1.7, Adobe. */
+/** The tags that the reader uses: TIFF 6.0; Exif 2.3; Digital Negative (DNG) Specification 1.7, Adobe. */
 internal object Tag {
     const val NEW_SUBFILE_TYPE = 254
     const val WIDTH = 256
@@ -61,7 +61,7 @@ internal object Tag {
     const val OPCODES_3 = 51022
     const val NOISE_PROFILE = 51041
 
-    /** All of the above; a directory holds no others. */
+    /** All of the above; no other tag of a directory is kept. */
     val KNOWN: Set<Int> = hashSetOf(
         NEW_SUBFILE_TYPE, WIDTH, HEIGHT, BITS, COMPRESSION, PHOTOMETRIC, FILL_ORDER, MAKE, MODEL, STRIP_OFFSETS,
         ORIENTATION, SAMPLES, ROWS_PER_STRIP, STRIP_COUNTS, PREDICTOR, TILE_WIDTH, TILE_HEIGHT, TILE_OFFSETS,

@@ -12,12 +12,12 @@ internal const val CONVERT = "Convert it to DNG with a DNG converter, keeping th
 internal const val COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
 internal const val RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
-/** One directory entry, not yet read: TIFF type, count, and where its value lies. */
+/** One directory entry whose value is not yet read: TIFF type, count, and offset of the value. */
 internal class Field(val kind: Int, val count: Long, val at: Long)
 
-/** The entries of a directory whose tags are known. */
+/** The entries of a directory with a tag in [Tag]. */
 internal class Directory(private val fields: Map<Int, Field>) {
-    /** The entry, null where the file is silent. Only what [Tag] names can be asked for: the rest was not kept. */
+    /** The entry; null if the file has none. Only tags in [Tag] are kept; any other fails. */
     operator fun get(tag: Int): Field? {
         check(tag in Tag.KNOWN) { "tag $tag is not in Tag.KNOWN" }
         return fields[tag]
@@ -27,9 +27,9 @@ internal class Directory(private val fields: Map<Int, Field>) {
 }
 
 /**
- * The directories of a TIFF file; values are read when asked for, within the file's bounds and no longer than wanted.
+ * The directories of a TIFF file. Values are read on demand, within the file's bounds and up to the requested length.
  *
- * Of each directory only the tags of [Tag] are kept, so that many large directories cost no memory.
+ * Only the tags in [Tag] are kept, so many large directories need little memory.
  */
 internal class Tiff(val source: DngSource) {
     val name: String = source.name
@@ -84,7 +84,7 @@ internal class Tiff(val source: DngSource) {
 
     private fun word(at: Long): Long = buffer(at, 4).getInt().toLong() and 0xffffffffL
 
-    /** Puts the directory at `at` into `into`, its children on record; returns where the next one lies. */
+    /** Reads the directory at `at` into `into`, and its children into `all`; returns the offset of the next one. */
     private fun directory(at: Long, depth: Int, into: MutableList<Directory>): Long {
         if (at in seen || seen.size == MAX_DIRECTORIES || depth > MAX_DEPTH) {
             throw damaged("its directories run in a circle or are too many")
@@ -113,7 +113,7 @@ internal class Tiff(val source: DngSource) {
         return word(at + 2 + 12L * count)
     }
 
-    /** The Exif directory, empty where there is none. */
+    /** The Exif directory; empty if there is none. */
     fun exif(): Directory {
         if (Tag.EXIF !in main[0]) return Directory(emptyMap())
         val found = ArrayList<Directory>(1)
@@ -121,10 +121,10 @@ internal class Tiff(val source: DngSource) {
         return found[0]
     }
 
-    /** How many values the tag has, 0 where there is none. */
+    /** Number of values of the tag; 0 if it is missing. */
     fun count(directory: Directory, tag: Int): Long = directory[tag]?.count ?: 0
 
-    /** The first bytes of the value as stored, at most `limit`; the whole value must lie in the file. */
+    /** The first bytes of the value as stored, at most `limit`; the whole value must be inside the file. */
     fun raw(directory: Directory, tag: Int, limit: Int): ByteArray {
         val field = directory[tag] ?: return ByteArray(0)
         val length = field.count * WIDTHS[field.kind]
@@ -133,10 +133,10 @@ internal class Tiff(val source: DngSource) {
     }
 
     /**
-     * The value as numbers, null where there is none.
+     * The value as numbers; null if the tag is missing.
      *
-     * @param count that it must have; any if null.
-     * @param limit read no more numbers than these; the whole value must lie in the file.
+     * @param count required number of values; any if null.
+     * @param limit largest number of values to read; the whole value must be inside the file.
      */
     fun numbers(directory: Directory, tag: Int, count: Long? = null, limit: Int = MAX_VALUES): DoubleArray? {
         val field = directory[tag] ?: return null
@@ -162,7 +162,7 @@ internal class Tiff(val source: DngSource) {
         else -> from.getDouble()
     }
 
-    /** The value as whole numbers, empty where there is none. */
+    /** The value as whole numbers; empty if the tag is missing. */
     fun whole(directory: Directory, tag: Int, count: Long? = null): LongArray {
         val values = numbers(directory, tag, count) ?: return LongArray(0)
         return LongArray(values.size) {
@@ -176,11 +176,11 @@ internal class Tiff(val source: DngSource) {
         }
     }
 
-    /** A single whole number, `default` where there is none. */
+    /** A single whole number; `default` if the tag is missing. */
     fun one(directory: Directory, tag: Int, default: Long): Long =
         if (tag in directory) whole(directory, tag, 1)[0] else default
 
-    /** A string without its closing zero and blanks. */
+    /** A string without its terminating zero and surrounding blanks. */
     fun text(directory: Directory, tag: Int): String {
         val stored = raw(directory, tag, MAX_TEXT)
         val end = stored.indexOf(0)
@@ -196,7 +196,7 @@ internal class Tiff(val source: DngSource) {
         /** Bytes of one value of TIFF's types 1 to 13. */
         val WIDTHS = intArrayOf(0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4)
 
-        /** Offset and bytes of raw files that are no TIFF, or that TIFF's own header hides. */
+        /** Offset and signature of raw files that are not TIFF, or that have a TIFF header but are no DNG. */
         val OTHER_RAWS = listOf(
             8 to "CR\u0002",
             4 to "ftypcrx ",

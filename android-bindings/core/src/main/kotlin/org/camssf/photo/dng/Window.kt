@@ -5,31 +5,32 @@ import org.camssf.photo.Region
 import org.camssf.photo.Rows
 
 /**
- * The samples that are wanted, and how a piece's rows get there.
+ * Collects the wanted samples from the rows of decoded pieces.
  *
- * @property wanted in samples of the stored picture.
- * @property table (65536) of the linearization, or null.
- * @property sink takes the rows, in samples of the stored picture, and nothing is kept; null to keep all.
+ * @property wanted the part to collect, in samples of the stored picture.
+ * @property table (65536) linearisation table, or null.
+ * @property sink receives the rows, in coordinates of the stored picture, and nothing is kept; null keeps all
+ *   samples.
  */
 internal class Window(private val wanted: Region, private val table: ShortArray?, private val sink: Rows? = null) {
-    /** (wanted.height, wanted.width) row-major; with a sink, one row that is used again. */
+    /** (wanted.height, wanted.width) row-major; with a sink, one row that is reused. */
     val samples = ShortArray(if (sink == null) wanted.width * wanted.height else wanted.width)
 
-    /** Takes, from any row of a piece, the columns from `from` on, `count` of them, into `samples` at `at`. */
+    /** A row of a piece. `copy` writes `count` of its columns, starting at `from`, to `into` at index `at`. */
     fun interface Row {
         fun copy(from: Int, count: Int, into: ShortArray, at: Int)
     }
 
-    /** The rows of a piece at (left, top), `rows` high, that are wanted; empty where it lies aside. */
+    /** The wanted rows of a piece at (left, top) with `rows` rows; empty if it lies outside. */
     fun rows(left: Int, top: Int, width: Int, rows: Int): IntRange {
         if (left >= wanted.right || left + width <= wanted.left) return IntRange.EMPTY
         return maxOf(wanted.top - top, 0) until minOf(wanted.bottom - top, rows)
     }
 
     /**
-     * Puts `count` samples of the stored picture's row y, from column x on, as far as they are wanted.
+     * Stores those of `count` samples of the stored picture's row y, from column x on, that are wanted.
      *
-     * @param row gives them; its column 0 is x.
+     * @param row the source of the samples; its column 0 is x.
      */
     fun put(x: Int, y: Int, count: Int, row: Row) {
         checkInterrupt()
