@@ -122,18 +122,22 @@ def simulate(
         raise InvalidArgument(
             "The chart reaches beyond the picture.", "Make fill smaller, or rotate or tilt it less."
         )
+    plans = [ShotPlan(body, light, table, scene, sensor, light.name, table.name) for light in lights]
+    if change is not None:
+        plans[-1] = change(plans[-1])
+    files = [_names(plan, tag) for plan, tag in zip(plans, _tags(lights), strict=True)]
     folder = local_folder(out)
+    truth, corners = folder / "truth.csv", folder / "corners.json"
     try:
+        for path in (*(folder / name for names in files for name in names.values()), truth, corners):
+            _check_replaced(path)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
             shots = []
             poses: dict[str, Pose] = {}
-            for number, (light, tag) in enumerate(zip(lights, _tags(lights), strict=True)):
-                plan = ShotPlan(body, light, table, scene, sensor, light.name, table.name)
-                if change is not None and number == len(lights) - 1:
-                    plan = change(plan)
+            for number, (plan, names) in enumerate(zip(plans, files, strict=True)):
                 frames = take(plan, (seed, number))
-                names = _write_frames(Path(aside), tag, plan, frames, body)
+                _write_frames(Path(aside), names, plan, frames, body)
                 if plan.handed_in["chart"] == "chart":  # a fault may hand in a frame without a chart
                     poses[names["chart"]] = true_pose(plan.scene)
                 paths = {role: folder / name for role, name in names.items()}
@@ -147,27 +151,22 @@ def simulate(
                         frames.signals,
                     )
                 )
-            write_truth(Path(aside, "truth.csv"), body)
-            Path(aside, "corners.json").write_text(corners_json(poses), "utf-8")
-            written = sorted(Path(aside).iterdir())
-            for path in written:
-                _check_replaced(folder / path.name)
-            for path in written:
-                if (folder / path.name).is_dir():
-                    raise IsADirectoryError(errno.EISDIR, f"{path.name} is a folder there")
-            for path in written:
+            write_truth(Path(aside, truth.name), body)
+            Path(aside, corners.name).write_text(corners_json(poses), "utf-8")
+            for path in sorted(Path(aside).iterdir()):
                 os.replace(path, folder / path.name)
     except OSError as error:
         raise InvalidArgument(
             f"Cannot write into {folder}: {error.strerror or error}.",
             "Choose a folder that you may write to.",
         ) from error
-    truth, corners = folder / "truth.csv", folder / "corners.json"
     return Simulation(tuple(shots), truth, pose, body.name, table.name, scene, sensor, seed, corners)
 
 
 def _check_replaced(path: Path) -> None:
     """Raise if a file that no simulation wrote would be replaced."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, f"{path.name} is a folder there")
     if not path.is_file():
         return
     if path.suffix == ".dng":
@@ -192,19 +191,23 @@ def corners_json(poses: Mapping[str, Pose]) -> str:
     return json.dumps({"format": "camssf-corners/1", "photos": photos}, indent=1) + "\n"
 
 
-def _write_frames(folder: Path, tag: str, plan: ShotPlan, frames: Frames, camera: CameraCurves) -> dict[str, str]:
-    """Write the frames that are handed in; returns the file names by role."""
+def _names(plan: ShotPlan, tag: str) -> dict[str, str]:
+    """File names of the frames that are handed in, by role."""
+    return {role: f"{role}{tag}.dng" for role, frame in plan.handed_in.items() if frame is not None}
+
+
+def _write_frames(
+    folder: Path, names: Mapping[str, str], plan: ShotPlan, frames: Frames, camera: CameraCurves
+) -> None:
+    """Write the frames that are handed in."""
     sensor = plan.sensor
     samples = {"chart": frames.chart, "white": frames.white, "dark": frames.dark}
     neutral = (frames.white_levels - sensor.black - sensor.dark_current) / sensor.exposure
     neutral /= sensor.white_level - sensor.black
-    names = {}
-    for role, frame in plan.handed_in.items():
-        if frame is not None:
-            names[role] = f"{role}{tag}.dng"
-            tags = plan.file_tags(frame)
-            write_dng(folder / names[role], samples[frame], tags, camera, neutral, sensor.compression)
-    return names
+    for role, name in names.items():
+        frame = plan.handed_in[role]
+        assert frame is not None
+        write_dng(folder / name, samples[frame], plan.file_tags(frame), camera, neutral, sensor.compression)
 
 
 def _tags(lamps: list[Lamp]) -> list[str]:
