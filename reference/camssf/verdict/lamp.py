@@ -73,9 +73,9 @@ def rival_lamp(
         "lamp": lamps[best.shot].name,
         "probability": float(1.0 / (1.0 + np.exp(-odds))),
     }
-    if best.shot in tinted_shots and best.gain <= CONDEMNED:
-        return [because("rival", best.gain, words, fatal=True, threshold=RIVAL)]
-    return [because("rival", best.gain, words, fatal=best.gain > CONDEMNED)]
+    by_white = best.shot in tinted_shots and best.gain <= CONDEMNED
+    fatal = by_white or best.gain > CONDEMNED
+    return [because("rival", best.gain, words, fatal=fatal, threshold=RIVAL if by_white else None)]
 
 
 def white_balance_mismatch(
