@@ -26,7 +26,8 @@ pytest.importorskip("duckdb", reason="duckdb is not here")
 from camssf.fleet import compare, registry
 from camssf.fleet.drift import FALSE_ALARMS, FEATURES, drift_of, drifts, features
 from camssf.fleet.registry import MARK, Registry, Wanted
-from camssf.fleet.rows import CHANNELS, STRIDE, Origin, Row, Task, columns, row
+from camssf.fleet.rows import STRIDE, Origin, Row, Task, columns, row
+from camssf.grid import CHANNELS
 
 HERE = Path(__file__).parent
 SEARCH = os.pathsep.join(str(Path(path).absolute()) for path in [*sys.path, str(HERE)] if path)

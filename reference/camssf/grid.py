@@ -1,7 +1,8 @@
-"""The wavelength grid of every spectrum: 380 to 720 nm every 0.5 nm, as in the paper."""
+"""The wavelength grid of every spectrum, 380 to 720 nm every 0.5 nm as in the paper; the channels' order."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -16,3 +17,11 @@ STEP = 0.5
 WAVELENGTHS: Floats = np.linspace(380.0, 720.0, 681)
 """The grid, shape (681,), nm."""
 WAVELENGTHS.setflags(write=False)
+
+CHANNELS = ("red", "green", "blue")
+"""Names of the channels in the order of every array's channel axis."""
+
+
+def columns(curves: Mapping[str, Sequence[float]]) -> Floats:
+    """Red, green and blue of a document, side by side: (m, 3)."""
+    return np.stack([np.array(curves[channel], dtype=np.float64) for channel in CHANNELS], axis=1)

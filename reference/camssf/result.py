@@ -25,14 +25,13 @@ from camssf.documents.result_json import (
 from camssf.errors import CalibrationError
 from camssf.files import write_file
 from camssf.fit.scores import Scores
-from camssf.grid import Floats
+from camssf.grid import Floats, columns
 from camssf.photo.capture import Capture, Record
 from camssf.photo.signals import Assumption, Signals
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import Ssf
 from camssf.report.notebook import as_html, as_line, with_curves
 from camssf.report.previews import previews
-from camssf.report.sections.curves import columns
 from camssf.spectra import CameraCurves
 from camssf.verdict.checks import Check
 from camssf.verdict.reasons import Reason, Verdict

@@ -206,6 +206,7 @@ def compare(
     from camssf.fleet import compare as comparing
     from camssf.fleet.drift import drift_of
     from camssf.fleet.registry import Registry, Wanted
+    from camssf.grid import CHANNELS
 
     found = Registry(folder)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
@@ -244,7 +245,7 @@ def compare(
         size = spread.observed if spread.between is None else spread.between
         what = "units and calibrations together" if spread.between is None else "unit to unit"
         say("", f"standard deviation from {what}, parts of the peak (95 % interval)")
-        for colour, s, low, high in zip(("red", "green", "blue"), size, spread.low, spread.high, strict=True):
+        for colour, s, low, high in zip(CHANNELS, size, spread.low, spread.high, strict=True):
             say("", f"{colour:<6} {s:.4f} ({low:.4f} to {high:.4f})")
         say("", f"{spread.units} units, {comparing.many(spread.results, 'result')}")
         if spread.without_serial:

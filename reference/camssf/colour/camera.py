@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats, columns
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.covariance import smooth_errors
 from camssf.recovery.linear_model import anchor
@@ -129,7 +129,7 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
     if "ssf" not in document:
         reasons = document["verdict"]["reasons"]
         raise InvalidArgument("This result was refused: it has no curves to see colour with.", reasons[0]["advice"])
-    values, std = _stack(document["ssf"]), document.get("ssf_std")
+    values, std = columns(document["ssf"]), document.get("ssf_std")
     named = document["camera"]
     name = " ".join(filter(None, (named["make"], named["model"]))) or "camera"
     try:
@@ -140,7 +140,7 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
         own = None
     if std is None:
         return Camera(name, values, np.zeros((0, *values.shape)), own)
-    band = _stack(std)
+    band = columns(std)
     modes = None if own is None else _modes_of_document(document, values, band, own.lamp.values)
     if modes is None:
         return Camera(name, values, modes_of_bands(band), own, whole=False)
@@ -194,10 +194,6 @@ def _unit_errors() -> Floats:
     """(681, p) smooth errors of variance 1 at every wavelength."""
     smooth = smooth_errors(BAND_CORRELATION, WAVELENGTHS)
     return np.asarray(smooth / np.linalg.norm(smooth, axis=1, keepdims=True))
-
-
-def _stack(curves: dict[str, Any]) -> Floats:
-    return np.stack([np.array(curves[c], dtype=np.float64) for c in ("red", "green", "blue")], axis=1)
 
 
 def _largest(modes: Floats) -> Floats:

@@ -11,9 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.documents.basis_choice import hypothesis_in_words
-from camssf.grid import Floats
-from camssf.report.sections.curves import columns
-from camssf.report.sections.text import CHANNELS
+from camssf.grid import CHANNELS, Floats, columns
 
 Json: TypeAlias = dict[str, Any]
 

@@ -3,8 +3,9 @@
 from camssf.direct.columns import PathLike
 from camssf.direct.extraction import FrameSpectrum, extract
 from camssf.direct.monochromator import LARGEST_STEP, sweep
-from camssf.direct.result import CHANNELS, FIRST, LAST, Direct, Json
+from camssf.direct.result import FIRST, LAST, Direct, Json
 from camssf.direct.spectrograph import FAINTEST, Progress, divide
+from camssf.grid import CHANNELS
 
 __all__ = [
     "CHANNELS",

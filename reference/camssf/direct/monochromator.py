@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from camssf.direct.columns import PathLike, read_columns
-from camssf.direct.result import CHANNELS, FIRST, LAST, Direct, checked, identified
+from camssf.direct.result import FIRST, LAST, Direct, checked, identified
 from camssf.errors import InvalidArgument, Underexposed
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS
 
 LARGEST_STEP = 20.0
 """Largest wavelength step of a sweep, nm."""

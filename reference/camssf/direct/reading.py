@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from camssf.direct.columns import PathLike, read_columns
 from camssf.direct.extraction import FrameSpectrum, extract
-from camssf.direct.result import CHANNELS
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, UnreadableRaw
 from camssf.files import local
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 from camssf.photo.read.dng import Mosaic, read_dng
 
 _CLIPPED = 0.002

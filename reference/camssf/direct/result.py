@@ -16,12 +16,11 @@ from camssf.direct.columns import PathLike
 from camssf.direct.dispersion import Dispersion
 from camssf.errors import InvalidArgument, Underexposed
 from camssf.files import local, write_files
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
 
-CHANNELS = ("red", "green", "blue")
 
 FIRST = 400.0
 LAST = 700.0

@@ -15,7 +15,7 @@ from camssf.documents.schema import schema as form
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import PHOTO, kind_of, local, readable
 from camssf.fit.scores import reflectance_srgb, rmse
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
 from camssf.photo.capture import Capture, Photo, Record, Shot, Unfinished
 from camssf.photo.signals import Assumption, normalise
 from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis
@@ -25,14 +25,12 @@ from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
 
-CHANNELS = ("red", "green", "blue")
 LARGEST_DOCUMENT = 64 * 2**20
 
 
 def compare(document: Json, truth: CameraCurves) -> None:
     """Add the true curves and the RMSE against them to a result document."""
-    curves = np.stack([document["ssf"][colour] for colour in ("red", "green", "blue")], axis=1)
-    document["scores"]["rmse"] = rmse(curves, truth.values).tolist()
+    document["scores"]["rmse"] = rmse(columns(document["ssf"]), truth.values).tolist()
     document["truth"] = {"name": truth.name, "ssf": curves_json(truth.values / truth.values.max(axis=0))}
 
 

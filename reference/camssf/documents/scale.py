@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.text import looks_like_file
-
-_CHANNELS = ("red", "green", "blue")
 
 
 def channel_scale(document: dict[str, Any]) -> Floats | None:
@@ -29,7 +27,7 @@ def channel_scale(document: dict[str, Any]) -> Floats | None:
         return None
     if shot["white_reference"] == "white patch":
         white = white * _white_patch(document["chart"])
-    seen = np.array([white @ np.array(document["ssf"][channel]) for channel in _CHANNELS])
+    seen = np.array([white @ np.array(document["ssf"][channel]) for channel in CHANNELS])
     raw = np.array(document["channel_gain"], dtype=np.float64)
     if not ((raw > 0).all() and (seen > 0).all()):
         return None

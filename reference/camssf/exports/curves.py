@@ -7,16 +7,12 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from camssf.documents.passport import check_printed
 from camssf.documents.result_json import check_document, document_bytes
 from camssf.documents.scale import channel_scale, no_scale
 from camssf.errors import InvalidArgument
 from camssf.files import readable
-from camssf.grid import Floats
-
-_CHANNELS = ("red", "green", "blue")
+from camssf.grid import Floats, columns
 
 
 @dataclass(frozen=True)
@@ -129,8 +125,8 @@ def read_result(document: dict[str, Any]) -> ExportedCurves:
         make=one_line(checked["camera"]["make"]),
         model=one_line(checked["camera"]["model"]),
         unique_model=_printable(checked["camera"].get("unique_model") or ""),
-        values=_stack(checked["ssf"]),
-        std=None if std is None else _stack(std),
+        values=columns(checked["ssf"]),
+        std=None if std is None else columns(std),
         scale=channel_scale(checked),
         lamps=tuple(one_line(shot["lamp"]["name"]) for shot in checked["shots"]),
         basis=one_line(checked["basis"]),
@@ -150,7 +146,3 @@ def one_line(text: str) -> str:
 
 def _printable(text: str) -> str:
     return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]", " ", readable(text))
-
-
-def _stack(curves: dict[str, Any]) -> Floats:
-    return np.stack([np.array(curves[channel], dtype=np.float64) for channel in _CHANNELS], axis=1)

@@ -13,8 +13,8 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.fleet.registry import Registry, Wanted
-from camssf.fleet.rows import CHANNELS, STRIDE
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.fleet.rows import STRIDE
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 
 NM = WAVELENGTHS[::STRIDE]
 INSIDE = (NM >= 400) & (NM <= 700)

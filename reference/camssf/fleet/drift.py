@@ -15,8 +15,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.fleet.compare import ACCEPTED, INSIDE, NM, UNIT, by_unit, counts_in_words, read_curves
 from camssf.fleet.registry import Registry, Wanted
-from camssf.fleet.rows import CHANNELS
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 
 FALSE_ALARMS = 0.01
 """Probability of an alarm for a unit that does not drift, over all features together."""

@@ -19,8 +19,7 @@ from camssf.errors import InvalidArgument
 from camssf.files import write_file
 from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
 from camssf.fleet.registry import Registry, Wanted
-from camssf.fleet.rows import CHANNELS
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 from camssf.learning.results import (
     PhotoLikelihood,
     Population,

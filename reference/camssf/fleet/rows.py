@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf.documents.basis_choice import choice_of
+from camssf.grid import CHANNELS
 from camssf.photo.read.unit import Unit
 from camssf.recovery.hypotheses import CLEAR
 
 Json: TypeAlias = dict[str, Any]
 
-CHANNELS = ("red", "green", "blue")
 STRIDE = 10
 """Grid points between the registry's samples: its curves are sampled every 5 nm from 380 to 720 nm."""
 

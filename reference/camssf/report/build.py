@@ -10,10 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from camssf.documents.result_json import CHANNELS, check_document, document_bytes
+from camssf.documents.result_json import check_document, document_bytes
 from camssf.errors import InvalidArgument
 from camssf.files import local, write_files
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS
 
 if TYPE_CHECKING:
     from camssf.report.provenance import Provenance

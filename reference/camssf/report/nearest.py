@@ -9,7 +9,7 @@ import numpy as np
 
 from camssf.colour.camera import camera_of_result
 from camssf.errors import InvalidArgument
-from camssf.grid import Floats
+from camssf.grid import Floats, columns
 from camssf.spectra.cameras import SHIPPED_SOURCE, shipped_cameras
 from camssf.version import __version__
 
@@ -58,7 +58,7 @@ def nearest(document: dict[str, Any]) -> tuple[Likeness, ...]:
             f"A result on the {document['basis']} basis has no bands to measure a distance by.",
             "Solve it with --basis auto, phones or cameras.",
         )
-    std = np.stack([np.array(document["ssf_std"][c], dtype=np.float64) for c in ("red", "green", "blue")], axis=1)
+    std = columns(document["ssf_std"])
     modes = camera.modes if camera.whole else None
     return tuple(sorted(likenesses(camera.values, std, modes), key=lambda each: each.distance))
 

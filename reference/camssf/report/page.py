@@ -12,12 +12,12 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS
 from camssf.report.provenance import NO_PROVENANCE, Provenance
 from camssf.report.sections import certificate, details, drawings, patches, photos, story, uneven
 from camssf.report.sections.comparison import LIMIT, comparison_of
 from camssf.report.sections.curves import DrawnCurves, curves_of
-from camssf.report.sections.text import CHANNELS, Json, brief, camera_name, finalize, number, words
+from camssf.report.sections.text import Json, brief, camera_name, finalize, number, words
 
 WITH_CURVES = (
     "curves", "curve_plots", "curve_rows", "big", "channels", "proof", "colour", "comparison", "linearity",

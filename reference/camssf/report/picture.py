@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from camssf.fonts import prepare_matplotlib
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS
 from camssf.report.sections.curves import curves_of
-from camssf.report.sections.text import CHANNELS, Json, camera_name
+from camssf.report.sections.text import Json, camera_name
 
 
 def picture(document: Json) -> bytes:

@@ -9,10 +9,9 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.fonts import prepare_matplotlib
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS
 from camssf.report.notebook import HUES, camera_of, lamps_of, with_curves
 from camssf.report.sections.curves import curves_of
-from camssf.report.sections.text import CHANNELS
 
 Json: TypeAlias = dict[str, Any]
 

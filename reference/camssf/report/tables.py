@@ -8,11 +8,9 @@ import numpy as np
 
 from camssf.documents.scale import channel_scale, no_scale
 from camssf.errors import InvalidArgument
-from camssf.grid import WAVELENGTHS
+from camssf.grid import CHANNELS, WAVELENGTHS, columns
 from camssf.libraries import library
 from camssf.report.notebook import camera_of, with_curves
-from camssf.report.sections.curves import columns
-from camssf.report.sections.text import CHANNELS
 from camssf.spectra import colour_science
 
 Json: TypeAlias = dict[str, Any]

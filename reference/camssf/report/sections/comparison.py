@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from camssf.grid import WAVELENGTHS, Floats
-from camssf.report.sections.curves import columns
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
 from camssf.report.sections.drawings import Plot, difference_plot
-from camssf.report.sections.text import BAND, CHANNELS, Json, camera_name, number, signed
+from camssf.report.sections.text import BAND, Json, camera_name, number, signed
 
 VISIBLE = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 LIMIT = 2.2

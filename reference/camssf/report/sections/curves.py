@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
 from camssf.report.sections.bands import possible
-from camssf.report.sections.text import CHANNELS, Json
+from camssf.report.sections.text import Json
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,3 @@ def curves_of(document: Json) -> DrawnCurves:
     if std:
         ssf = np.maximum(ssf, 0.0)  # a posterior mean may be negative, a sensitivity may not
     return DrawnCurves(ssf, low, high, columns(truth["ssf"]) if truth else None)
-
-
-def columns(spectra: Json) -> Floats:
-    """Red, green and blue as an array (681, 3)."""
-    return np.array([spectra[colour] for colour in CHANNELS], dtype=np.float64).T

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.report.sections.bands import possible
 from camssf.report.sections.curves import DrawnCurves
-from camssf.report.sections.text import CHANNELS, Json
+from camssf.report.sections.text import Json
 
 SMALL = (420, 230)
 """Size of a plot that fits next to another one."""

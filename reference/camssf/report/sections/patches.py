@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 from camssf.report.sections.drawings import fitting, round_up
-from camssf.report.sections.text import BAND, CHANNELS, Json, signed
+from camssf.report.sections.text import BAND, Json, signed
 
 MOST_ROWS = 48
 """Largest number of patches in one table."""

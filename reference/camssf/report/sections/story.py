@@ -12,9 +12,9 @@ from camssf.colour.indices import quality_of
 from camssf.documents.basis_choice import choice_of
 from camssf.documents.unnamed_light import cost_of, kinds_in_words
 from camssf.errors import CalibrationError
-from camssf.report.sections.curves import columns
+from camssf.grid import CHANNELS, columns
 from camssf.report.sections.drawings import Plot, light_plot
-from camssf.report.sections.text import CHANNELS, Json, brief, number, percent
+from camssf.report.sections.text import Json, brief, number, percent
 
 COLOUR_LAMPS = ("D65", "A")
 

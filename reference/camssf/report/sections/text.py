@@ -10,7 +10,6 @@ from markupsafe import Markup, escape
 
 Json: TypeAlias = dict[str, Any]
 
-CHANNELS = ("red", "green", "blue")
 BAND = 1.96
 """Half-width of a 95 % band in standard deviations."""
 LONGEST_WORD, LONGEST_NAME = 24, 14

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.grid import Floats
+from camssf.grid import CHANNELS, Floats
 from camssf.spectra.readers.strict_json import UNSOUND, load, number
 
 _STRING_OR_COMMENT = re.compile(r'("(?:\\.|[^"\\])*(?:"|\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
@@ -34,7 +34,7 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
     try:
         document = load(_STRING_OR_COMMENT.sub(lambda found: found[1] or " ", text))
         bands = _bands([number(each) for each in document["ssf_bands"]])
-        curves = [[number(each) for each in document[f"{name}_ssf"]] for name in ("red", "green", "blue")]
+        curves = [[number(each) for each in document[f"{name}_ssf"]] for name in CHANNELS]
         name = " ".join(_text(document["camera_name"]).split()) or path.stem
         table = np.array(curves, dtype=np.float64).T
     except UNSOUND as error:
