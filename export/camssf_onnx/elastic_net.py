@@ -47,7 +47,7 @@ class ElasticNet:
         return self.pull(x).squeeze(2) - self.l2 * x
 
 
-def beside(problem: ElasticNet, D: Value, spread: Value, rest: Value) -> tuple[Value, Value]:
+def mode_posterior(problem: ElasticNet, D: Value, spread: Value, rest: Value) -> tuple[Value, Value]:
     """Posterior mean and covariance of unknowns u ~ N(0, I) other than the code; the problem's Σ contains D Dᵀ.
 
     û = Dᵀ P⁻¹ b (1, K, 1) and I - Dᵀ P⁻¹ D (1, K, K) with P = I + A Aᵀ of whitened rows, P⁻¹ = I - A S Aᵀ:

@@ -25,7 +25,7 @@ from camssf.recovery.layers import DEPTH, LAYERS
 from camssf.recovery.pivoting import finish_steps
 from camssf_onnx.algebra import D, M, inverse
 from camssf_onnx.duality_gap import duality_gap as gap_of
-from camssf_onnx.elastic_net import beside, pose
+from camssf_onnx.elastic_net import mode_posterior, pose
 from camssf_onnx.graph import Graph, Value
 from camssf_onnx.layers import ista, splitting, splitting_weight, unroll
 from camssf_onnx.linear_model import Rows, learned_rows, paper_rows
@@ -110,7 +110,7 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
                                for c in range(3)), axis=0)  # fmt: skip
         mean = (spread @ problem.g).squeeze(2)  # (1, R) the posterior mean
         rest = problem.rest(mean)
-        loose, of_modes = beside(problem, whitened.modes, spread.unsqueeze(0), rest)
+        loose, of_modes = mode_posterior(problem, whitened.modes, spread.unsqueeze(0), rest)
         squares = (rest * rest).sum(1, 2) + (mean * mean).sum(1)
         evidence = (-0.5 * (squares + whitened.log_det + log_dets.slice(0, 1, 0))).squeeze(0)
     else:

@@ -105,8 +105,8 @@ def colour(
                 "A colour is that of a photo's region through a result.",
                 "Name the result and the photo; or --from and --to to convert between two cameras.",
             )
-        asked = _ColourRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
-        _standard(document, asked, lamp, observer, adapt)
+        request = _ColourRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
+        _standard(document, request, lamp, observer, adapt)
         return
     if source is None or to is None:
         raise InvalidArgument("A conversion is between two cameras.", "Give both --from and --to.")
@@ -120,8 +120,8 @@ def colour(
             "Signals to convert come either from a photo or from --signal.",
             "Give a photo with --region and --white-region, or --signal r,g,b, or neither.",
         )
-    asked = _ColourRequest(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
-    _between(source, to, asked, signal or [], lamp)
+    request = _ColourRequest(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
+    _between(source, to, request, signal or [], lamp)
 
 
 def _standard(document: str, request: _ColourRequest, lamp: str | None, observer: str, adapt: str) -> None:
@@ -136,12 +136,12 @@ def _standard(document: str, request: _ColourRequest, lamp: str | None, observer
     view, result = View(observer, adapt), _read(document)
     camera, curves = camera_of_result(result), read_curves(result)
     found = _measured(request, result["camera"], curves.camera)
-    told = curves.lamps[0] if lamp is None else lamp
-    colours = standard_colour(camera, told, found.signals, found.errors, reference=found.reference, view=view)
+    spec = curves.lamps[0] if lamp is None else lamp
+    colours = standard_colour(camera, spec, found.signals, found.errors, reference=found.reference, view=view)
     about = {
         "result": curves.about,
         "photo": found.photo,
-        "lamp": told,
+        "lamp": spec,
         "reference": {"reflectance": found.reflectance, "tolerance": found.reference.tolerance},
     }
     emit(colour_document(colours, found.signals, found.errors, found.regions, found.white, about))
@@ -173,12 +173,12 @@ def _between(source: str, to: str, request: _ColourRequest, signal: list[str], l
     found = _measured(request, results[0]["camera"], one.camera) if request.photo else None
     y = np.array(given, dtype=np.float64).reshape(-1, 3) if found is None else found.signals
     error = np.zeros(y.shape) if found is None else found.errors
-    told = one.lamps[0] if lamp is None else lamp
-    converted = convert(ours, theirs, told, y, error, reference=None if found is None else found.reference)
+    spec = one.lamps[0] if lamp is None else lamp
+    converted = convert(ours, theirs, spec, y, error, reference=None if found is None else found.reference)
     about: dict[str, Any] = {
         "from": one.about,
         "to": other.about,
-        "lamp": told,
+        "lamp": spec,
         "photo": None if found is None else found.photo,
         "regions": [None] * len(y) if found is None else [list(each.rectangle) for each in found.regions],
     }

@@ -42,7 +42,7 @@ def export(
 
     if out is None:
         raise InvalidArgument("No file was named to export to.", "Add -o FILE.")
-    told = UNSTATED if licence is None else licence
+    terms = UNSTATED if licence is None else licence
     light = MATRIX_LAMP if lamp is None else lamp
-    write_file(spare(out, document), write(read_result(document, excerpt=True), to, licence=told, lamp=light))
+    write_file(spare(out, document), write(read_result(document, excerpt=True), to, licence=terms, lamp=light))
     say("", f"{FORMATS[to].what}: {out}")

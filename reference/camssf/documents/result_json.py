@@ -36,16 +36,16 @@ def compare(document: Json, truth: CameraCurves) -> None:
 
 def weight_json(hypothesis: Hypothesis) -> Json:
     """A hypothesis as plain data; `kinds` only if a light was not named."""
-    told = {name: value for name, value in vars(hypothesis).items() if name != "kinds"}
-    return told | {"kinds": list(hypothesis.kinds)} if hypothesis.kinds else told
+    entry = {name: value for name, value in vars(hypothesis).items() if name != "kinds"}
+    return entry | {"kinds": list(hypothesis.kinds)} if hypothesis.kinds else entry
 
 
 def _lamp(lamp: Light) -> Json:
     """A lamp as it was given; an unnamed light has no tolerance and no power."""
-    told = {"name": lamp.name, "tolerance": None, "source": lamp.source}
+    entry = {"name": lamp.name, "tolerance": None, "source": lamp.source}
     if not isinstance(lamp, Lamp):
-        return told
-    return told | {"tolerance": lamp.tolerance, "power": (lamp.values / lamp.values.mean()).tolist()}
+        return entry
+    return entry | {"tolerance": lamp.tolerance, "power": (lamp.values / lamp.values.mean()).tolist()}
 
 
 def light_json(lamp: EstimatedLamp) -> Json:

@@ -129,10 +129,10 @@ class LearnedBasis:
     def source(self) -> str:
         """What it was learned from, in words for the report."""
         who = " ".join(self.of) if self.of else many(len(self.population.models), "model")
-        beside = self.training.source(self.dictionary.shape[2]).partition(" learned from ")[2]
+        source = self.training.source(self.dictionary.shape[2]).partition(" learned from ")[2]
         return (
             f"{self.dictionary.shape[2]} components learned from {many(len(self.keys), 'result')} of "
-            f"{many(self.population.units, 'unit')} of {who}, and from {beside}"
+            f"{many(self.population.units, 'unit')} of {who}, and from {source}"
         )
 
     def document(self) -> Json:
@@ -212,9 +212,9 @@ def learn_basis(
     old = reference_basis(read_basis(request.basis), names)
     tables = Tables(size=training.size)
     if request.table is not None:
-        beside = read_training_set(request.table, request.licence, least=1)
-        training = training.joined(beside)
-        tables = Tables(np.stack(list(beside.curves.values())), tuple(beside.curves), training.size)
+        added = read_training_set(request.table, request.licence, least=1)
+        training = training.joined(added)
+        tables = Tables(np.stack(list(added.curves.values())), tuple(added.curves), training.size)
     results, keys, aside = _results(registry, request, old)
     of = _model_of(results, request)
     tell("learning", 0.0)
@@ -338,8 +338,8 @@ def _judge(
         tell(f"without a {word}", number / len(folds))
         out = set(fold)
         rest = [each for each in results if group_of(each) not in out]
-        beside = tables if of or leave == "model" else _without(tables, {each[0] for each in out})
-        found = populate(rest, reference, beside) if rest else None
+        others = tables if of or leave == "model" else _without(tables, {each[0] for each in out})
+        found = populate(rest, reference, others) if rest else None
         if found is None:
             continue
         mean, covariance = found.prior(of if of in found.models else None)

@@ -67,9 +67,9 @@ def recover(
     how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
     if basis != AUTO:
         return answer(observation, basis, prior_scale=prior_scale, **how)
-    asked = hypotheses(prior or {})
-    answers = [answer(observation, name, prior_scale=scale, **how) for name, scale, _ in asked]
-    return choose(observation, answers, np.array([belief for _, _, belief in asked]))
+    candidates = hypotheses(prior or {})
+    answers = [answer(observation, name, prior_scale=scale, **how) for name, scale, _ in candidates]
+    return choose(observation, answers, np.array([belief for _, _, belief in candidates]))
 
 
 def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
@@ -84,12 +84,12 @@ def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
 def choose(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
     """Combine several solutions for the same signals; `beliefs` are the ln of their prior odds."""
     likely = probabilities(np.array([each.log_evidence for each in answers], float) + beliefs)
-    told = tuple(
+    weighed = tuple(
         Hypothesis(each.basis, each.prior_scale, float(each.log_evidence or 0.0), float(share))
         for each, share in zip(answers, likely, strict=True)
     )
     return replace(
-        mixed(observation, answers, posterior_weights([each.basis for each in answers], likely)), choice=told
+        mixed(observation, answers, posterior_weights([each.basis for each in answers], likely)), choice=weighed
     )
 
 

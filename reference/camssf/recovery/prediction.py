@@ -79,10 +79,10 @@ def predict(
     used = np.ones((k, n), dtype=bool) if observation.used is None else observation.used
     modes = np.concatenate([observation.gain_modes, other_gains], axis=2)
     known = ssf.gain_code if ssf.gain_code.shape == (k, g) else np.zeros((k, 0))  # else of another observation
-    lit = values / levels(known, modes)[:, :, None]  # as they would have been measured in this light
+    relit = values / levels(known, modes)[:, :, None]  # as they would have been measured in this light
     extended = replace(
         observation,
-        signals=np.concatenate([np.where(used[:, :, None], observation.signals, lit[:, :n]), lit[:, n:]], axis=1),
+        signals=np.concatenate([np.where(used[:, :, None], observation.signals, relit[:, :n]), relit[:, n:]], axis=1),
         standard_error=np.concatenate([observation.errors(basis), np.zeros((k, p, 3))], axis=1),
         used=np.concatenate([used, np.zeros((k, p), dtype=bool)], axis=1),
         reflectance=every,

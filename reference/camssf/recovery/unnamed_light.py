@@ -102,8 +102,8 @@ def recover_in_any_light(
         InvalidArgument: as `recover`; also for a basis without a prior, which has no evidence.
         NotConverged: as `recover`.
     """
-    asked = families(prior or {}) if basis == AUTO else [(basis, prior_scale, 0.0)]
-    hypotheses = [LampHypothesis(guess, name, scale, belief) for name, scale, belief in asked for guess in guesses]
+    bases = families(prior or {}) if basis == AUTO else [(basis, prior_scale, 0.0)]
+    hypotheses = [LampHypothesis(guess, name, scale, belief) for name, scale, belief in bases for guess in guesses]
     without = next((each.widened_basis for each in hypotheses if not each.widened_basis.prior), None)
     if without is not None:
         raise InvalidArgument(
@@ -112,7 +112,7 @@ def recover_in_any_light(
         )
     nats = np.array([log_evidence(linear_model(each.guess.observation, each.widened_basis)) for each in hypotheses])
     likely = probabilities(nats + [each.guess.belief + each.belief for each in hypotheses])
-    told = tuple(
+    weighed = tuple(
         Hypothesis(each.name, each.scale, float(size), float(share), each.guess.kinds)
         for each, size, share in zip(hypotheses, nats, likely, strict=True)
     )
@@ -125,7 +125,7 @@ def recover_in_any_light(
     ]
     seen = [light_of(each.guess.observation, each.widened_basis) for each in (hypotheses[i] for i in kept)]
     lights = tuple(
-        _found([(hypotheses[i].guess.kinds[j], seen[a][j]) for a, i in enumerate(kept)], share, likely, told, j)
+        _found([(hypotheses[i].guess.kinds[j], seen[a][j]) for a, i in enumerate(kept)], share, likely, weighed, j)
         if kind
         else None
         for j, kind in enumerate(guesses[0].kinds)
@@ -138,7 +138,7 @@ def recover_in_any_light(
         "a,aknc->knc", share, np.stack([predict_signals(each.values, chart, each.lamp, rho) for each in answers])
     )
     return replace(
-        _mixed(answers, share, best.observation), predicted=predicted, choice=told, lights=lights, kinds=best.kinds
+        _mixed(answers, share, best.observation), predicted=predicted, choice=weighed, lights=lights, kinds=best.kinds
     )
 
 
@@ -191,10 +191,10 @@ class LampPosterior:
 
 def light_of(observation: Observation, basis: Basis) -> list[LampPosterior]:
     """Gaussian posterior of each shot's lamp, from its modes and its smooth error, expressed as modes too."""
-    asked = by_modes(observation)
-    every = asked.lamp_modes
+    with_modes = by_modes(observation)
+    every = with_modes.lamp_modes
     k, size, _ = every.shape
-    mean, spread = posterior(linear_model(asked, basis))
+    mean, spread = posterior(linear_model(with_modes, basis))
     mean = mean.reshape(k, size)
     found = []
     for j in range(k):

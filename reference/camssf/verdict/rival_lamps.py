@@ -26,7 +26,7 @@ NARROW = rules().number("verdict.narrow")
 
 def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each."""
-    settled = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
+    answered = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()
     return judge(
@@ -35,7 +35,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
             fit.capture.chart,
             [shot.means for shot in shots],
             [shot.pose for shot in shots],
-            settled.lamps,
+            answered.lamps,
             rho,
             tolerance,
             fit.gains,
@@ -69,8 +69,8 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()
     scale = NARROW * ssf.prior_scale
-    asked = FAMILIES if fit.basis == AUTO else (fit.basis,)
-    bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in asked]
+    families = FAMILIES if fit.basis == AUTO else (fit.basis,)
+    bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in families]
     beliefs = [np.log(fit.prior_odds.get(basis.name, 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
     def weighed(posed: CaptureFit) -> float:

@@ -121,9 +121,9 @@ def _light(number: int, shot: Json) -> LightStory:
         plot = light_plot(np.array(found["power"]), np.array(found["std"]), name)
         return LightStory(number, lamp["name"], False, words, shares, plot)
     tolerance, power = lamp["tolerance"], lamp.get("power")
-    told = "" if tolerance is None else f"Taken for right to {brief(100 * tolerance)} % (one standard deviation)."
+    words = "" if tolerance is None else f"Taken for right to {brief(100 * tolerance)} % (one standard deviation)."
     drawn = None if power is None else light_plot(np.array(power), np.array(power) * (tolerance or 0.0), name)
-    return LightStory(number, lamp["name"], True, told, (), drawn)
+    return LightStory(number, lamp["name"], True, words, (), drawn)
 
 
 # Colour
