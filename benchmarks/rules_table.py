@@ -15,30 +15,34 @@ BEGIN, END = "<!-- python -m benchmarks.rules_table -->", "<!-- end of the rules
 
 
 def markdown(found: Rules) -> str:
-    """The bounds of the verdict, then every other number."""
+    """The bounds of the verdict with their reasons, then names and values of all other numbers by group."""
     bounds = [number for number in found.numbers.values() if number.makes]
-    rest = [number for number in found.numbers.values() if not number.makes]
-    lines = ["| number | unit | doubtful | refused | `name` | code | why |", "|---|---|---|---|---|---|---|"]
+    lines = ["| number | limit | `name` | code | why |", "|---|---|---|---|---|"]
     lines += [_bound(number, found) for number in bounds]
-    lines += ["", "The other numbers that both languages read:", ""]
-    lines += ["| number | value | unit | `name` | why |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {number.what} | {_value(number)} | {number.unit} | `{number.name}` | {number.why} |" for number in rest
-    ]
+    groups: dict[str, list[str]] = {}
+    for number in found.numbers.values():
+        group, _, name = number.name.partition(".")
+        if not number.makes:
+            groups.setdefault(group, []).append(f"`{name}` {_value(number)}")
+    lines += ["", "The other numbers:", "", "| group | names and values |", "|---|---|"]
+    lines += [f"| `{group}` | {', '.join(each)} |" for group, each in groups.items()]
     return "\n".join(lines)
 
 
 def _bound(number: Number, found: Rules) -> str:
     name = number.name.partition(".")[2]
     codes = sorted({wording.code for wording in found.reasons.values() if name in wording.limits})
-    value = f"{number.beyond} {_value(number)}"
-    columns = [value if number.makes == makes else "" for makes in ("doubtful", "refused")]
-    cells = [number.what, number.unit, *columns, f"`{name}`", " ".join(f"`{code}`" for code in codes), number.why]
-    return "| " + " | ".join(cells) + " |"
+    limit = f"{number.makes} {number.beyond} {_value(number)}"
+    return (
+        "| "
+        + " | ".join([number.what, limit, f"`{name}`", " ".join(f"`{code}`" for code in codes), number.why])
+        + " |"
+    )
 
 
 def _value(number: Number) -> str:
-    return f"{number.value:.4g}"
+    unit = "" if number.unit == "1" else f" {number.unit}"
+    return f"{number.value:.4g}{unit}"
 
 
 def page(text: str, found: Rules) -> str:
