@@ -15,10 +15,13 @@ BEGIN, END = "<!-- python -m benchmarks.rules_table -->", "<!-- end of the rules
 
 
 def markdown(found: Rules) -> str:
-    """The bounds of the verdict with their reasons, then names and values of all other numbers by group."""
-    bounds = [number for number in found.numbers.values() if number.makes]
+    """The bounds of the verdict with their reasons, a quantity a row; then all other numbers by group."""
+    refusing = {f"verdict.{number.refuses}" for number in found.numbers.values() if number.refuses}
     lines = ["| number | limit | `name` | code | why |", "|---|---|---|---|---|"]
-    lines += [_bound(number, found) for number in bounds]
+    for number in found.numbers.values():
+        if number.makes and number.name not in refusing:
+            second = [found.numbers[f"verdict.{number.refuses}"]] if number.refuses else []
+            lines.append(_quantity([number, *second], found))
     groups: dict[str, list[str]] = {}
     for number in found.numbers.values():
         group, _, name = number.name.partition(".")
@@ -29,15 +32,20 @@ def markdown(found: Rules) -> str:
     return "\n".join(lines)
 
 
-def _bound(number: Number, found: Rules) -> str:
-    name = number.name.partition(".")[2]
-    codes = sorted({wording.code for wording in found.reasons.values() if name in wording.limits})
-    limit = f"{number.makes} {number.beyond} {_value(number)}"
-    return (
-        "| "
-        + " | ".join([number.what, limit, f"`{name}`", " ".join(f"`{code}`" for code in codes), number.why])
-        + " |"
-    )
+def _quantity(bounds: list[Number], found: Rules) -> str:
+    """The row of a quantity with its bound, or with the doubtful and the refusing one."""
+    names = [number.name.partition(".")[2] for number in bounds]
+    codes = sorted({wording.code for wording in found.reasons.values() if set(names) & set(wording.limits)})
+    cells = [
+        bounds[0].what,
+        ", ".join(f"{number.makes} {number.beyond} {_value(number)}" for number in bounds),
+        ", ".join(f"`{name}`" for name in names),
+        " ".join(f"`{code}`" for code in codes),
+        " ".join(
+            [bounds[0].why, *(f"`{name}`: {number.why}" for name, number in zip(names[1:], bounds[1:], strict=True))]
+        ),
+    ]
+    return f"| {' | '.join(cells)} |"
 
 
 def _value(number: Number) -> str:
