@@ -577,37 +577,31 @@ def markdown(found: dict[str, Any]) -> str:
                 "harmless": row["accepted"] - row["missed"],
                 "**missed**": row["missed"],
             }
-            cells.append(f"{degree}: " + ", ".join(f"{count} {word}" for word, count in parts.items() if count))
+            counted = [f"{count} {word}" for word, count in parts.items() if count]
+            whole = [word for word, count in parts.items() if count == row["captures"]]
+            cells.append(f"{degree}: " + ", ".join(whole or counted))
         lines.append(f"| `{name}` | {FAULTS[name].what} | {' | '.join(cells)} |")
-    lines += [
-        "",
-        "Wrong lamps in photos whose file has no colour matrix, so that only the chart can tell:",
-        "",
-        "| fault, severity | harmful | caught of these |",
-        "|---|---|---|",
+    bare = [
+        f"{name}: {row['harmful_caught']} of {row['harmful']}"
+        for name, row in found["without_matrix"].items()
+        if row["harmful"]
     ]
-    lines += [f"| {k} | {r['harmful']} | {r['harmful_caught']} |" for k, r in found["without_matrix"].items()]
-    lines += [
-        "",
-        "Daylight and a bulb, one of the two spoilt at severity 3. Of "
-        f"{pair['clean']} good pairs {pair['clean_caught']} were doubted; where the light drifts by 1 % between "
-        f"chart and white frame {pair['drifting_caught']}, and the RMSE rises from {pair['rmse']:.3f} to "
-        f"{pair['drifting_rmse']:.3f}.",
-        "",
-        "| fault of one shot | captures | caught | the right shot named, and only it |",
-        "|---|---|---|---|",
-    ]
-    lines += [f"| {k} | {r['captures']} | {r['caught']} | {r['named']} |" for k, r in pair["faults"].items()]
-    lines += [
-        "",
-        "In the field (no white, no dark frame, the lamp as `daylight` or `bulb`), against the same photo with all:",
-        "",
-        "| capture | captures | accepted | RMSE | bands cover |",
-        "|---|---|---|---|---|",
+    spoilt = [f"{name} {row['caught']}, {row['named']}" for name, row in pair["faults"].items()]
+    (captures,) = {row["captures"] for row in pair["faults"].values()}
+    field = [
+        f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
+        f"bands cover {row['coverage']:.1%}"
+        for name, row in found["field"].items()
     ]
     lines += [
-        f"| {k} | {r['captures']} | {r['accepted']} | {r['rmse']:.3f} | {r['coverage']:.1%} |"
-        for k, r in found["field"].items()
+        "",
+        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
+        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3, {captures} pairs of each fault; caught, "
+        f"and only the right shot named: {'; '.join(spoilt)}. Of {pair['clean']} good pairs {pair['clean_caught']} "
+        f"were doubted; with 1 % of drift between chart and white frame {pair['drifting_caught']}, and the RMSE "
+        f"rises from {pair['rmse']:.3f} to {pair['drifting_rmse']:.3f}.",
+        "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
+        f"same photo with all: {'; '.join(field)}.",
     ]
     return "\n".join(lines)
 

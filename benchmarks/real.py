@@ -2,17 +2,17 @@
 
 The Nikon D70 of data/real: 24 patches of a ColorChecker, photographed one by one under a tungsten lamp, each with the
 spectral radiance that came from it; the truth are two passes of a monochromator over the same body. The lamp is the
-radiance of the white patch over its reflectance. Two charts are told: "measured", where each patch is what the
-spectroradiometer saw of it in its place (radiance over that of white), and "published", BabelColor's table. Each with
-a tolerance of 3 % and 8 %, noise 1 %: the light on a patch scatters, which the data say themselves (`scatter`). Then
-with 3 % and the light of each patch free by 8 %, which is what `--light-per-patch 8%` does.
+radiance of the white patch over its reflectance. Two charts are used: "measured", each patch as the spectroradiometer
+measured it in its place (radiance over that of white), and "published", BabelColor's table. Each with a tolerance of
+3 % and 8 %, noise 1 %, since the light scatters from patch to patch (`scatter`). Then with 3 % and the light of each
+patch free by 8 %, as `--light-per-patch 8%` does.
 
-Bases: `cameras` learned without Nikon, and with `phones` beside it as `auto` weighs them (the claim); as shipped,
-which knows a D70 as rawtoaces has it; `phones`; and the paper's, which knows of no error but noise and so is told the
-tolerance as noise. RMSE of curves of peak 1 at the 31 wavelengths of the monochromator, 400 to 700 nm, mean of red,
-green, blue; coverage: the share of these 93 values within the 95 % band. z is the surprise of docs/verdict.md.
+Bases: `cameras` learned without Nikon, and that with `phones` as `auto` weighs them (the claim); as shipped, which
+contains the D70 of rawtoaces; `phones`; and the paper's, whose only error is noise, so it gets the tolerance as
+noise. RMSE of curves of peak 1 at the 31 wavelengths of the monochromator, 400 to 700 nm, mean of red, green, blue;
+coverage: the share of these 93 values within the 95 % band. z is the surprise of docs/verdict.md.
 
-Then a real photo of a chart without a truth, data/dng/colorchart.dng: verdict, band and choice by the lamp told.
+Then a real photo of a chart without a truth, data/dng/colorchart.dng: verdict, band and choice by the lamp given.
 
 Leaves benchmarks/results/real.json; with `--docs` also docs/real.json, the tables of docs/real.md and its picture.
 Exit status 1 where a bar is missed.
@@ -430,7 +430,7 @@ def _scores(passes: Mapping[str, Any]) -> list[str]:
     cells = []
     for name in PASSES:
         held = passes[name]["coverage"]
-        cells.append(f"{passes[name]['rmse']:.3f}" + ("" if held is None else f" / {100 * held:.0f} %"))
+        cells.append(f"{passes[name]['rmse']:.3f}" + ("" if held is None else f" ({100 * held:.0f})"))
     return cells
 
 
@@ -446,8 +446,8 @@ HEAD = (
     "tolerance",
     "light of a patch",
     "basis",
-    "2011: error / in band",
-    "2010: error / in band",
+    "2011: error (in band, %)",
+    "2010: error (in band, %)",
     "z",
     "`cameras` weighs",
 )
@@ -457,9 +457,29 @@ def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *rows])
 
 
+def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A row for each chart, tolerance and light of a patch, a column for each basis; z and weight are the claim's."""
+    settings: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        settings.setdefault(tuple(_line(row)[:3]), {})[row["basis"]] = row
+    bases = list(dict.fromkeys(row["basis"] for row in rows))
+    lines = []
+    for setting, each in settings.items():
+        z, weight = _line(each[CLAIM])[-2:]
+        cells = [", ".join(_scores(each[basis]["passes"])) if basis in each else "" for basis in bases]
+        lines.append([*setting, *cells, z, weight])
+    return _markdown(("chart", "tolerance", "light of a patch", *bases, "z", "weight of `cameras`"), lines)
+
+
+def _reasons(reasons: Sequence[tuple[str, str]], shown: set[str]) -> str:
+    """Codes, each with its message where that is new on the page."""
+    words = [f"`{code}`" if message in shown else f"`{code}`: {message}" for code, message in reasons]
+    shown.update(message for _, message in reasons)
+    return "; ".join(words)
+
+
 def markdown(found: Mapping[str, Any]) -> dict[str, str]:
     """The page's tables by name."""
-    rows = [_line(row) for row in found["rows"]]
     shared = [
         [name, each, f"{100 * row['shared']:.1f} %", " ".join(f"{100 * v:.1f}" for v in row["rest"]) + " %"]
         for name, passes in found["scatter"].items()
@@ -467,25 +487,28 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
     ]
     held = [[name, *_scores(passes)] for name, passes in found["references"].items()]
     held += [[f"{row['basis']}, light evened out by pass 2011", *_scores(row["passes"])] for row in found["mended"]]
-    drawn = [f"{rmse:.3f} / {100 * kept:.0f} %" for rmse, kept in zip(*found["simulated"].values(), strict=True)]
-    held += [[f"{LEFT_OUT}, {DRAWS} captures simulated like it: middle", drawn[1], ""]]
+    drawn = [f"{rmse:.3f} ({100 * kept:.0f})" for rmse, kept in zip(*found["simulated"].values(), strict=True)]
+    held += [[f"{LEFT_OUT}, {DRAWS} simulated captures like it: median", drawn[1], ""]]
     held += [["their 5th and 95th percentiles", f"{drawn[0]}; {drawn[2]}", ""]]
     seen = []
+    shown: set[str] = set()
     for row in found["photo"]:
         band = row.get("band")
-        said = "; ".join(f"`{code}`: {message}" for code, message in row["reasons"])
+        said = _reasons(row["reasons"], shown)
         wide = "" if band is None else " ".join(f"±{value:.2f}" for value in band)
         seen.append([row["lamp"], row["status"], said, wide, f"{row['away']:.3f}" if row.get("away") else ""])
-    limits = [
-        [each["bar"], f"{each['value']:.3g}", each["limit"], "met" if each["met"] else "missed"]
-        for each in found["bars"]
-    ]
+    missed = [[each["bar"], f"{each['value']:.3g}", each["limit"]] for each in found["bars"] if not each["met"]]
+    limits = f"{len(found['bars']) - len(missed)} of {len(found['bars'])} bars are met (`bars` in `docs/real.json`)."
+    if missed:
+        limits += "\n\n" + _markdown(("bar missed", "value", "limit"), missed)
     return {
-        "curves": _markdown(HEAD, rows),
-        "references": _markdown(("beside it", "2011", "2010"), held),
+        "curves": _by_setting(found["rows"]),
+        "references": _markdown(("for comparison", "2011", "2010"), held),
         "scatter": _markdown(("chart", "pass", "shared by the channels", "left in red, green, blue"), shared),
-        "photo": _markdown(("light told", "verdict", "why", "95 % band, red, green, blue", "away from `bulb`"), seen),
-        "bars": _markdown(("bar", "value", "limit", ""), limits),
+        "photo": _markdown(
+            ("lamp given", "verdict", "why", "95 % band, red, green, blue", "difference from `bulb`"), seen
+        ),
+        "bars": limits,
     }
 
 

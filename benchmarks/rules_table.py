@@ -15,30 +15,42 @@ BEGIN, END = "<!-- python -m benchmarks.rules_table -->", "<!-- end of the rules
 
 
 def markdown(found: Rules) -> str:
-    """The bounds of the verdict, then every other number."""
-    bounds = [number for number in found.numbers.values() if number.makes]
-    rest = [number for number in found.numbers.values() if not number.makes]
-    lines = ["| number | unit | doubtful | refused | `name` | code | why |", "|---|---|---|---|---|---|---|"]
-    lines += [_bound(number, found) for number in bounds]
-    lines += ["", "The other numbers that both languages read:", ""]
-    lines += ["| number | value | unit | `name` | why |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {number.what} | {_value(number)} | {number.unit} | `{number.name}` | {number.why} |" for number in rest
-    ]
+    """The bounds of the verdict with their reasons, a quantity a row; then all other numbers by group."""
+    refusing = {f"verdict.{number.refuses}" for number in found.numbers.values() if number.refuses}
+    lines = ["| number | limit | `name` | code | why |", "|---|---|---|---|---|"]
+    for number in found.numbers.values():
+        if number.makes and number.name not in refusing:
+            second = [found.numbers[f"verdict.{number.refuses}"]] if number.refuses else []
+            lines.append(_quantity([number, *second], found))
+    groups: dict[str, list[str]] = {}
+    for number in found.numbers.values():
+        group, _, name = number.name.partition(".")
+        if not number.makes:
+            groups.setdefault(group, []).append(f"`{name}` {_value(number)}")
+    lines += ["", "The other numbers:", "", "| group | names and values |", "|---|---|"]
+    lines += [f"| `{group}` | {', '.join(each)} |" for group, each in groups.items()]
     return "\n".join(lines)
 
 
-def _bound(number: Number, found: Rules) -> str:
-    name = number.name.partition(".")[2]
-    codes = sorted({wording.code for wording in found.reasons.values() if name in wording.limits})
-    value = f"{number.beyond} {_value(number)}"
-    columns = [value if number.makes == makes else "" for makes in ("doubtful", "refused")]
-    cells = [number.what, number.unit, *columns, f"`{name}`", " ".join(f"`{code}`" for code in codes), number.why]
-    return "| " + " | ".join(cells) + " |"
+def _quantity(bounds: list[Number], found: Rules) -> str:
+    """The row of a quantity with its bound, or with the doubtful and the refusing one."""
+    names = [number.name.partition(".")[2] for number in bounds]
+    codes = sorted({wording.code for wording in found.reasons.values() if set(names) & set(wording.limits)})
+    cells = [
+        bounds[0].what,
+        ", ".join(f"{number.makes} {number.beyond} {_value(number)}" for number in bounds),
+        ", ".join(f"`{name}`" for name in names),
+        " ".join(f"`{code}`" for code in codes),
+        " ".join(
+            [bounds[0].why, *(f"`{name}`: {number.why}" for name, number in zip(names[1:], bounds[1:], strict=True))]
+        ),
+    ]
+    return f"| {' | '.join(cells)} |"
 
 
 def _value(number: Number) -> str:
-    return f"{number.value:.4g}"
+    unit = "" if number.unit == "1" else f" {number.unit}"
+    return f"{number.value:.4g}{unit}"
 
 
 def page(text: str, found: Rules) -> str:

@@ -263,7 +263,7 @@ def test_no_licence_is_unstated_and_none_is_gpl() -> None:
 def test_a_new_dependency_and_one_that_went_are_seen() -> None:
     found = {"a": ("1", "MIT"), "b": ("2", "MIT")}
     assert soup.faults(found, {"a": {}, "b": {}}) == []
-    assert soup.faults(found, {"a": {}}) == ["b: say in tools/soup.json what it is for and what is known of it."]
+    assert soup.faults(found, {"a": {}}) == ["b: add its purpose and known faults to tools/soup.json."]
     assert soup.faults(found, {"a": {}, "b": {}, "c": {}}) == ["c in tools/soup.json is no dependency."]
 
 

@@ -25,7 +25,7 @@ MARKS = {
     language: (f"<!-- python -m tools.soup: {language} -->", f"<!-- end of {language} -->")
     for language in ("python", "kotlin")
 }
-HEAD = ["| what | version | licence | for | known of it |", "|---|---|---|---|---|"]
+HEAD = ["| package | version | licence | purpose | known faults |", "|---|---|---|---|---|"]
 Found: TypeAlias = Mapping[str, tuple[str, str]]
 """Version and licence by name."""
 
@@ -55,7 +55,7 @@ def _licence(component: Mapping[str, Any]) -> str:
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Missing and superfluous entries of tools/soup.json."""
-    lacking = [f"{name}: say in tools/soup.json what it is for and what is known of it." for name in found]
+    lacking = [f"{name}: add its purpose and known faults to tools/soup.json." for name in found]
     return [words for words, name in zip(lacking, found, strict=True) if name not in known] + [
         f"{name} in tools/soup.json is no dependency." for name in known if name not in found
     ]
@@ -67,7 +67,7 @@ def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     for name, (version, licence) in found.items():
         told = known.get(name, {})
         whole = licence + (f"; bundles {told['bundles']}" if "bundles" in told else "")
-        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')} | {told.get('known', 'nothing')} |")
+        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')} | {told.get('known', 'none')} |")
     return [*HEAD, *rows]
 
 

@@ -261,7 +261,7 @@ FAULTS: dict[str, Fault] = {
               lambda p, s: _exposure(p, (0.1, 0.02, 0.005)[s - 1])),
         Fault("black", "the file's black level is too low, no dark frame",
               ("by 0.5 % of the range", "2 %", "8 %"), _black),
-        Fault("dark-iso", "the dark frame was taken at another ISO, and says so", ("ISO × 2", "× 8", "× 32"),
+        Fault("dark-iso", "the dark frame was taken at another ISO, as its file states", ("ISO × 2", "× 8", "× 32"),
               _dark_tags),
         Fault("dark-leak", "light or warmth in the dark frame", ("0.4 % of the range", "1.5 %", "6 %"), _dark_leak),
         Fault("swapped", "frames handed in as each other", ("chart and white", "white and dark", "chart and dark"),
