@@ -27,7 +27,7 @@ def pages() -> dict[str, str]:
         "",
         MADE,
         "",
-        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints the page.",
+        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints it.",
         "",
         "| code | exit status | what it means |",
         "|---|---|---|",
