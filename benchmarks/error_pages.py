@@ -27,7 +27,7 @@ def pages() -> dict[str, str]:
         "",
         MADE,
         "",
-        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` says it.",
+        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints it.",
         "",
         "| code | exit status | what it means |",
         "|---|---|---|",
@@ -38,10 +38,10 @@ def pages() -> dict[str, str]:
 def _page(each: Explained) -> str:
     lines = [f"# {each.code}", "", MADE, "", each.means, ""]
     lines += [f"Exit status {each.exit_status}; in Python `camssf.errors.{each.kind}`.", ""]
-    lines += ["## What usually brings it about", "", *(f"- {cause}" for cause in each.causes), ""]
+    lines += ["## Usual causes", "", *(f"- {cause}" for cause in each.causes), ""]
     lines += ["## What to do", "", *(f"{number}. {step}" for number, step in enumerate(each.do, 1)), ""]
     if each.reasons:
-        lines += ["## What the verdict says with this code", ""]
+        lines += ["## Reasons of the verdict", ""]
         for reason in each.reasons:
             lines += [f"**`{reason.name}`**: {without_holes(reason.message)} {without_holes(reason.advice)}", ""]
             lines += [f"- {limit_in_words(limit)}" for limit in limits_of(reason)] + [""]

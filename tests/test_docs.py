@@ -227,7 +227,7 @@ def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
             if codes and statuses:
                 told += 1
                 assert statuses <= codes, (page.name, sentence)
-    assert told >= 4
+    assert told >= 3
 
 
 @pytest.mark.parametrize("wanted", ["standard_colour", "convert", "np.arctan2"])

@@ -3,7 +3,7 @@
 Requirements are in tools/requirements.json. A test names those that it verifies: in Python by
 `@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
 Results are read from JUnit XML by pytest and Surefire. The command exits with 1 if a requirement has no test, a
-marker names an unknown requirement, a row of the README's table of claims belongs to no requirement, or, with
+marker names an unknown requirement, a row of the table in docs/claims.md belongs to no requirement, or, with
 results, if a requirement's test failed or none ran.
 """
 
@@ -27,6 +27,7 @@ from camssf.files import write_file
 ROOT = Path(__file__).parents[1]
 REQUIREMENTS = Path(__file__).parent / "requirements.json"
 PAGE = ROOT / "docs" / "traceability.md"
+CLAIMS_PAGE = ROOT / "docs" / "claims.md"
 BEGIN, END = "<!-- python -m tools.trace -->", "<!-- end of the trace -->"
 CLAIMS = "## What is proven, and what is not"
 NOT_RUN = "not run"
@@ -42,7 +43,7 @@ class Requirement:
         name: R- and capital letters.
         text: one sentence.
         risk: what happens to whom if it does not hold.
-        claim: beginning of the row in the README's table of claims, without markup; None if it has no row.
+        claim: beginning of the row in the table of docs/claims.md, without markup; None if it has no row.
     """
 
     name: str
@@ -191,9 +192,9 @@ def counts(tests: Sequence[Marked], results: Results) -> Counts:
     return sum((results[key] for key in keys), Counts())
 
 
-def claims(readme: str) -> list[str]:
-    """The first cells of the README's table of claims, without markup."""
-    table = readme.partition(CLAIMS)[2].partition("\n## ")[0]
+def claims(page: str) -> list[str]:
+    """The first cells of the page's table of claims, without markup."""
+    table = page.partition(CLAIMS)[2].partition("\n## ")[0]
     cells = [row.split(" | ")[0].removeprefix("| ") for row in table.splitlines() if row.startswith("| ")]
     return [re.sub(r"\*\*|`", "", cell) for cell in cells if cell != "claim"]
 
@@ -215,9 +216,9 @@ def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: S
         owners = [name for name, claim in claimed.items() if row.startswith(claim)]
         if len(owners) != 1:
             who = " and ".join(owners) or "no requirement"
-            found.append(f"README's claim {row[:60]!r} is of {who}: one in tools/requirements.json must claim it.")
+            found.append(f"The claim {row[:60]!r} is of {who}: one in tools/requirements.json must claim it.")
     found += [
-        f"{name} claims {claim!r}, and no row of the README's table begins so."
+        f"{name} claims {claim!r}, and no row of docs/claims.md begins so."
         for name, claim in claimed.items()
         if not any(row.startswith(claim) for row in said)
     ]
@@ -229,7 +230,7 @@ def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[t
     table = []
     for each in requirements:
         own = list(dict.fromkeys(str(test) for test in tests if test.requirement == each.name))
-        text = each.text + ("" if each.claim is None else " (README)")
+        text = each.text + ("" if each.claim is None else " (claim)")
         table.append((each.name, text, each.risk, "<br>".join(own)))
     return table
 
@@ -261,7 +262,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--page", type=Path, default=PAGE, help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     requirements, tests = read_requirements(), markers()
-    wrong = faults(requirements, tests, claims((ROOT / "README.md").read_text("utf-8")))
+    wrong = faults(requirements, tests, claims(CLAIMS_PAGE.read_text("utf-8")))
     page = options.page.read_text("utf-8")
     run, ended = stored(page)
     total = Counts()

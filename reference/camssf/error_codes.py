@@ -78,12 +78,12 @@ def explain_code(code: str) -> Explained:
 
 def as_text(found: Explained) -> str:
     """The explanation as text for a terminal."""
-    lines = [f"{found.code} (exit status {found.exit_status}): {found.means}", "", "What usually brings it about:"]
+    lines = [f"{found.code} (exit status {found.exit_status}): {found.means}", "", "Usual causes:"]
     lines += [f"  - {each}" for each in found.causes]
     lines += ["", "What to do:"]
     lines += [f"  {number}. {each}" for number, each in enumerate(found.do, 1)]
     if found.reasons:
-        lines += ["", "What the verdict says with this code:"]
+        lines += ["", "Reasons of the verdict with this code:"]
         for reason in found.reasons:
             lines += [f"  - {without_holes(reason.message)}", f"    {without_holes(reason.advice)}"]
             lines += [f"    {limit_in_words(each)}" for each in limits_of(reason)]
