@@ -51,7 +51,7 @@ OFFSETS = (
 )
 """Of white, and of the sensor's range."""
 OFFSET_LAMPS = ("D55", "A", "LED-B3", "2300K", "D:7500", "FL2")
-WORDS = {"stray light": "of white lay over all", "black level": "black level were off"}
+WORDS = {"stray light": "Stray light or a wrong black level adds", "black level": "black level seems wrong"}
 MOST_DOUBTED = 0.02
 
 

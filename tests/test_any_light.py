@@ -300,7 +300,7 @@ def test_three_lights_without_a_name_are_too_many() -> None:
 @pytest.mark.parametrize("make", ["NIKON CORPORATION", ""])
 def test_a_camera_must_name_its_lamp(make: str) -> None:
     """The evidence of a camera cannot carry it: the refusal says which words would help."""
-    with pytest.raises(LampUnfit, match=r"nobody named the light.*Name the lamp:.*daylight, bulb"):
+    with pytest.raises(LampUnfit, match=r"the light was not named.*Name the lamp:.*daylight, bulb"):
         solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make)))
 
 
@@ -382,7 +382,7 @@ def test_the_document_has_the_light() -> None:
     shares = np.array([row["share"] for row in document["uncertainty"]["budget"]])
     assert shares.sum(axis=0) == pytest.approx(1.0)
     (said,) = [each["message"] for each in document["assumptions"] if each["code"] == "lamp"]
-    assert said.startswith("nobody named the light; the signals")
+    assert said.startswith("the light was not named and was estimated from the signals")
     assert "daylight 9" in said
 
 

@@ -433,7 +433,7 @@ def test_lamps_of_a_phone() -> None:
     doubted = solve(capture(phone, ["LED-B3"], ["D55"], make="Apple")).verdict
     assert doubted.status == "doubtful"
     (reason,) = [reason for reason in doubted.reasons if "fits" in reason.message]
-    assert "fits LED-B3 better than D55; with a probability of" in reason.message
+    assert "fits LED-B3 better than D55. The named lamp is wrong with a probability of" in reason.message
     for true, named in (("A", "D55"), ("A", "FL2"), ("D65", "FL2")):
         with pytest.raises(LampUnfit, match=rf"better than {named}"):
             solve(capture(phone, [true], [named], make="Apple"))

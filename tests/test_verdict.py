@@ -434,7 +434,7 @@ def test_stray_light_and_a_black_level_differ_in_colour(veil: float, pedestal: f
     scene.ssf = scene.answer(scene.lamps)
     reason = first(scene.judged())
     assert reason.code == code
-    assert ("of white lay over all" if veil else "black level were off") in reason.message
+    assert ("Stray light or a wrong black level adds" if veil else "black level seems wrong") in reason.message
     slight = veil == 0.01  # not enough for a suspect, but for an offset without a dark frame
     assert reason.threshold == rules().number("verdict.suspect" if veil and not slight else "verdict.black")
 
@@ -520,7 +520,7 @@ def test_the_probability_of_another_lamp(gains: tuple[float, ...], said: float) 
     scene = Scene(clean())
     scene.rivals = tuple(Rival(0, f"lamp {i}", gain) for i, gain in enumerate(gains))
     (reason,) = scene.judged().reasons
-    assert f"with a probability of {said:.0f}% the lamp is not the one named" in reason.message
+    assert f"The named lamp is wrong with a probability of {said:.0f}%" in reason.message
     assert isinstance(reason, Fatal) == (gains[0] > CONDEMNED)
 
 

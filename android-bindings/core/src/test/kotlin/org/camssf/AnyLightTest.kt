@@ -59,7 +59,7 @@ class AnyLightTest {
         }
         assertEquals(light.kinds.keys.toList(), kinds)
         val said = found.assumptions.single { it.code == "lamp" }.message
-        assertTrue(said.startsWith("nobody named the light"), said)
+        assertTrue(said.startsWith("the light was not named"), said)
     }
 
     @Test
@@ -74,7 +74,7 @@ class AnyLightTest {
     fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.open().use { calibrator ->
         val found = calibrator.calibrate(capture) as Refused
         assertEquals("lamp_unfit", found.error.code)
-        assertTrue("nobody named the light" in found.error.message, found.error.message)
+        assertTrue("the light was not named" in found.error.message, found.error.message)
         assertTrue("daylight, bulb, white-led, fluorescent" in found.error.advice, found.error.advice)
         assertTrue("\"name\": \"auto\"" in found.toJson())
     }

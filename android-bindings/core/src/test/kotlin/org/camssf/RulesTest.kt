@@ -29,7 +29,7 @@ class RulesTest {
         assertEquals("glare", rules.wording("veil").code)
         assertEquals(listOf("suspect", "hopeless"), rules.wording("veil").limits)
         assertEquals(
-            "shot 2: dark patches are too bright, as if 3.1% of white lay over all.",
+            "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all patches.",
             rules.wording("veil").message(mapOf("shot" to "shot 2", "amount" to 0.0312)),
         )
     }

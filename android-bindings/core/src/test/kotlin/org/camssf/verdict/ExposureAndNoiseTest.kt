@@ -98,7 +98,7 @@ class SamplesTest {
         assertEquals(emptyList<Any>(), said(Spoiled(used = { it < 12 })))
         val dark = reasons(Spoiled(used = { it < 11 })).single()
         assertEquals("underexposed" to 11.0, dark.code to dark.value)
-        assertEquals("shot 2: only 11 of 16 patches carry a signal.", dark.message)
+        assertEquals("shot 2: only 11 of 16 patches can be used.", dark.message)
         for (at in listOf(33, 35, 40, 47)) {
             val found = said(Spoiled(used = { it < 11 }, clipped = { if (it == at) 0.001 else 0.0 }))
             assertEquals(listOf(Triple("overexposed", 11.0, false)), found)
@@ -115,7 +115,7 @@ class SamplesTest {
             val found = reasons(Spoiled(dead = { if (it == at) 0.07 else 0.01 })).single()
             assertEquals("chart_unfit" to 0.07, found.code to found.value)
             val patch = table.patches[at / 3]
-            assertEquals("shot 2: 7% of the samples of patch $patch do not belong to the others.", found.message)
+            assertEquals("shot 2: 7% of the samples of patch $patch are outliers.", found.message)
         }
     }
 
