@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from test_stream import Desk, slow, templates
 from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.fleet import pools
-from camssf.fleet.manifest import Manifest
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
@@ -76,16 +78,16 @@ class Client:
     def cancel(self, futures: list[Any], force: bool) -> None:
         self.cancelled += futures
 
-    def submit(self, task: Any, item: Any, key: str, pure: bool) -> Returned:
-        self.handed_out[item.job.name] += 1
-        if self.handed_out[item.job.name] <= self.drops:
-            (self.marks / item.task).write_bytes(b".")  # a worker had begun it
+    def submit(self, work: Any, job: Job, key: str, pure: bool) -> Returned:
+        self.handed_out[job.name] += 1
+        if self.handed_out[job.name] <= self.drops:
+            (self.marks / job.task).write_bytes(b".")  # a worker had begun it
             return Returned(*self.returned)
-        return Returned("finished", task(item))
+        return Returned("finished", work(job))
 
 
-def done_at_once(item: Any) -> pools.Done:
-    return pools.Done("accepted", reason=item.job.name)
+def done_at_once(job: Job) -> Outcome:
+    return Outcome(job.name, "accepted", reason=job.name)
 
 
 DROPS = {
@@ -102,18 +104,18 @@ def hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drops: int, return
             raise CancelledError("as distributed.wait does")
 
     class Ends:
-        def take(self, item: Any, done: pools.Done, *, deaths: int = 0) -> None:
-            ends.append((item.job.name, done.status, done.reason, deaths))
+        def add(self, job: Job, outcome: Outcome) -> None:
+            ends.append((job.name, outcome.status, outcome.reason, outcome.deaths))
 
-        def flush(self, *, if_due: bool = False) -> None:
+        def update(self) -> None:
             pass
 
     monkeypatch.setattr(distributed, "wait", wait)
     (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\nb,y,D55\n")
-    first, *rest = Manifest(tmp_path / "m.csv", {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"})
+    first, *rest = (replace(job, task=job.name) for job in Manifest(tmp_path / "m.csv"))
     client = Client(drops, returned, tmp_path)
     ends: list[Any] = []
-    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends(), lambda: None)
+    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends())
     return client, sorted(ends)
 
 
@@ -250,7 +252,7 @@ def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monk
 
 
 def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacks(item: Any, *, one: Any, marks: Path, version: str) -> None:
+    def lacks(job: Job, *, work: Any, marks: Path, version: str) -> None:
         raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
 
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})

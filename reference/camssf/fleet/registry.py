@@ -15,7 +15,7 @@ import secrets
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -23,6 +23,7 @@ from camssf.errors import InvalidArgument
 from camssf.files import local, local_folder, readable, write_file
 from camssf.fleet.rows import Row, Task, columns
 from camssf.libraries import library
+from camssf.photo.read.unit import Unit
 
 Table: TypeAlias = type[Row] | type[Task]
 Answer = TypeVar("Answer")
@@ -57,21 +58,20 @@ class Wanted:
     """A filter for results; the default selects all.
 
     Attributes:
-        make, model, serial, name: equal to these; "" for any.
+        unit: make, model and serial are equal to its own; "" for any.
+        name: equal to this; "" for any.
         statuses: status is one of these; empty for any.
     """
 
-    make: str = ""
-    model: str = ""
-    serial: str = ""
+    unit: Unit = field(default_factory=Unit)
     name: str = ""
     statuses: tuple[str, ...] = ()
 
     def where(self) -> tuple[str, list[Any]]:
         """The filter as an SQL condition, and its values."""
-        given = {name: getattr(self, name) for name in ("make", "model", "serial", "name") if getattr(self, name)}
-        terms = [f"{name} = ?" for name in given]
-        values: list[Any] = list(given.values())
+        equal = {"make": self.unit.make, "model": self.unit.model, "serial": self.unit.serial, "name": self.name}
+        terms = [f"{name} = ?" for name, value in equal.items() if value]
+        values: list[Any] = [value for value in equal.values() if value]
         if self.statuses:
             terms.append("list_contains(?, status)")
             values.append(list(self.statuses))
@@ -129,27 +129,25 @@ class Registry:
         Raises:
             InvalidArgument: the file cannot be written; then nothing is lost.
         """
-        for table in FOLDERS:
-            self._gather(table)
-
-    def _gather(self, table: Table) -> None:
         import duckdb
 
-        with _failures(self.folder):
-            try:
-                small = [path for path in self._files(table) if path.stat().st_size < LARGE_FILE]
-                if len(small) < 2:
-                    return
-                with connection() as con:
-                    self._view(con, table, small)
-                    _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
-            except (FileNotFoundError, duckdb.Error) as error:
-                if not all(path.exists() for path in small):
-                    return  # another process gathers
-                _name_damaged(table, small, error)
-                raise
-            for path in small:
-                path.unlink(missing_ok=True)
+        for table in FOLDERS:
+            small = self._files(table)
+            with _failures(self.folder):
+                try:
+                    small = [path for path in small if path.stat().st_size < LARGE_FILE]
+                    if len(small) < 2:
+                        continue
+                    with connection() as con:
+                        self._view(con, table, small)
+                        _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
+                except (FileNotFoundError, duckdb.Error) as error:
+                    if not all(path.exists() for path in small):
+                        continue  # another process gathers
+                    _name_damaged(table, small, error)
+                    raise
+                for path in small:
+                    path.unlink(missing_ok=True)
 
     # Reading
 
