@@ -212,7 +212,7 @@ def batch(
         typer.Option(
             metavar="FOLDER",
             show_default=False,
-            help="Registry that the results go to; with it the manifest may be of any size, or Parquet.",
+            help="Registry that the results go to; with it the manifest may be of any size, with any further columns.",
         ),
     ] = None,
     pages: Annotated[
