@@ -62,7 +62,7 @@ def run_batch(
 def here(manifest: Path, out: Path, **options: str) -> tuple[Outcome, ...]:
     """As `run_batch`, in this process, without a summary."""
     store = batch._ResultFolders(out)
-    return tuple(batch._do(job, store=store, work=stub) for job in Manifest(manifest, **options).read_all())
+    return tuple(batch._run_job(job, store=store, work=stub) for job in Manifest(manifest, **options).read_all())
 
 
 def read_manifest(path: Path) -> tuple[Job, ...]:

@@ -120,7 +120,7 @@ def hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drops: int, return
 
 
 @pytest.mark.parametrize("drop", DROPS)
-@pytest.mark.parametrize("drops", [1, pools.AGAIN])
+@pytest.mark.parametrize("drops", [1, pools.RESUBMISSIONS])
 def test_what_a_busy_cluster_drops_is_handed_out_again(
     drop: str, drops: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -134,13 +134,13 @@ def test_what_a_busy_cluster_drops_is_handed_out_again(
 def test_not_for_ever(drop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is no job's fault: the next run tries it again."""
     client, ends = hand_out(tmp_path, monkeypatch, 10**6, DROPS[drop])
-    assert client.handed_out == {"a": pools.AGAIN + 1, "b": pools.AGAIN + 1}
-    words = f"The Dask cluster lost it {pools.AGAIN + 1} times. Run the same command again to do it."
+    assert client.handed_out == {"a": pools.RESUBMISSIONS + 1, "b": pools.RESUBMISSIONS + 1}
+    words = f"The Dask cluster lost it {pools.RESUBMISSIONS + 1} times. Run the same command again to do it."
     assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
 
 
 def test_a_cluster_that_lost_all_workers_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "WORKERLESS", 0.0)
+    monkeypatch.setattr(pools, "WORKERLESS_TIMEOUT", 0.0)
     monkeypatch.setattr(Client, "nthreads", lambda self: {})
     with pytest.raises(InvalidArgument, match="has had no worker for 0 s"):
         hand_out(tmp_path, monkeypatch, 1, DROPS["lost"])
@@ -263,7 +263,7 @@ def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch:
 
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "ANSWER", 1.0)
+    monkeypatch.setattr(pools, "SCHEDULER_TIMEOUT", 1.0)
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):

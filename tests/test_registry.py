@@ -370,7 +370,7 @@ def fleet(one: Registry, units: int, repeats: int, between: float, within: float
 
 
 def rms(bump: float = 1.0) -> float:
-    return float(bump * np.sqrt(np.mean(np.exp(-(((compare.NM[compare.INSIDE] - 550) / 40) ** 2)))))
+    return float(bump * np.sqrt(np.mean(np.exp(-(((compare.NM[compare.COMPARED] - 550) / 40) ** 2)))))
 
 
 def test_the_spread_of_a_model(one: Registry) -> None:
@@ -390,7 +390,7 @@ def test_the_spread_of_a_model(one: Registry) -> None:
 def test_the_interval_of_a_spread_covers() -> None:
     """0.95 of simulated fleets of six units, and not much more where one bump is all that differs."""
     dice, inside = np.random.default_rng(3), 0
-    bump = np.exp(-0.5 * ((compare.NM[compare.INSIDE] - 550) / 40) ** 2)
+    bump = np.exp(-0.5 * ((compare.NM[compare.COMPARED] - 550) / 40) ** 2)
     for _ in range(400):
         units = [0.03 * dice.standard_normal((3, 1)) * bump for _ in range(6)]
         _, repeat, between, low, high = compare.between_units([unit[None] for unit in units])
@@ -511,7 +511,7 @@ def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None
 
 
 def test_features_are_centres_and_widths() -> None:
-    found = features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
+    found = features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.COMPARED])[0]
     assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
 
 
@@ -526,9 +526,9 @@ def test_the_nearest_models(one: Registry) -> None:
     assert found[0].results == 5
     assert found[0].distance < 0.02 < found[1].distance
     inside = (
-        bells(10.2)[:, compare.INSIDE]
+        bells(10.2)[:, compare.COMPARED]
         - np.mean([np.array([r.red, r.green, r.blue]) for r in rows if r.model == "Model 2"], axis=0)[
-            :, compare.INSIDE
+            :, compare.COMPARED
         ]
     )
     assert found[0].distance == pytest.approx(np.sqrt(np.mean(inside**2)), rel=1e-3)

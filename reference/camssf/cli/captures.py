@@ -212,7 +212,7 @@ def batch(
         typer.Option(
             metavar="FOLDER",
             show_default=False,
-            help="Registry that the results go to; with it the manifest may be of any size, with any further columns.",
+            help="Registry that the results go to; with it the manifest may be of any size and have further columns.",
         ),
     ] = None,
     pages: Annotated[

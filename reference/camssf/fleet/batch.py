@@ -1,6 +1,6 @@
 """Calibrates every camera of a manifest in parallel, into a folder for each name or into an archive with a registry.
 
-Both ways share reading, processes and worker (`_do`). They differ in the store, where a worker finds the results of
+Both ways share manifest, processes and worker (`_run_job`). They differ in the store, where a worker finds results of
 earlier runs and keeps new ones (`_ResultFolders`, `Archive`), and in the recorder, which writes what the process that
 hands out the work learns (`_FolderRecorder`, `RegistryRecorder`).
 """
@@ -92,13 +92,13 @@ def run_batch(
         todo = manifest.read_all()
         store, jobs, recorder = _ResultFolders(folder), iter(todo), _FolderRecorder(todo, folder, summary, progress)
         default: WorkInFolder = calibrate_into_folder
-        _make(folder)
+        _make_folder(folder)
     else:
         store = Archive(folder.absolute(), registry.folder.absolute(), pages)
         jobs = unfinished(manifest, registry, summary, store)
         recorder = RegistryRecorder(manifest, registry, summary, progress)
         default = partial(calibrate_into_archive, pages=pages)
-    do = partial(_do, store=store, work=work or default)
+    do = partial(_run_job, store=store, work=work or default)
     try:
         if dask is None:
             run_processes(jobs, do, max(1, workers or cores()), recorder)
@@ -162,11 +162,10 @@ def calibrate_into_archive(job: Job, folder: Path, *, pages: bool = False) -> Ou
 # In a worker
 
 
-def _do(job: Job, *, store: _ResultFolders | Archive, work: WorkInFolder) -> Outcome:
+def _run_job(job: Job, *, store: _ResultFolders | Archive, work: WorkInFolder) -> Outcome:
     """The earlier outcome of an unchanged job, or that of doing it."""
     if job.fault:
-        fault = InvalidArgument(f"In the manifest, {job.fault}", "")
-        return replace(_refused(job, fault), folder=job.folder)
+        return Outcome(job.name, "refused", InvalidArgument.code, f"In the manifest, {job.fault}", job.folder)
     made_from = ""
     try:
         made_from = inputs_hash(job)
@@ -184,7 +183,7 @@ def _do(job: Job, *, store: _ResultFolders | Archive, work: WorkInFolder) -> Out
 
 
 def _refused(job: Job, error: CalibrationError) -> Outcome:
-    return Outcome(job.name, "refused", error.code, f"{error.message} {error.advice}".strip())
+    return Outcome(job.name, "refused", error.code, f"{error.message} {error.advice}")
 
 
 def inputs_hash(job: Job) -> str:
@@ -273,7 +272,7 @@ class _FolderRecorder:
         write_file(self._out / "summary.csv", summary_csv(self._summary.outcomes))
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -18,7 +18,7 @@ from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.photo.read.unit import Unit
 
 NM = WAVELENGTHS[::STRIDE]
-INSIDE = (NM >= 400) & (NM <= 700)
+COMPARED = (NM >= 400) & (NM <= 700)
 ACCEPTED = ("accepted",)
 
 CONFIDENCE = 0.95
@@ -206,7 +206,7 @@ def nearest(
     if not len(found["i"]):
         return ()
     models = np.stack([np.asarray(found[c]).reshape(-1, len(NM)) for c in CHANNELS], axis=1)
-    distances = np.sqrt(np.mean((models - curves)[..., INSIDE] ** 2, axis=(1, 2)))
+    distances = np.sqrt(np.mean((models - curves)[..., COMPARED] ** 2, axis=(1, 2)))
     rows = [
         Near(
             str(found["make"][i * len(NM)]), str(found["model"][i * len(NM)]), int(found["n"][i * len(NM)]), float(d)
@@ -258,7 +258,7 @@ def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict
     curves = np.stack(columns, axis=1)
     if not (np.abs(curves) <= LARGEST).all():
         _name_damaged_row(registry, where, values)
-    return found | {"curves": curves[..., INSIDE]}
+    return found | {"curves": curves[..., COMPARED]}
 
 
 def _name_damaged_row(registry: Registry, where: str, values: list[Any]) -> None:

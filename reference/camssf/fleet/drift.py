@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.compare import ACCEPTED, INSIDE, NM, UNIT, by_unit, counts_in_words, may_be, read_curves
+from camssf.fleet.compare import ACCEPTED, COMPARED, NM, UNIT, by_unit, counts_in_words, may_be, read_curves
 from camssf.fleet.registry import Registry, Wanted
 from camssf.grid import CHANNELS, Floats
 from camssf.photo.read.unit import Unit
@@ -228,7 +228,7 @@ def _left_out(
 
 def features(curves: Floats) -> Floats:
     """(n, 6) FEATURES, nm, of (n, 3, wavelengths) curves: each channel's centre of mass and standard deviation."""
-    nm, s = NM[INSIDE], np.maximum(curves, 0.0)
+    nm, s = NM[COMPARED], np.maximum(curves, 0.0)
     weight = s.sum(axis=-1)
     centre = (s @ nm) / weight
     width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)

@@ -32,15 +32,15 @@ from camssf.version import __version__
 
 FLUSH = 2.0
 """Longest wait for a job's end, before the recorder is called again, seconds."""
-AHEAD = 4
+QUEUED_PER_WORKER = 4
 """Jobs queued for each worker."""
 DEATHS = 2
 """Processes that may die during a job; then it has failed."""
-ANSWER = 30.0
+SCHEDULER_TIMEOUT = 30.0
 """Seconds to wait for the scheduler's answer, and for its first worker."""
-WORKERLESS = 60.0
+WORKERLESS_TIMEOUT = 60.0
 """Seconds without any worker after which the batch fails; a Dask nanny restarts a worker in less."""
-AGAIN = 8
+RESUBMISSIONS = 8
 """Number of times that a job is resubmitted because workers died while it waited, or the cluster lost it."""
 DIED = "The process that worked on it died, twice (memory, or a damaged file)."
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -80,7 +80,7 @@ def _pool(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> li
     with ProcessPoolExecutor(count, get_context("spawn"), _begin) as pool:
         try:
             while job is not None or running:
-                while job is not None and len(running) < AHEAD * count:
+                while job is not None and len(running) < QUEUED_PER_WORKER * count:
                     running[pool.submit(work, job)] = job
                     job = next(jobs, None)
                 finished, _ = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
@@ -165,7 +165,7 @@ def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Path, recor
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
     try:
-        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+        client = distributed.Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InvalidArgument(
             f"No Dask scheduler answers at {address!r}.",
@@ -173,7 +173,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
         ) from error
     try:
         try:
-            client.wait_for_workers(1, timeout=ANSWER)
+            client.wait_for_workers(1, timeout=SCHEDULER_TIMEOUT)
         except TimeoutError as error:
             raise InvalidArgument(
                 f"The Dask cluster at {address} has no worker.", "Start some with `dask worker ADDRESS --nthreads 1`."
@@ -185,7 +185,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
 
 
 def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: Path, recorder: Recorder) -> None:
-    """Submit jobs until none is left, at most AHEAD at a time for each worker thread."""
+    """Submit jobs until none is left, at most QUEUED_PER_WORKER at a time for each worker thread."""
     from distributed import KilledWorker
     from distributed import wait as wait_for
     from distributed.client import ClosedClientError
@@ -200,13 +200,13 @@ def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: P
         while job is not None or running:
             threads = sum(client.nthreads().values())
             had_workers = time.monotonic() if threads else had_workers
-            if time.monotonic() - had_workers > WORKERLESS:
+            if time.monotonic() - had_workers > WORKERLESS_TIMEOUT:
                 raise InvalidArgument(
-                    f"The Dask cluster has had no worker for {WORKERLESS:.0f} s.",
+                    f"The Dask cluster has had no worker for {WORKERLESS_TIMEOUT:.0f} s.",
                     "Start some with `dask worker ADDRESS --nthreads 1`, and the same command: what was done is not "
                     "done again.",
                 )
-            while job is not None and len(running) < AHEAD * max(1, threads):
+            while job is not None and len(running) < QUEUED_PER_WORKER * max(1, threads):
                 running[_submit(client, marked, job)] = job
                 job = next(rest, None)
             with suppress(TimeoutError, CancelledError), client.as_current():  # cancelled ones are handled below
@@ -222,7 +222,7 @@ def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: P
                         (marks / done.task).unlink(missing_ok=True)
                         with suppress(Exception):
                             client.cancel([future], force=True)
-                    if count <= AGAIN:
+                    if count <= RESUBMISSIONS:
                         running[_submit(client, marked, done)] = done
                         continue
                     words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
@@ -255,7 +255,7 @@ def _outcome_of(future: Any) -> Outcome:
     """
     if future.status == "lost":
         raise CancelledError  # `result` would wait for it
-    outcome: Outcome = future.result(timeout=ANSWER)
+    outcome: Outcome = future.result(timeout=SCHEDULER_TIMEOUT)
     return outcome
 
 
@@ -282,7 +282,7 @@ def _absolute(job: Job) -> Job:
 
 # In a cluster's worker
 
-_turn = threading.Lock()
+_job_lock = threading.Lock()
 """One job at a time in a process, however many threads its worker has."""
 
 
@@ -293,7 +293,7 @@ def _marked(job: Job, *, work: Work, marks: Path, version: str) -> Outcome:
             f"A worker of the Dask cluster has camssf {__version__}.", f"Install {version} there, as it is here."
         )
     mark = marks / job.task
-    with _turn:
+    with _job_lock:
         with open(mark, "ab") as stream:
             begun = stream.tell()
             if begun >= DEATHS:

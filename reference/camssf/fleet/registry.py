@@ -43,7 +43,7 @@ ATTEMPTS = 5
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of `Registry.listing`."""
 
-WROTE = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
+WHICH_FOLDER = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
 MOVE_AWAY = "Move it away, and add its results again from their archive."
 
 _CONFIG = {
@@ -85,7 +85,7 @@ class Registry:
         library("duckdb", "The registry needs", "fleet")
         self.folder = local_folder(folder)
         if not new and not self.folder.exists():
-            raise InvalidArgument(f"There is no folder {self.folder}.", WROTE)
+            raise InvalidArgument(f"There is no folder {self.folder}.", WHICH_FOLDER)
         found = _format(self.folder, new)
         if found != FORMAT:
             raise _no_registry(self.folder, found, new)
@@ -261,7 +261,7 @@ def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None
     for path in files:
         try:
             with connection() as con:
-                whole = _whole(path)
+                whole = _is_parquet(path)
                 if whole:
                     Registry._view(con, table, [path])
                     con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
@@ -310,7 +310,7 @@ def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
     if new:
         why, advice = "it is a file, or holds something else", "Name a new or an empty folder."
     else:
-        why, advice = f"it holds no {MARK}", WROTE
+        why, advice = f"it holds no {MARK}", WHICH_FOLDER
     return InvalidArgument(f"{folder} is no registry: {why}.", advice)
 
 
@@ -361,13 +361,13 @@ def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
         finally:
             os.close(handle)
         os.replace(aside, folder / (name or f"{token}.{suffix}"))
-        _settle(folder)
+        _sync_folder(folder)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
 
 
-def _settle(folder: Path) -> None:
+def _sync_folder(folder: Path) -> None:
     """Flush the folder's entry to disk; systems that cannot open a folder are left alone."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -405,7 +405,7 @@ def _cell(name: str, kind: str) -> str:
     return f"regexp_replace({name}, '(^|[;\\t])([=+\\-@\\t\\r\uff1d\uff0b\uff0d\uff20])', '\\1''\\2', 'g') AS {name}"
 
 
-def _whole(path: Path) -> bool:
+def _is_parquet(path: Path) -> bool:
     """Whether the file begins and ends with Parquet's magic bytes."""
     with open(path, "rb") as stream:
         head = stream.read(4)
