@@ -35,13 +35,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks._common import console, save, table, versions
-from camssf.fleet.manifest import Item, Manifest
-from camssf.fleet.pools import Done
+from camssf.fleet.archive import task_of
+from camssf.fleet.batch import calibrate_into_archive, run_batch
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Task, row
-from camssf.fleet.stream import calibrate_item, run_stream
 
-OPTIONS = {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"}
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
 WAIT = 0.5
 """Seconds that a job of `handed_out` takes: a capture's."""
@@ -96,9 +96,9 @@ def million(home: Path, rows: int) -> dict[str, float]:
     code = (
         "import json, resource, sys, time\nfrom pathlib import Path\nbegun = float(sys.argv[2])\n"
         "from camssf.fleet.manifest import Manifest\nfrom camssf.fleet.registry import Registry\n"
-        "from camssf.fleet.stream import Summary, _left, _Where\n"
-        f"rows, registry = Manifest(sys.argv[1], {OPTIONS!r}), Registry(sys.argv[1] + '.registry', new=True)\n"
-        "jobs = _left(rows, registry, Summary(), _Where(Path('archive'), registry.folder, False))\n"
+        "from camssf.fleet.archive import Archive, unfinished\nfrom camssf.fleet.outcome import Summary\n"
+        "rows, registry = Manifest(sys.argv[1]), Registry(sys.argv[1] + '.registry', new=True)\n"
+        "jobs = unfinished(rows, registry, Summary(), Archive(Path('archive'), registry.folder, False))\n"
         "next(jobs); first, work = time.time() - begun, time.process_time()\ncount = 1 + sum(1 for _ in jobs)\n"
         "held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "held *= 1 if sys.platform == 'darwin' else 1024\n"
@@ -122,8 +122,8 @@ def resumed(home: Path, count: int) -> dict[str, float]:
     manifest.write_text(HEADER + "".join(f"c{n},{n}.dng,D55\n" for n in range(count)), "utf-8")
     now = datetime(2026, 1, 1)
     done = [
-        Task(item.task, f"{n:064x}", now, item.job.name, "accepted", "", "", f"{n:064x}")
-        for n, item in enumerate(Manifest(manifest, OPTIONS))
+        Task(task_of(job, None), f"{n:064x}", now, job.name, "accepted", "", "", f"{n:064x}")
+        for n, job in enumerate(Manifest(manifest))
     ]
     Registry(folder / "registry", new=True).note(done)
     for task in done:
@@ -147,10 +147,10 @@ def pairs(home: Path, count: int, ways: Sequence[tuple[str, Callable[[Path], Run
     return found
 
 
-def wait(item: Item, folder: Path, pages: bool) -> Done:
+def wait(job: Job, folder: Path) -> Outcome:
     """In place of the calibration: as long as one, on nobody's processor."""
     time.sleep(WAIT)
-    return Done("refused")
+    return Outcome(job.name, "refused")
 
 
 def handed_out(home: Path, count: int, workers: int) -> float:
@@ -167,7 +167,7 @@ def handed_out(home: Path, count: int, workers: int) -> float:
         found.append((int(words.split()[0]), time.perf_counter()))
 
     registry = Registry(folder / "registry", new=True)
-    run_stream(Manifest(manifest, OPTIONS), folder / "out", registry, workers=workers, work=wait, progress=tell)
+    run_batch(Manifest(manifest), folder / "out", registry, workers=workers, work=wait, progress=tell)
     (first, begun), (last, ended) = next(each for each in found if each[0]), found[-1]
     return (last - first) / (ended - begun)
 
@@ -180,10 +180,10 @@ def cost(home: Path) -> dict[str, float]:
     shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "large", scene=Scene(size=(4000, 3000)), seed=1).shots[0]
     manifest, found = home / "large.csv", []
     manifest.write_text(HEADER + f"large,{shot.chart},D55\n", "utf-8")
-    (item,) = Manifest(manifest, OPTIONS)
+    (job,) = Manifest(manifest)
     for number in range(4):  # the first loads the libraries
         begun = time.process_time()
-        calibrate_item(item, home / f"large-{number}", False)
+        calibrate_into_archive(job, home / f"large-{number}")
         found.append(time.process_time() - begun)
     result = (home / "large-0" / "result.json").read_bytes()
     registry = Registry(home / "large-registry", new=True)

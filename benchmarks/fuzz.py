@@ -188,9 +188,9 @@ def _result(path: Path) -> None:
 
 
 def _manifest(path: Path) -> None:
-    from camssf.fleet.run import read_manifest
+    from camssf.fleet.manifest import Manifest
 
-    read_manifest(path)
+    Manifest(path).read_all()
 
 
 @cache

@@ -24,6 +24,7 @@ from camssf.fleet import compare
 from camssf.fleet.drift import drift_of
 from camssf.fleet.registry import Registry, Wanted, connection
 from camssf.fleet.rows import Row
+from camssf.photo.read.unit import Unit
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -103,9 +104,9 @@ def main(arguments: list[str] | None = None) -> int:
         size = sum(path.stat().st_size for path in registry.folder.rglob("*.parquet"))
         questions: dict[str, Callable[[], object]] = {
             "list, the newest 1,000": lambda: registry.listing(limit=1000),
-            "list, one model": lambda: registry.listing(Wanted(model="Model 7")),
-            "spread of a model": lambda: compare.spread(registry, "Model 7"),
-            "drift of a unit": lambda: drift_of(registry, "7-3"),
+            "list, one model": lambda: registry.listing(Wanted(Unit(model="Model 7"))),
+            "spread of a model": lambda: compare.spread(registry, Unit(model="Model 7")),
+            "drift of a unit": lambda: drift_of(registry, Unit(serial="7-3")),
             "nearest model": lambda: compare.nearest(registry, bells(3.0)),
         }
         seconds = {name: best(what) for name, what in questions.items()}

@@ -955,7 +955,7 @@ def test_a_batch_says_how_to_resume(
     call = ["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--jobs", "1"]
     assert cli.main(call) == cli.BATCH_FAILED
     assert "run the same command again: what is done is not done again" in capsys.readouterr().err
-    monkeypatch.setattr(import_module("camssf.fleet.run"), "run_batch", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(import_module("camssf.fleet.batch"), "run_batch", raising(KeyboardInterrupt()))
     assert cli.main(call) == 130
     assert "Run the same command again to resume" in capsys.readouterr().err
 
@@ -965,13 +965,14 @@ def test_the_reasons_of_a_batch_are_those_of_jobs_without_curves(
 ) -> None:
     """An accepted result needs no reason; a failed one has no code, but is named."""
     pytest.importorskip("duckdb", reason="duckdb is not here")
-    from camssf.fleet import stream
+    from camssf.fleet import batch
+    from camssf.fleet.outcome import Summary
 
-    found = stream.Summary()
+    found = Summary()
     for status, code, count in (("accepted", "", 10), ("refused", "overexposed", 2), ("failed", "", 1)):
         for _ in range(count):
             found.count(status, code, "Phone" if status == "accepted" else "")
-    monkeypatch.setattr(stream, "run_stream", lambda *_, **__: found)
+    monkeypatch.setattr(batch, "run_batch", lambda *_, **__: found)
     (tmp_path / "m.csv").write_text("name,photo,lamp\na,typo.dng,D55\n")
     call = ["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--registry", str(tmp_path / "r")]
     assert cli.main(call) == cli.BATCH_FAILED

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from test_stream import Desk, slow, templates
 from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.fleet import pools
-from camssf.fleet.manifest import Manifest
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
@@ -76,16 +78,16 @@ class Client:
     def cancel(self, futures: list[Any], force: bool) -> None:
         self.cancelled += futures
 
-    def submit(self, task: Any, item: Any, key: str, pure: bool) -> Returned:
-        self.handed_out[item.job.name] += 1
-        if self.handed_out[item.job.name] <= self.drops:
-            (self.marks / item.task).write_bytes(b".")  # a worker had begun it
+    def submit(self, work: Any, job: Job, key: str, pure: bool) -> Returned:
+        self.handed_out[job.name] += 1
+        if self.handed_out[job.name] <= self.drops:
+            (self.marks / job.task).write_bytes(b".")  # a worker had begun it
             return Returned(*self.returned)
-        return Returned("finished", task(item))
+        return Returned("finished", work(job))
 
 
-def done_at_once(item: Any) -> pools.Done:
-    return pools.Done("accepted", reason=item.job.name)
+def done_at_once(job: Job) -> Outcome:
+    return Outcome(job.name, "accepted", reason=job.name)
 
 
 DROPS = {
@@ -102,23 +104,23 @@ def hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drops: int, return
             raise CancelledError("as distributed.wait does")
 
     class Ends:
-        def take(self, item: Any, done: pools.Done, *, deaths: int = 0) -> None:
-            ends.append((item.job.name, done.status, done.reason, deaths))
+        def add(self, job: Job, outcome: Outcome) -> None:
+            ends.append((job.name, outcome.status, outcome.reason, outcome.deaths))
 
-        def flush(self, *, if_due: bool = False) -> None:
+        def update(self) -> None:
             pass
 
     monkeypatch.setattr(distributed, "wait", wait)
     (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\nb,y,D55\n")
-    first, *rest = Manifest(tmp_path / "m.csv", {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"})
+    first, *rest = (replace(job, task=job.name) for job in Manifest(tmp_path / "m.csv"))
     client = Client(drops, returned, tmp_path)
     ends: list[Any] = []
-    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends(), lambda: None)
+    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends())
     return client, sorted(ends)
 
 
 @pytest.mark.parametrize("drop", DROPS)
-@pytest.mark.parametrize("drops", [1, pools.AGAIN])
+@pytest.mark.parametrize("drops", [1, pools.RESUBMISSIONS])
 def test_what_a_busy_cluster_drops_is_handed_out_again(
     drop: str, drops: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,13 +134,13 @@ def test_what_a_busy_cluster_drops_is_handed_out_again(
 def test_not_for_ever(drop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is no job's fault: the next run tries it again."""
     client, ends = hand_out(tmp_path, monkeypatch, 10**6, DROPS[drop])
-    assert client.handed_out == {"a": pools.AGAIN + 1, "b": pools.AGAIN + 1}
-    words = f"The Dask cluster lost it {pools.AGAIN + 1} times. Run the same command again to do it."
+    assert client.handed_out == {"a": pools.RESUBMISSIONS + 1, "b": pools.RESUBMISSIONS + 1}
+    words = f"The Dask cluster lost it {pools.RESUBMISSIONS + 1} times. Run the same command again to do it."
     assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
 
 
 def test_a_cluster_that_lost_all_workers_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "WORKERLESS", 0.0)
+    monkeypatch.setattr(pools, "WORKERLESS_TIMEOUT", 0.0)
     monkeypatch.setattr(Client, "nthreads", lambda self: {})
     with pytest.raises(InvalidArgument, match="has had no worker for 0 s"):
         hand_out(tmp_path, monkeypatch, 1, DROPS["lost"])
@@ -250,7 +252,7 @@ def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monk
 
 
 def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacks(item: Any, *, one: Any, marks: Path, version: str) -> None:
+    def lacks(job: Job, *, work: Any, marks: Path, version: str) -> None:
         raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
 
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
@@ -261,7 +263,7 @@ def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch:
 
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "ANSWER", 1.0)
+    monkeypatch.setattr(pools, "SCHEDULER_TIMEOUT", 1.0)
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):

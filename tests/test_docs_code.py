@@ -17,7 +17,8 @@ from test_docs import ROOT, blocks, calls
 
 from camssf import Options, calibrate
 from camssf.exports import export
-from camssf.fleet.run import run_batch
+from camssf.fleet.batch import run_batch
+from camssf.fleet.manifest import Manifest
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.raw import read_raw
 from camssf.report.build import report
@@ -174,6 +175,6 @@ def test_the_manifest_of_the_quick_start_is_one(tmp_path: Path) -> None:
     """Its photos are not here; its columns and rows are read."""
     (told,) = blocks((ROOT / "docs" / "quick-start.md").read_text("utf-8"), "csv")
     (tmp_path / "manifest.csv").write_text(told + "\n")
-    outcomes = run_batch(tmp_path / "manifest.csv", tmp_path / "out", basis="cameras", jobs=1)
+    outcomes = run_batch(Manifest(tmp_path / "manifest.csv", basis="cameras"), tmp_path / "out", workers=1).outcomes
     assert [each.name for each in outcomes] == ["Canon 550D", "Nikon D5100"]
     assert all("chart.dng" in each.reason or "led.csv" in each.reason for each in outcomes)

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
 from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
-from camssf.fleet.run import read_manifest
+from camssf.fleet.manifest import Manifest
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -68,7 +68,7 @@ def test_what_the_long_run_found(tmp_path: Path) -> None:
     """50,000 files a reader showed these: a name that no file can have, numbers that fit no type."""
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"name,photo,lamp\nA,a.dng,{'D' * 400}\n")
-    assert read_manifest(manifest)[0].lamps == ("D" * 400,)
+    assert Manifest(manifest).read_all()[0].lamps == ("D" * 400,)
     for path, value in ((("saturation",), 2**5000), (("means", "chart", "count"), [[1e300] * 3] * 24)):
         document = json.loads(_demo()["patches"])
         place = document["shots"][0]

@@ -17,7 +17,7 @@ import pytest
 import camssf
 from camssf import cli
 from camssf.errors import InvalidArgument
-from camssf.fleet import run as batch
+from camssf.fleet.manifest import LARGEST_MANIFEST, Manifest
 from camssf.report.build import NAMES
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
@@ -133,9 +133,9 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
     """Files that no reader needs to take in whole."""
     large = tmp_path / "large.csv"
     with large.open("wb") as file:
-        file.truncate(batch.LARGEST_MANIFEST + 1)
+        file.truncate(LARGEST_MANIFEST + 1)
     with pytest.raises(InvalidArgument, match="larger than"):
-        batch.read_manifest(large)
+        Manifest(large).read_all()
     from camssf.documents.result_json import LARGEST_DOCUMENT, read_document
     from camssf.spectra import read_lamp
     from camssf.spectra.text import LARGEST_FILE

@@ -86,13 +86,13 @@ def test_the_same_result_twice_is_there_once_and_the_newer_counts(one: Registry)
     one.add([made(1), made(2)])
     one.add([made(1, serial="B2", added=START + timedelta(days=1)), made(3)])
     assert len(keys(one)) == 3
-    assert [each["serial"] for each in one.listing(Wanted(serial="B2"))] == ["B2"]
+    assert [each["serial"] for each in one.listing(Wanted(Unit(serial="B2")))] == ["B2"]
     assert one.count() == {"accepted": 3}
     one.gather()
     assert one.files() == 1
     assert len(keys(one)) == 3
     assert one.query("SELECT count(*) AS n FROM every") == [{"n": 3}]
-    assert len(one.listing(Wanted(serial="B2"))) == 1
+    assert len(one.listing(Wanted(Unit(serial="B2")))) == 1
 
 
 def test_nothing_of_nothing(one: Registry) -> None:
@@ -117,9 +117,9 @@ def test_lists(one: Registry) -> None:
     )  # fmt: skip
     assert [found["key"][-1] for found in one.listing()] == ["4", "3", "2", "1"]
     for wanted, expected in (
-        (Wanted(model="Two"), "32"), (Wanted(make="Other"), "4"), (Wanted(statuses=("refused", "doubtful")), "32"),
-        (Wanted(model="Two", statuses=("accepted",)), ""), (Wanted(serial="A1"), "321"),
-        (Wanted(model="Two' OR '1'='1"), "4"), (Wanted(name="x"), ""),
+        (Wanted(Unit(model="Two")), "32"), (Wanted(Unit(make="Other")), "4"), (Wanted(Unit(serial="A1")), "321"),
+        (Wanted(Unit(model="Two"), statuses=("accepted",)), ""), (Wanted(statuses=("refused", "doubtful")), "32"),
+        (Wanted(Unit(model="Two' OR '1'='1")), "4"), (Wanted(name="x"), ""),
     ):  # fmt: skip
         assert "".join(found["key"][-1] for found in one.listing(wanted)) == expected
     assert [found["key"][-1] for found in one.listing(limit=2)] == ["4", "3"]
@@ -199,15 +199,17 @@ def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
         told = "SELECT filename FROM read_parquet(?, filename = true) WHERE key = ?"
         (place,) = con.execute(told, [f"{one.folder}/results/*.parquet", f"{77:064x}"]).fetchone()
     for attempt in (
-        lambda: compare.spread(one, "Model"), lambda: drift_of(one, "A1"), lambda: compare.nearest(one, bells())
-    ):  # fmt: skip
+        lambda: compare.spread(one, Unit(model="Model")),
+        lambda: drift_of(one, Unit(serial="A1")),
+        lambda: compare.nearest(one, bells()),
+    ):
         with pytest.raises(InvalidArgument, match=f"{Path(place).name} is damaged: of the result 00000000000"):
             attempt()
 
 
 def test_curves_of_another_length_are_named(one: Registry) -> None:
     one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
-    for attempt in (lambda: compare.spread(one, "Model"), lambda: compare.nearest(one, bells())):
+    for attempt in (lambda: compare.spread(one, Unit(model="Model")), lambda: compare.nearest(one, bells())):
         with pytest.raises(InvalidArgument, match="the curves cannot be right"):
             attempt()
 
@@ -368,13 +370,13 @@ def fleet(one: Registry, units: int, repeats: int, between: float, within: float
 
 
 def rms(bump: float = 1.0) -> float:
-    return float(bump * np.sqrt(np.mean(np.exp(-(((compare.NM[compare.INSIDE] - 550) / 40) ** 2)))))
+    return float(bump * np.sqrt(np.mean(np.exp(-(((compare.NM[compare.COMPARED] - 550) / 40) ** 2)))))
 
 
 def test_the_spread_of_a_model(one: Registry) -> None:
     fleet(one, units=60, repeats=3, between=0.03, within=0.02)
     one.add([made(900_000, bells(20.0), serial=""), made(900_001, bells(50.0), status="refused", serial="r")])
-    found = compare.spread(one, "Model")
+    found = compare.spread(one, Unit(model="Model"))
     assert (found.units, found.results, found.without_serial) == (60, 180, 1)
     assert found.repeat is not None
     assert found.between is not None
@@ -388,7 +390,7 @@ def test_the_spread_of_a_model(one: Registry) -> None:
 def test_the_interval_of_a_spread_covers() -> None:
     """0.95 of simulated fleets of six units, and not much more where one bump is all that differs."""
     dice, inside = np.random.default_rng(3), 0
-    bump = np.exp(-0.5 * ((compare.NM[compare.INSIDE] - 550) / 40) ** 2)
+    bump = np.exp(-0.5 * ((compare.NM[compare.COMPARED] - 550) / 40) ** 2)
     for _ in range(400):
         units = [0.03 * dice.standard_normal((3, 1)) * bump for _ in range(6)]
         _, repeat, between, low, high = compare.between_units([unit[None] for unit in units])
@@ -400,7 +402,7 @@ def test_the_interval_of_a_spread_covers() -> None:
 def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
     """What repeats explain is not the units'."""
     fleet(one, units=30, repeats=4, between=0.0, within=0.02)
-    found = compare.spread(one, "Model")
+    found = compare.spread(one, Unit(model="Model"))
     assert (found.low == 0).all()
     assert (found.high < rms(0.015)).all()
     same = [np.ones((2, 3, 5))] * 3
@@ -410,9 +412,9 @@ def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
 def test_too_few_units(one: Registry) -> None:
     one.add([made(1, bells()), made(2, bells())])
     with pytest.raises(InvalidArgument, match="1 unit of Model"):
-        compare.spread(one, "Model")
+        compare.spread(one, Unit(model="Model"))
     with pytest.raises(InvalidArgument, match="no unit of Nothing"):
-        compare.spread(one, "Nothing")
+        compare.spread(one, Unit(model="Nothing"))
 
 
 def history(count: int, drift: float, step: float = 0.0, noise: float = 0.3, seed: int = 0) -> list[Row]:
@@ -429,7 +431,7 @@ def history(count: int, drift: float, step: float = 0.0, noise: float = 0.3, see
 @pytest.mark.parametrize(("drift", "step", "alarm"), [(0, 0, ""), (6, 0, "trend"), (-6, 0, "trend"), (0, 5, "step")])
 def test_a_drift_raises_an_alarm(one: Registry, drift: float, step: float, alarm: str) -> None:
     one.add(history(13, drift, step))
-    found = {each.feature: each for each in drift_of(one, "A1").features}
+    found = {each.feature: each for each in drift_of(one, Unit(serial="A1")).features}
     assert set(found) == set(FEATURES)
     assert found["red centre"].alarm == alarm
     assert not [each for name, each in found.items() if each.alarm and name != "red centre"]
@@ -468,25 +470,25 @@ def test_what_a_drift_needs(one: Registry) -> None:
     with pytest.raises(
         InvalidArgument, match=r"3 accepted results of the unit A1 have a time; a drift needs 4\. Left out: 1 no time"
     ):
-        drift_of(one, "A1")
+        drift_of(one, Unit(serial="A1"))
     with pytest.raises(InvalidArgument, match="no result of a unit with the serial number none"):
-        drift_of(one, "none")
+        drift_of(one, Unit(serial="none"))
     one.add([replace(each, key=f"{i:064d}", model="Other") for i, each in enumerate(history(4, 0), 10)])
     with pytest.raises(InvalidArgument, match="Several units"):
-        drift_of(one, "A1")
-    assert len(drift_of(one, "A1", model="Other").features) == 6
+        drift_of(one, Unit(serial="A1"))
+    assert len(drift_of(one, Unit(serial="A1", model="Other")).features) == 6
 
 
 def test_a_unit_is_one_however_much_its_rows_say(one: Registry) -> None:
     """`registry learn` counts it once, too. What is silent where several are named is of nobody."""
     one.add([made(1, bells(), lens="50mm"), made(2, bells()), made(3, bells(1.0), serial="B2"),
              made(4, bells(1.0), serial="B2", camera_id="2", lens="50mm")])  # fmt: skip
-    found = compare.spread(one, "Model")
+    found = compare.spread(one, Unit(model="Model"))
     assert (found.units, found.results, found.without_serial) == (2, 4, 0)
     one.add([made(5, bells(), lens="24mm"), made(6, bells(), camera_id="1", lens="24mm")])
-    found = compare.spread(one, "Model")
+    found = compare.spread(one, Unit(model="Model"))
     assert (found.units, found.results, found.without_serial) == (3, 5, 1)
-    assert compare.spread(one, "Model", lens="50mm").results == 3
+    assert compare.spread(one, Unit(model="Model", lens="50mm")).results == 3
     units = compare.units_of([["m", "p", c, "s", lens] for c, lens in (("1", "a"), ("2", ""), ("2", "b"), ("", "a"))])
     assert units == [("m", "p", "1", "s", "a"), ("m", "p", "2", "s", "b"), ("m", "p", "2", "s", "b"), None]
 
@@ -496,12 +498,12 @@ def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None
     both = [replace(each, key=f"{i:064d}", lens="24mm") for i, each in enumerate(rows, 10)]
     one.add([replace(each, lens="50mm") for each in rows] + both)
     with pytest.raises(InvalidArgument, match="lens '24mm', '50mm'") as caught:
-        drift_of(one, "A1", model="Model", make="Maker")
+        drift_of(one, Unit(serial="A1", model="Model", make="Maker"))
     assert caught.value.advice == "Name one by --lens."
-    assert drift_of(one, "A1", lens="24mm").features[0].results == 4
+    assert drift_of(one, Unit(serial="A1", lens="24mm")).features[0].results == 4
     one.add([replace(each, key=f"{i:064d}", make="Other", lens="24mm") for i, each in enumerate(rows, 20)])
     with pytest.raises(InvalidArgument, match=r"make 'Maker', 'Other'; lens") as caught:
-        drift_of(one, "A1")
+        drift_of(one, Unit(serial="A1"))
     assert caught.value.advice == "Name one by --make or --lens."
     assert run("compare", one.folder, "--serial", "A1", "--make", "Other") == 0
     assert run("compare", one.folder, "--serial", "A1", "--lens", "24mm") == InvalidArgument.exit_status
@@ -509,7 +511,7 @@ def test_what_several_units_of_a_number_differ_in_is_said(one: Registry) -> None
 
 
 def test_features_are_centres_and_widths() -> None:
-    found = features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.INSIDE])[0]
+    found = features(bells(np.array([-3.0, 0.0, 4.0]), width=25.0)[None][..., compare.COMPARED])[0]
     assert found == pytest.approx([597, 25, 540, 25, 464, 25], abs=0.5)  # red and blue end a little inside
 
 
@@ -524,9 +526,9 @@ def test_the_nearest_models(one: Registry) -> None:
     assert found[0].results == 5
     assert found[0].distance < 0.02 < found[1].distance
     inside = (
-        bells(10.2)[:, compare.INSIDE]
+        bells(10.2)[:, compare.COMPARED]
         - np.mean([np.array([r.red, r.green, r.blue]) for r in rows if r.model == "Model 2"], axis=0)[
-            :, compare.INSIDE
+            :, compare.COMPARED
         ]
     )
     assert found[0].distance == pytest.approx(np.sqrt(np.mean(inside**2)), rel=1e-3)
@@ -707,7 +709,7 @@ def test_what_is_left_out_of_a_drift_is_named(
     rows[-1] = replace(rows[-1], inputs=("a" * 64,))
     other = [replace(rows[0], key="e" * 64, lens="35mm")] if why == "unit not certain" else []
     one.add([*rows, *other, last(**{"camera_id": "1", "lens": "50mm"} | more)])
-    found = drift_of(one, "A1", lens="50mm", **({"model": "Model"} if "model" in more else {}))
+    found = drift_of(one, Unit(serial="A1", lens="50mm", model="Model" if "model" in more else ""))
     assert (found.outcome, [each.why for each in found.left_out]) == (outcome, [] if why is None else [why])
     assert all((each.steps is None) == (why == "no curves") for each in found.left_out)
     assert found.features[0].results == 5

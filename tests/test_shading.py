@@ -251,11 +251,12 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
 def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
     import json
 
-    from camssf.fleet.run import run_batch
+    from camssf.fleet.batch import run_batch
+    from camssf.fleet.manifest import Manifest
 
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"name,photo,lamp\nphone,{shots['shaded chart']},D55\n", "utf-8")
-    (outcome,) = run_batch(manifest, tmp_path / "out", lens_shading="apply", jobs=1)
+    (outcome,) = run_batch(Manifest(manifest, lens_shading="apply"), tmp_path / "out", workers=1).outcomes
     assert outcome.ok
     document = json.loads((tmp_path / "out" / outcome.folder / "result.json").read_text("utf-8"))
     assert document["shots"][0]["lens_shading"] == "apply"

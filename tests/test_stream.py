@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +22,26 @@ from camssf.errors import InvalidArgument
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet import manifest, pools, stream
+from camssf.fleet import archive, pools
+from camssf.fleet.archive import task_of
+from camssf.fleet.batch import inputs_hash, run_batch
 from camssf.fleet.inputs import basis_hash, file_hash
-from camssf.fleet.manifest import Item, Manifest
-from camssf.fleet.pools import Done
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome, Summary
 from camssf.fleet.registry import Registry, connection
 from camssf.fleet.rows import Task
-from camssf.fleet.stream import Summary, run_stream
+from camssf.photo.read.unit import Unit
 
-OPTIONS = {"basis": "auto", "engine": "onnx", "lens_shading": "as-stored"}
 HEADER = "name,photo,lamp,white,dark,chart,serial,site"
 HERE = Path(__file__).parent
 
 
-def stub(item: Item, folder: Path, pages: bool) -> Done:
+def stub(job: Job, folder: Path, *, pages: bool = False) -> Outcome:
     """In place of the calibration, in the other process: what the photo says is what happens."""
-    photo = Path(item.job.photos[0])
+    photo = Path(job.photos[0])
     text = photo.read_text()
     with open(photo.parent / "visits", "a") as file:
-        file.write(f"{item.job.name}\n")
+        file.write(f"{job.name}\n")
     if text.startswith("dies"):
         os.kill(os.getpid(), signal.SIGKILL)
     if text == "bug":
@@ -51,12 +54,12 @@ def stub(item: Item, folder: Path, pages: bool) -> Done:
     (folder / "result.json").write_text(json.dumps(document), "utf-8")
     if pages:
         (folder / "report.html").write_text("page", "utf-8")
-    return Done(document["verdict"]["status"])
+    return Outcome(job.name, document["verdict"]["status"])
 
 
-def slow(item: Item, folder: Path, pages: bool) -> Done:
+def slow(job: Job, folder: Path) -> Outcome:
     time.sleep(0.4)
-    return stub(item, folder, pages)
+    return stub(job, folder)
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +83,11 @@ class Desk:
         (self.home / "manifest.csv").write_text("\n".join([header, *rows]) + "\n", "utf-8")
 
     def run(self, **more: Any) -> Summary:
-        manifest = Manifest(self.home / "manifest.csv", OPTIONS | more.pop("options", {}))
+        manifest = Manifest(self.home / "manifest.csv", **more.pop("options", {}))
+        work = partial(stub, pages=True) if more.get("pages") else stub
         registry = Registry(self.home / "phones", new=True)
         out = self.home / more.pop("out", "out")
-        return run_stream(manifest, out, registry, **{"workers": 1, "work": stub, **more})
+        return run_batch(manifest, out, registry, **{"workers": 1, "work": work, **more})
 
     def rows(self, columns: str = "name, model, status") -> list[dict[str, Any]]:
         return Registry(self.home / "phones").query(f"SELECT {columns} FROM rows ORDER BY name")
@@ -105,13 +109,11 @@ def desk(tmp_path: Path, templates: dict[str, str]) -> Desk:
 # The manifest
 
 
-def items(path: Path) -> list[Item]:
-    return list(Manifest(path, OPTIONS))
+def jobs(path: Path) -> list[Job]:
+    return list(Manifest(path))
 
 
-def test_it_reads_what_the_other_reads(tmp_path: Path) -> None:
-    from camssf.fleet.run import read_manifest
-
+def test_streamed_or_read_at_once_it_is_the_same(tmp_path: Path) -> None:
     for data in (
         b"name,photo,lamp,white,dark,chart\ncam,day.dng,D:5500,wd.dng,,nano24:mine.csv\ncam,b.dng,A,none,,\nx,y,D55,,,\n",
         "\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n".encode(),
@@ -125,9 +127,8 @@ def test_it_reads_what_the_other_reads(tmp_path: Path) -> None:
         (tmp_path / "mine.csv").write_text("")
         manifest = tmp_path / "manifest.csv"
         manifest.write_bytes(data)
-        found = [item.job for item in items(manifest)]
-        for mine, other in zip(found, read_manifest(manifest), strict=True):
-            assert {**vars(mine), "folder": ""} == {**vars(other), "folder": ""}
+        for mine, other in zip(jobs(manifest), Manifest(manifest).read_all(), strict=True):
+            assert mine == replace(other, folder="")
 
 
 def test_parquet_and_further_columns(tmp_path: Path) -> None:
@@ -140,12 +141,14 @@ def test_parquet_and_further_columns(tmp_path: Path) -> None:
             f"COPY (SELECT * FROM read_csv('{tmp_path}/m.csv', all_varchar = true)) TO '{tmp_path}/m.parquet' "
             "(FORMAT parquet)"
         )
-    one, two = items(tmp_path / "m.csv"), items(tmp_path / "m.parquet")
+    one, two = jobs(tmp_path / "m.csv"), jobs(tmp_path / "m.parquet")
     assert one == two
-    assert one[0].unit == ("S1", "", "", "2026-01-02")
+    assert (one[0].unit, one[0].captured) == (Unit(serial="S1"), "2026-01-02")
     assert one[0].extra == (("site", "lab"), ("n", "1"))
-    assert len(one[0].job.photos) == 2
-    assert (one[1].unit, one[1].extra) == (("", "", "", ""), ())
+    assert len(one[0].photos) == 2
+    assert (one[1].unit, one[1].captured, one[1].extra) == (Unit(), "", ())
+    with pytest.raises(InvalidArgument, match="an unknown column"):  # without a registry they have no place
+        Manifest(tmp_path / "m.parquet").read_all()
 
 
 def test_parquet_of_any_columns_and_in_capitals(tmp_path: Path) -> None:
@@ -156,18 +159,18 @@ def test_parquet_of_any_columns_and_in_capitals(tmp_path: Path) -> None:
             "COPY (SELECT 'cam' AS Name, 'a.dng' AS photo, NULL AS lamp, TIMESTAMPTZ '2026-01-02 10:00:00+01' AS "
             f"captured, DATE '2026-01-02' AS day, 7 AS serial, true AS tripod) TO '{file}' (FORMAT parquet)"
         )
-    (found,) = items(file)
-    assert not found.job.fault
-    assert datetime.fromisoformat(found.unit[3]) == datetime(2026, 1, 2, 9, tzinfo=UTC)
-    assert (found.unit[0], found.job.lamps) == ("7", ("auto",))
+    (found,) = jobs(file)
+    assert not found.fault
+    assert datetime.fromisoformat(found.captured) == datetime(2026, 1, 2, 9, tzinfo=UTC)
+    assert (found.unit.serial, found.lamps) == ("7", ("auto",))
     assert dict(found.extra) == {"day": "2026-01-02", "tripod": "true"}
 
 
 def test_how_much_was_read_is_known_of_any_text(tmp_path: Path) -> None:
     (tmp_path / "m.csv").write_bytes("name,photo,lamp\r\nk\u00e4m,\u00fc,\r\n".encode())
-    manifest_ = Manifest(tmp_path / "m.csv", OPTIONS)
-    assert len(list(manifest_)) == 1
-    assert manifest_.done == 1.0
+    manifest = Manifest(tmp_path / "m.csv")
+    assert len(list(manifest)) == 1
+    assert manifest.done == 1.0
 
 
 @pytest.mark.parametrize(
@@ -183,14 +186,14 @@ def test_a_manifest_without_sense(tmp_path: Path, name: str, content: bytes | No
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InvalidArgument, match=words):
-        items(tmp_path / name)
+        jobs(tmp_path / name)
 
 
 def test_faults_of_rows(tmp_path: Path) -> None:
     (tmp_path / "m.csv").write_text(
         "name,photo,lamp,captured\na,x,D55,\nb,x,D55,soon\na,y,D55,\nc,x,D55,,,\n,x,D55,\nd,,D55,\ne,x,D55,\n"
     )
-    found = [item.job.fault for item in items(tmp_path / "m.csv")]
+    found = [job.fault for job in jobs(tmp_path / "m.csv")]
     for fault, words in zip(
         found, ("", "no time", "stand together", "more fields", "no name", "no photo", ""), strict=True
     ):
@@ -203,8 +206,8 @@ def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
     (tmp_path / "m.csv").write_text("name,photo,lamp,chart\ncam,a,lamp.csv,nano24:lamp.csv\n")
 
     def task(**options: str) -> str:
-        (found,) = Manifest(tmp_path / "m.csv", OPTIONS | options)
-        return found.task
+        (found,) = Manifest(tmp_path / "m.csv", **options)
+        return task_of(found, None)
 
     seen = [task()]
     assert task() == seen[0]
@@ -228,12 +231,12 @@ def test_a_million_rows_are_streamed(tmp_path: Path) -> None:
         file.write("name,photo,lamp\n")
         file.writelines(f"cam{i},p{i}.dng,D55\n" for i in range(1_000_000))
     begun = time.perf_counter()
-    next(iter(Manifest(tmp_path / "m.csv", OPTIONS)))
+    next(iter(Manifest(tmp_path / "m.csv")))
     assert time.perf_counter() - begun < 2.0
     code = (
         "import resource, sys\nfrom itertools import islice\nfrom camssf.fleet.manifest import Manifest\n"
         "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        f"rows = iter(Manifest({str(tmp_path / 'm.csv')!r}, {OPTIONS!r}))\n"
+        f"rows = iter(Manifest({str(tmp_path / 'm.csv')!r}))\n"
         "next(rows); before = kilobytes(); n = sum(1 for _ in islice(rows, 50_000)); print(n, kilobytes() - before)"
     )
     search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
@@ -371,20 +374,22 @@ def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pyt
     for name in ("mine.npz", "p"):
         Path(name).write_bytes(b"one")
     Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
-    (item,) = Manifest("m.csv", OPTIONS | {"basis": "mine.npz"})
-    sent = pools._anywhere(item)
-    assert sent.job.basis == str(tmp_path / "mine.npz")
-    assert stream._made_from(sent) == stream._made_from(item)
-    (item,) = Manifest("m.csv", OPTIONS)
-    assert pools._anywhere(item).job.basis == "auto"
+    (job,) = Manifest("m.csv", basis="mine.npz")
+    sent = pools._absolute(job)
+    assert sent.basis == str(tmp_path / "mine.npz")
+    assert inputs_hash(sent) == inputs_hash(job)
+    (job,) = Manifest("m.csv")
+    assert pools._absolute(job).basis == "auto"
 
 
 def test_a_basis_is_looked_at_once_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.npz").write_bytes(b"one")
     (tmp_path / "m.csv").write_text("name,photo,lamp\n" + "".join(f"c{i},p,D55\n" for i in range(50)))
     looked: list[Path] = []
-    monkeypatch.setattr(manifest, "stamp", lambda path: looked.append(path))
-    assert len(list(Manifest(tmp_path / "m.csv", OPTIONS | {"basis": str(tmp_path / "mine.npz")}))) == 50
+    monkeypatch.setattr(archive, "stamp", lambda path: looked.append(path))
+    manifest = Manifest(tmp_path / "m.csv", basis=str(tmp_path / "mine.npz"))
+    registry, place = Registry(tmp_path / "phones", new=True), archive.Archive(tmp_path, tmp_path, False)
+    assert len(list(archive.unfinished(manifest, registry, Summary(), place))) == 50
     assert looked == [tmp_path / "mine.npz"]
 
 
@@ -455,7 +460,7 @@ def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     assert desk.tasks()["x"] == "failed"
     assert len(desk.rows()) == 6
     deaths = desk.visits()["x"]
-    assert deaths == stream.DEATHS
+    assert deaths == pools.DEATHS
     again = desk.run(workers=2)
     assert (again.resumed, again.by_status["failed"], desk.visits()["x"]) == (7, 1, deaths)
     (desk.home / "x").write_text("Phone x, healed")

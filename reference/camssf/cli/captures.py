@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -42,6 +42,9 @@ from camssf.cli.reading import (
 from camssf.cli.terminal import BATCH_FAILED, emit, finish, literal, product_of, progress_bar, say, stderr, summarise
 from camssf.errors import InvalidArgument
 from camssf.files import local_folder
+
+if TYPE_CHECKING:
+    from camssf.fleet.outcome import Outcome, Summary
 
 FAULTS = (
     "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
@@ -209,7 +212,7 @@ def batch(
         typer.Option(
             metavar="FOLDER",
             show_default=False,
-            help="Registry that the results go to; with it the manifest may be of any size, or Parquet.",
+            help="Registry that the results go to; with it the manifest may be of any size and have further columns.",
         ),
     ] = None,
     pages: Annotated[
@@ -220,63 +223,47 @@ def batch(
 
     Goes on after a failure, skips what is done and unchanged.
     """
+    from camssf.fleet.batch import run_batch
+    from camssf.fleet.manifest import Manifest
+    from camssf.fleet.registry import Registry
+
+    if registry is not None and dask is not None and jobs is not None:
+        raise InvalidArgument("--workers are here, those of --dask elsewhere.", "Give one of the two.")
+    rows = Manifest(manifest, basis=basis, engine=engine, lens_shading=lens_shading)
+    rows_to = None if registry is None else Registry(registry, new=True)
+    try:
+        with progress_bar() as progress:
+            found = run_batch(rows, out, rows_to, workers=jobs, dask=dask, pages=pages, progress=progress)
+    except KeyboardInterrupt:
+        say("", STOPPED)
+        raise
+    done = f"{found.total - found.failed} of {found.total} calibrated"
+    if registry is None:
+        _say_outcomes(found.outcomes)
+        say("", f"{done}; summary in {out / 'summary.csv'}")
+    else:
+        emit(found.document())
+        _say_numbers(found)
+        say("", f"{done} ({found.resumed} from before, {found.duplicates} duplicates); rows in {registry}")
+    if found.failed:
+        say("", AGAIN)
+        raise typer.Exit(BATCH_FAILED)
+
+
+def _say_outcomes(outcomes: Sequence[Outcome]) -> None:
+    """Print a table with a line for each job."""
     from rich.table import Table
 
-    from camssf.fleet.run import run_batch
-
-    if registry is not None:
-        if dask is not None and jobs is not None:
-            raise InvalidArgument("--workers are here, those of --dask elsewhere.", "Give one of the two.")
-        how = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
-        _stream(manifest, out, registry, how, workers=jobs, dask=dask, pages=pages)
-        return
-    if pages or dask is not None:
-        raise InvalidArgument(
-            "Without a registry every job has its pages, and is done here.",
-            f"Leave {'--pages' if pages else '--dask'} out, or name a --registry.",
-        )
-    with _resumable(), progress_bar() as progress:
-        outcomes = run_batch(
-            manifest, out, basis=basis, engine=engine, lens_shading=lens_shading, jobs=jobs, progress=progress
-        )
     table = Table("name", "status", "reason")
     for outcome in outcomes:
         colour = {"accepted": "green", "doubtful": "yellow"}.get(outcome.status, "red")
         status = f"[{colour}]{outcome.status}[/]{' (unchanged)' if outcome.resumed else ''}"
         table.add_row(literal(outcome.name), status, literal(outcome.reason))
     stderr().print(table)
-    failed = sum(not outcome.ok for outcome in outcomes)
-    say("", f"{len(outcomes) - failed} of {len(outcomes)} calibrated; summary in {out / 'summary.csv'}")
-    if failed:
-        say("", AGAIN)
-        raise typer.Exit(BATCH_FAILED)
 
 
-@contextmanager
-def _resumable() -> Iterator[None]:
-    """On Ctrl-C print how to resume the batch."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        say("", STOPPED)
-        raise
-
-
-def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], **settings: Any) -> None:
-    """Run a batch into a registry; print its summary as JSON on stdout."""
-    from camssf.fleet.manifest import Manifest
-    from camssf.fleet.registry import Registry
-    from camssf.fleet.stream import run_stream, summary_json
-
-    with _resumable(), progress_bar() as progress:
-        found = run_stream(
-            Manifest(manifest, options),
-            out,
-            Registry(registry, new=True),
-            progress=progress,
-            **settings,
-        )
-    emit(summary_json(found))
+def _say_numbers(found: Summary) -> None:
+    """Print the numbers of jobs by model and by reason."""
     models = sorted(found.by_model.items(), key=lambda each: (-each[1].total(), each[0]))
     for model, counts in models[:MOST_MODELS]:
         each = ", ".join(f"{count} {word}" for word, count in counts.items())
@@ -287,11 +274,6 @@ def _stream(manifest: Path, out: Path, registry: Path, options: dict[str, str], 
         say("", f"{count:>8} {code}")
     if crashed := found.by_status["failed"]:
         say("", f"{crashed:>8} failed: a process died, or a fault of camssf")
-    rest = f"{found.resumed} from before, {found.duplicates} duplicates"
-    say("", f"{found.total - found.failed} of {found.total} calibrated ({rest}); rows in {registry}")
-    if found.failed:
-        say("", AGAIN)
-        raise typer.Exit(BATCH_FAILED)
 
 
 def simulate(

@@ -142,9 +142,9 @@ def _from_passport(
 
 
 def _place(folder: Path, path: str) -> str:
-    from camssf.fleet.rows import place_of
+    from camssf.fleet.rows import relative_path
 
-    return "" if path == "-" else place_of(path, folder)
+    return "" if path == "-" else relative_path(path, folder)
 
 
 @registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')
@@ -162,14 +162,16 @@ def list_results(
     limit: Annotated[int | None, typer.Option(min=1, show_default=False, help="The newest so many.")] = None,
 ) -> None:
     """List results as CSV, the newest first."""
+    from camssf.fleet.batch import cell
     from camssf.fleet.compare import many
     from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
-    from camssf.fleet.run import cell
+    from camssf.photo.read.unit import Unit
 
     for word in status or ():
         if word not in STATUSES:
             raise InvalidArgument(f"{word!r} is no status of a result.", f"Use one of {', '.join(STATUSES)}.")
-    found = Registry(folder).listing(Wanted(make, model, serial, statuses=tuple(status or ())), limit=limit)
+    unit = Unit(make=make, model=model, serial=serial)
+    found = Registry(folder).listing(Wanted(unit, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SHORT)
@@ -207,12 +209,13 @@ def compare(
     from camssf.fleet.drift import drift_of
     from camssf.fleet.registry import Registry, Wanted
     from camssf.grid import CHANNELS
+    from camssf.photo.read.unit import Unit
 
     found = Registry(folder)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
-    which = {"--make": make, "--model": model, "--serial": serial, "--camera-id": camera_id, "--lens": lens}
-    if result is not None and any(which.values()):
-        unused = ", ".join(option for option, word in which.items() if word)
+    unit = Unit(make=make, model=model, serial=serial, camera_id=camera_id, lens=lens)
+    if result is not None and unit != Unit():
+        unused = ", ".join(f"--{name.replace('_', '-')}" for name, value in vars(unit).items() if value)
         raise InvalidArgument("A --result is compared with all models.", f"Leave {unused} out.")
     if result is None and not (serial or model):
         raise InvalidArgument(
@@ -231,13 +234,13 @@ def compare(
             say("", f"{one.distance:.4f}  {one.make} {one.model} ({comparing.many(one.results, 'result')})")
         _say_left_out(left_out)
     elif serial:
-        drift = drift_of(found, serial, make=make, model=model, camera_id=camera_id, lens=lens, statuses=statuses)
+        drift = drift_of(found, unit, statuses=statuses)
         emit(_drift_document(serial, drift))
         _say_drift(drift)
         if drift.outcome != "no_drift":
             raise typer.Exit(PARTED if drift.alarms else UNDECIDED)
     else:
-        spread = comparing.spread(found, model, make=make, camera_id=camera_id, lens=lens, statuses=statuses)
+        spread = comparing.spread(found, unit, statuses=statuses)
         emit(
             _document("spread")
             | {name: value.tolist() if hasattr(value, "tolist") else value for name, value in vars(spread).items()}

@@ -5,7 +5,7 @@ Curves are on the registry's grid: every 5 nm, each channel's peak = 1. They are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,10 @@ from camssf.errors import InvalidArgument
 from camssf.fleet.registry import Registry, Wanted
 from camssf.fleet.rows import STRIDE
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats
+from camssf.photo.read.unit import Unit
 
 NM = WAVELENGTHS[::STRIDE]
-INSIDE = (NM >= 400) & (NM <= 700)
+COMPARED = (NM >= 400) & (NM <= 700)
 ACCEPTED = ("accepted",)
 
 CONFIDENCE = 0.95
@@ -39,8 +40,8 @@ class Spread:
         left_out: number of the model's results left out because of their status, by status.
         observed: standard deviation between the units' mean curves, root mean square over 400 to 700 nm.
         repeat: standard deviation between results of one unit; None if no unit has two results.
-        between: `seen` without the contribution of `repeat`; None if `repeat` is None.
-        low, high: CONFIDENCE interval of `between`, or of `seen` if `between` is None.
+        between: `observed` without the contribution of `repeat`; None if `repeat` is None.
+        low, high: CONFIDENCE interval of `between`, or of `observed` if `between` is None.
     """
 
     model: str
@@ -82,11 +83,11 @@ def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
     """
     found: list[list[str] | None] = [list(row) if row[SERIAL] else None for row in rows]
     for place, same in ((CAMERA, (0, 1, SERIAL)), (LENS, (0, 1, SERIAL, CAMERA))):
-        said: dict[tuple[str, ...], set[str]] = {}
+        given: dict[tuple[str, ...], set[str]] = {}
         for each in filter(None, found):
-            said.setdefault(tuple(each[i] for i in same), set()).update(filter(None, [each[place]]))
+            given.setdefault(tuple(each[i] for i in same), set()).update(filter(None, [each[place]]))
         for number, row in enumerate(found):
-            names = said[tuple(row[i] for i in same)] if row else set()
+            names = given[tuple(row[i] for i in same)] if row else set()
             if row and not row[place] and len(names) > 1:
                 found[number] = None
             elif row and names:
@@ -94,59 +95,54 @@ def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
     return [None if row is None else tuple(row) for row in found]
 
 
-def by_unit(found: dict[str, Any], camera_id: str, lens: str) -> tuple[dict[tuple[str, ...], list[int]], int]:
-    """Row indices of each unit that matches, and the number of rows of unknown unit; an empty name matches any."""
+def by_unit(found: dict[str, Any], wanted: Unit) -> tuple[dict[tuple[str, ...], list[int]], int]:
+    """Row indices of each unit with the camera_id and lens, and the number of rows of unknown unit; "" is any."""
     places: dict[tuple[str, ...], list[int]] = {}
     units = units_of(list(zip(*(found[name] for name in UNIT), strict=True)))
     for i, unit in enumerate(units):
-        asked = ((CAMERA, camera_id), (LENS, lens))
-        if unit is not None and all(not word or unit[place] in ("", word) for place, word in asked):
+        if unit is not None and may_be((unit[CAMERA], unit[LENS]), (wanted.camera_id, wanted.lens)):
             places.setdefault(unit, []).append(i)
     return places, units.count(None)
+
+
+def may_be(unit: Sequence[str], other: Sequence[str]) -> bool:
+    """Whether two units may be the same: all names that both have are equal."""
+    return all(not a or not b or a == b for a, b in zip(unit, other, strict=True))
 
 
 # Units of a model
 
 
-def spread(
-    registry: Registry,
-    model: str,
-    *,
-    make: str = "",
-    camera_id: str = "",
-    lens: str = "",
-    statuses: Sequence[str] = ACCEPTED,
-) -> Spread:
+def spread(registry: Registry, units: Unit, *, statuses: Sequence[str] = ACCEPTED) -> Spread:
     """How units of a model differ.
 
     Args:
         registry: the results.
-        model: name of the model.
-        make, camera_id, lens: only units with these names; "" for all.
+        units: the model, and what else the units have in common; "" for any.
         statuses: results with these statuses count.
 
     Raises:
         InvalidArgument: the registry has fewer than two units of the model.
     """
-    found = read_curves(registry, Wanted(make=make, model=model, statuses=tuple(statuses)), UNIT)
-    places, unnamed = by_unit(found, camera_id, lens)
-    units = [found["curves"][each] for each in places.values()]
-    left_out = other_statuses(registry, Wanted(make=make, model=model), statuses)
-    if len(units) < 2:
+    model = units.model
+    found = read_curves(registry, Wanted(units, statuses=tuple(statuses)), UNIT)
+    places, unnamed = by_unit(found, units)
+    curves = [found["curves"][each] for each in places.values()]
+    left_out = other_statuses(registry, Wanted(units), statuses)
+    if len(curves) < 2:
         rest = f" Left out: {counts_in_words(left_out)}." if left_out else ""
         raise InvalidArgument(
-            f"There is {'1' if units else 'no'} unit of {model} with a serial number and {' or '.join(statuses)} "
+            f"There is {'1' if curves else 'no'} unit of {model} with a serial number and {' or '.join(statuses)} "
             f"results; a spread needs 2.{rest}",
             "Add results of at least two units, each with its serial number (--serial)"
             + ("; --doubtful counts doubtful ones, too." if "doubtful" in left_out else "."),
         )
-    seen, repeat, between, low, high = between_units(units)
-    count = sum(map(len, units))
-    return Spread(model, len(units), count, unnamed, left_out, seen, repeat, between, low, high)
+    results = sum(map(len, curves))
+    return Spread(model, len(curves), results, unnamed, left_out, *between_units(curves))
 
 
 def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Floats | None, Floats, Floats]:
-    """`seen`, `repeat`, `between`, `low` and `high` of a Spread.
+    """`observed`, `repeat`, `between`, `low` and `high` of a Spread.
 
     The variance is averaged over the wavelengths. Neighbouring wavelengths are correlated, so its degrees of freedom
     are Satterthwaite's, from the covariance C of the n units' means: (n - 1) tr(C)² / tr(C²). Few units underestimate
@@ -206,11 +202,11 @@ def nearest(
         [list(statuses)],
     )
     if not (np.all(found["whole"]) and np.all(np.asarray(found["most"]) <= LARGEST)):
-        _name_odd(registry, "list_contains(?, status)", [list(statuses)])
+        _name_damaged_row(registry, "list_contains(?, status)", [list(statuses)])
     if not len(found["i"]):
         return ()
     models = np.stack([np.asarray(found[c]).reshape(-1, len(NM)) for c in CHANNELS], axis=1)
-    distances = np.sqrt(np.mean((models - curves)[..., INSIDE] ** 2, axis=(1, 2)))
+    distances = np.sqrt(np.mean((models - curves)[..., COMPARED] ** 2, axis=(1, 2)))
     rows = [
         Near(
             str(found["make"][i * len(NM)]), str(found["model"][i * len(NM)]), int(found["n"][i * len(NM)]), float(d)
@@ -248,37 +244,32 @@ def curves_of(document: dict[str, Any]) -> Floats:
 
 def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict[str, Any]:
     """Columns `also` of the results that have curves, and `curves` (n, 3, wavelengths from 400 to 700 nm)."""
+    import duckdb
+
     where, values = wanted.where()
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
-    asked = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
-    found = _sound(registry, lambda: registry.arrays(asked, values), where, values)
+    sql = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
+    try:
+        found = registry.arrays(sql, values)
+    except duckdb.Error:
+        _name_damaged_row(registry, where, values)
+        raise
     columns = [np.array(list(found.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
     curves = np.stack(columns, axis=1)
     if not (np.abs(curves) <= LARGEST).all():
-        _name_odd(registry, where, values)
-    return found | {"curves": curves[..., INSIDE]}
+        _name_damaged_row(registry, where, values)
+    return found | {"curves": curves[..., COMPARED]}
 
 
-def _sound(registry: Registry, ask: Callable[[], dict[str, Any]], where: str, values: list[Any]) -> dict[str, Any]:
-    """The result of the query `ask`; if it fails because of a damaged row, the error names that row."""
-    import duckdb
-
-    try:
-        return ask()
-    except duckdb.Error:
-        _name_odd(registry, where, values)
-        raise
-
-
-def _name_odd(registry: Registry, where: str, values: list[Any]) -> None:
+def _name_damaged_row(registry: Registry, where: str, values: list[Any]) -> None:
     """Raise for the first row whose curves are impossible, if there is one; DuckDB sorts NaN above all numbers."""
-    right = " AND ".join(
+    sound = " AND ".join(
         f"len({colour}) = {len(NM)} AND list_max({colour}) <= {LARGEST} AND list_min({colour}) >= -{LARGEST}"
         for colour in CHANNELS
     )
-    odd = registry.query(
-        f"SELECT key FROM rows WHERE {where} AND len(red) > 0 AND NOT coalesce({right}, false) ORDER BY key LIMIT 1",
+    damaged = registry.query(
+        f"SELECT key FROM rows WHERE {where} AND len(red) > 0 AND NOT coalesce({sound}, false) ORDER BY key LIMIT 1",
         values,
     )
-    if odd:
-        raise registry.damaged(str(odd[0]["key"]), "the curves cannot be right")
+    if damaged:
+        raise registry.damaged(str(damaged[0]["key"]), "the curves cannot be right")

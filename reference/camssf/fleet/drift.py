@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.compare import ACCEPTED, INSIDE, NM, UNIT, by_unit, counts_in_words, read_curves
+from camssf.fleet.compare import ACCEPTED, COMPARED, NM, UNIT, by_unit, counts_in_words, may_be, read_curves
 from camssf.fleet.registry import Registry, Wanted
 from camssf.grid import CHANNELS, Floats
+from camssf.photo.read.unit import Unit
 
 FALSE_ALARMS = 0.01
 """Probability of an alarm for a unit that does not drift, over all features together."""
@@ -123,31 +124,21 @@ class UnitDrift:
         return "undecided" if any(each.newest for each in self.left_out) else "no_drift"
 
 
-def drift_of(
-    registry: Registry,
-    serial: str,
-    *,
-    make: str = "",
-    model: str = "",
-    camera_id: str = "",
-    lens: str = "",
-    statuses: Sequence[str] = ACCEPTED,
-) -> UnitDrift:
+def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPTED) -> UnitDrift:
     """The features of a unit over time, and the results that were left out.
 
     Args:
         registry: the results.
-        serial: serial number of the unit.
-        make, model, camera_id, lens: needed if several units have that serial number; "" for any.
+        unit: its serial number, and what else is needed if several units have that number; "" for any.
         statuses: results with these statuses count.
 
     Raises:
         InvalidArgument: fewer than FEWEST results with a time, or results of several units.
     """
-    wanted = Wanted(make=make, model=model, serial=serial)
+    serial, wanted = unit.serial, Wanted(unit)
     found = read_curves(registry, wanted, (*UNIT, *COLUMNS))
     counts = np.isin(np.asarray(found["status"], dtype=str), list(statuses))
-    places, _ = by_unit({name: column[counts] for name, column in found.items()}, camera_id, lens)
+    places, _ = by_unit({name: column[counts] for name, column in found.items()}, unit)
     if len(places) > 1:
         raise _several(serial, list(places))
     own = np.flatnonzero(counts)[sorted(i for each in places.values() for i in each)].astype(int)
@@ -158,13 +149,13 @@ def drift_of(
     values = features(found["curves"]) if len(found["key"]) else np.zeros((0, len(FEATURES)))
     rest = [_row(found, i) | {"values": values[i]} for i in sorted(set(range(len(values))) - set(used.tolist()))]
     rest += _without_curves(registry, wanted)
-    units = (make, model, camera_id, serial, lens), *places
-    rest = [each for each in rest if all(_may_be(each["unit"], unit) for unit in units)]
+    names = tuple(getattr(unit, name) for name in UNIT)
+    rest = [each for each in rest if all(may_be(each["unit"], other) for other in (names, *places))]
     left_out = _left_out(rest, statuses, values[used], (seconds, set(np.asarray(found["inputs"])[used])))
     if not places and not left_out:
         raise InvalidArgument(
             f"The registry has no result of a unit with the serial number {serial}"
-            f"{' and the other options' if any((make, model, camera_id, lens)) else ''}.",
+            f"{' and the other options' if unit != Unit(serial=serial) else ''}.",
             "See `camssf registry list` for those that it has.",
         )
     if len(used) < FEWEST:
@@ -206,11 +197,6 @@ def _row(found: dict[str, Any], i: int) -> dict[str, Any]:
     return words | {"unit": tuple(str(found[name][i] or "") for name in UNIT), "captured": captured, "latest": latest}
 
 
-def _may_be(unit: tuple[str, ...], words: tuple[str, ...]) -> bool:
-    """Whether two units may be the same: all names that both have are equal."""
-    return all(not one or not other or one == other for one, other in zip(unit, words, strict=True))
-
-
 def _left_out(
     rows: list[dict[str, Any]], statuses: Sequence[str], values: Floats, counted: tuple[Floats, set[str]]
 ) -> tuple[LeftOut, ...]:
@@ -242,7 +228,7 @@ def _left_out(
 
 def features(curves: Floats) -> Floats:
     """(n, 6) FEATURES, nm, of (n, 3, wavelengths) curves: each channel's centre of mass and standard deviation."""
-    nm, s = NM[INSIDE], np.maximum(curves, 0.0)
+    nm, s = NM[COMPARED], np.maximum(curves, 0.0)
     weight = s.sum(axis=-1)
     centre = (s @ nm) / weight
     width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)

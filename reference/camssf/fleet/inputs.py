@@ -15,7 +15,8 @@ from camssf.recovery.basis import NAMES, read_basis
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its modification time, ns."""
 
-_known: dict[str, tuple[Stamp, str]] = {}
+_basis_hashes: dict[str, tuple[Stamp, str]] = {}
+"""The stamp and the hash of each basis file that was read."""
 
 
 def is_file(path: Path) -> bool:
@@ -37,12 +38,22 @@ def check_manifest(path: Path, begin: bytes) -> None:
 def urls_among(cells: Iterable[str]) -> list[str]:
     """The error message for the first cell that is a URL, if any; joined to the folder it would look like a path."""
     for cell in cells:
-        for words in (cell, cell.partition(":")[2]):  # nano24:https://...
+        for text in (cell, cell.partition(":")[2]):  # nano24:https://...
             try:
-                check_local(words)
+                check_local(text)
             except InvalidArgument as error:
                 return [f"{error.message} {error.advice}"]
     return []
+
+
+def file_in(specification: str | None) -> tuple[str, Path | None]:
+    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file."""
+    if not specification:
+        return "", None
+    if is_file(Path(specification)):
+        return "", Path(specification)
+    layout, _, path = specification.partition(":")
+    return (layout, Path(path)) if path and is_file(Path(path)) else ("", None)
 
 
 def file_hash(path: Path) -> str:
@@ -53,8 +64,8 @@ def file_hash(path: Path) -> str:
 
 def stamps(path: Path) -> list[Stamp | None]:
     """Stamps of a file and, if it may have one, of its sidecar; None for a missing file."""
-    beside = sidecar_of(path)
-    return [stamp(path)] if beside is None else [stamp(path), stamp(beside)]
+    sidecar = sidecar_of(path)
+    return [stamp(path)] if sidecar is None else [stamp(path), stamp(sidecar)]
 
 
 def stamp(path: Path) -> Stamp | None:
@@ -82,11 +93,11 @@ def basis_hash(spec: str) -> str | None:
     A change also clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
     """
     path = basis_path(spec)
-    mark = None if path is None else stamp(path)
-    if path is None or mark is None:
+    now = None if path is None else stamp(path)
+    if path is None or now is None:
         return None
-    known = _known.get(spec)
-    if known is None or known[0] != mark:
-        known = _known[spec] = mark, file_hash(path)
+    cached = _basis_hashes.get(spec)
+    if cached is None or cached[0] != now:
+        cached = _basis_hashes[spec] = now, file_hash(path)
         read_basis.cache_clear()
-    return known[1]
+    return cached[1]

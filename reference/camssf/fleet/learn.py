@@ -168,8 +168,8 @@ class LearnedBasis:
         Raises:
             InvalidArgument: it cannot be written.
         """
-        known = self.training.statistics
-        names = [*(known.names if known else ()), *self.training.curves]
+        statistics = self.training.statistics
+        names = [*(statistics.names if statistics else ()), *self.training.curves]
         content = io.BytesIO()
         np.savez_compressed(
             content,
@@ -255,7 +255,7 @@ def _results(
         elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:
             aside[f"another release's {request.basis}"] += 1
         else:
-            results.append(_said(registry, each, reference, size))
+            results.append(_likelihood_of(registry, each, reference, size))
             keys.append(str(each["key"]))
     if not results:
         why = counts_in_words(+aside) or "there is none"
@@ -267,7 +267,7 @@ def _results(
     return results, tuple(sorted(keys)), +aside
 
 
-def _said(registry: Registry, row: Json, reference: ReferenceBasis, size: int) -> PhotoLikelihood:
+def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, size: int) -> PhotoLikelihood:
     """The likelihood of a row's photo.
 
     Raises:

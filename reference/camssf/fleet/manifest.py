@@ -1,14 +1,15 @@
-"""Reads a manifest of any size job by job; only hashes of the names stay in memory."""
+"""Reads a manifest, CSV or Parquet, into jobs: one for each name, whose rows are its shots."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import io
-import json
-from collections.abc import Iterator, Mapping, Sequence
+import os
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import chain, groupby
 from pathlib import Path
@@ -16,110 +17,170 @@ from typing import Any
 
 from camssf.errors import InvalidArgument
 from camssf.files import local
-from camssf.fleet.inputs import Stamp, basis_path, check_manifest, is_file, stamp, stamps
-from camssf.fleet.run import COLUMNS, Job, delimiter_of, is_parquet, job_of
-from camssf.version import __version__
+from camssf.fleet.inputs import basis_path, check_manifest, is_file, urls_among
+from camssf.libraries import library
+from camssf.photo.read.unit import Unit
 
+COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
+"""Columns of the manifest; `name`, `photo` and `lamp` are required, but only `name` and `photo` need values."""
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
 """Further columns with a meaning of their own; all others are kept as `extra`."""
-BATCH = 4096
+LARGEST_MANIFEST = 10_000_000
+"""Bytes that are read at once; a larger manifest can only be streamed."""
 LONGEST_ROW = 1_000_000
 """Characters."""
+FETCHED_ROWS = 4096
+"""Rows of a Parquet file that are in memory at once."""
+AUTO = "auto"
+"""The lamp for an empty cell: unnamed light, as in `calibrate`."""
+_MEANINGS = {*COLUMNS, *UNIT_COLUMNS, "fault"}
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?|summary\.csv", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Item:
-    """One job of the manifest.
+class Job:
+    """One camera of the manifest.
 
     Attributes:
-        job: what to do; its folder is not used here.
+        name: as in the manifest.
+        photos, lamps, white, dark: one for each shot, in the manifest's order; white and dark may be None.
+        chart: for all shots.
+        basis, engine, lens_shading: as in `camssf.calibrate`.
+        fault: why this job cannot run, "" if it can.
+        folder: safe name of a folder, unique in the manifest; "" if the manifest is streamed.
+        task: identifies the job in a registry (`archive.task_of`); "" without one.
+        unit: serial, camera_id and lens in the manifest.
+        captured: ISO 8601, "" if missing.
         extra: columns unknown to camssf, from the name's first row.
-        unit: serial, camera_id, lens, captured from the manifest; "" if missing.
-        task: SHA-256 of name, rows, options, version, and the sizes and times of all files (sidecars and the basis
-            file included); computed without reading the files.
     """
 
-    job: Job
-    extra: tuple[tuple[str, str], ...]
-    unit: tuple[str, str, str, str]
-    task: str
+    name: str
+    photos: tuple[str, ...]
+    lamps: tuple[str, ...]
+    white: tuple[str | None, ...]
+    dark: tuple[str | None, ...]
+    chart: str
+    basis: str = "auto"
+    engine: str = "onnx"
+    lens_shading: str = "as-stored"
+    fault: str = ""
+    folder: str = ""
+    task: str = ""
+    unit: Unit = field(default_factory=Unit)
+    captured: str = ""
+    extra: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def specifications(self) -> list[str | None]:
+        """All file names and specifications: photos, lamps, white, dark, chart; None where there is none."""
+        return [*self.photos, *self.lamps, *self.white, *self.dark, self.chart]
 
 
 class Manifest:
-    """A manifest that is read as it is iterated.
+    """A manifest; iterating over it reads it job by job, and only hashes of the names stay in memory.
+
+    The first line is COLUMNS, paths are relative to the manifest. A bad row gives a job with a fault.
 
     Args:
-        path: CSV as for `run.read_manifest`, but of any size and with any further columns; or Parquet.
-        options: basis, engine and lens_shading of every job.
+        path: CSV, or Parquet by its suffix.
+        basis, engine, lens_shading: of every job, as in `camssf.calibrate`.
 
     Raises:
-        InvalidArgument: the file cannot be read, lacks a column or has no rows.
+        InvalidArgument: the path or the basis is a URL; while reading: the file cannot be read, lacks a column or has
+            no rows.
     """
 
-    def __init__(self, path: Path | str, options: Mapping[str, str]) -> None:
-        self.path, self.options = local(path), dict(options)
+    def __init__(
+        self, path: Path | str, *, basis: str = "auto", engine: str = "onnx", lens_shading: str = "as-stored"
+    ) -> None:
+        self.path = local(path)
+        self.basis_file = basis_path(basis)
         self.done = 0.0
         """Fraction of the manifest read so far, 0 to 1."""
-        self._basis: Stamp | None = None
+        self._options = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
 
-    def __iter__(self) -> Iterator[Item]:
-        met: set[int] = set()
+    def __iter__(self) -> Iterator[Job]:
+        """The jobs as they are read: of any number, with any further columns; the rows of a name stand together."""
+        names: set[int] = set()
+        for name, rows in groupby(self._rows(), key=lambda row: row["name"]):
+            job = self._job(name, list(rows))
+            digest = int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:8], "big")
+            if digest in names and not job.fault:
+                job = replace(job, fault="the rows of this name do not stand together.")
+            names.add(digest)
+            yield job
+
+    def read_all(self) -> tuple[Job, ...]:
+        """All jobs, each with a folder of its own; the rows of a name may stand apart.
+
+        Raises:
+            InvalidArgument: as for iterating; the file is larger than LARGEST_MANIFEST, or has another column.
+        """
+        with _readable(self.path):
+            if self.path.stat().st_size > LARGEST_MANIFEST:
+                raise InvalidArgument(
+                    f"{self.path} is larger than {LARGEST_MANIFEST} bytes.",
+                    "Name a --registry: then it may have any size.",
+                )
+        rows_of: dict[str, list[dict[str, str]]] = {}
+        for row in self._rows(further=False):
+            rows_of.setdefault(row["name"], []).append(row)
+        folders = _folders(list(rows_of))
+        return tuple(replace(self._job(name, rows), folder=folders[name]) for name, rows in rows_of.items())
+
+    def _rows(self, *, further: bool = True) -> Iterator[dict[str, str]]:
+        """Rows as text, with lower-case column names; other columns than COLUMNS only with `further`."""
         empty = True
-        basis = basis_path(self.options["basis"])
-        self._basis = None if basis is None else stamp(basis)  # once, not once a row
-        for name, group in groupby(self._rows(), key=lambda row: row["name"]):
-            empty = False
-            item = self._item(name, list(group))
-            mark = int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:8], "big")
-            if mark in met and not item.job.fault:
-                fault = "the rows of this name do not stand together."
-                item = replace(item, job=replace(item.job, fault=fault))
-            met.add(mark)
-            yield item
+        read = _parquet if self.path.suffix.casefold() == ".parquet" else _csv
+        for part, row in read(self.path, further):
+            self.done, empty = part, False
+            yield dict.fromkeys(COLUMNS, "") | row
+        self.done = 1.0
         if empty:
             raise InvalidArgument(f"{self.path} has no rows.", "Write one row a photo.")
 
-    def _item(self, name: str, rows: Sequence[dict[str, str]]) -> Item:
-        job = replace(
-            job_of(self.path.parent, name, "", rows, self.options["basis"], self.options["engine"]),
-            lens_shading=self.options["lens_shading"],
+    def _job(self, name: str, rows: Sequence[dict[str, str]]) -> Job:
+        home, first = self.path.parent, rows[0]
+
+        def frames(column: str) -> tuple[str | None, ...]:
+            return tuple(None if row[column].casefold() in ("", "none") else str(home / row[column]) for row in rows)
+
+        charts = list(dict.fromkeys(row["chart"] or "classic24" for row in rows))
+        serial, camera_id, lens, captured = (first.get(column, "") for column in UNIT_COLUMNS)
+        return Job(
+            name,
+            tuple(str(home / row["photo"]) for row in rows),
+            tuple(_specification(home, row["lamp"] or AUTO) for row in rows),
+            frames("white"),
+            frames("dark"),
+            _specification(home, charts[0]),
+            **self._options,
+            fault=" ".join(_faults(home, name, rows, charts)),
+            unit=Unit(serial=serial, camera_id=camera_id, lens=lens),
+            captured=captured,
+            extra=tuple((column, text) for column, text in first.items() if column not in _MEANINGS and text),
         )
-        first = rows[0]
-        unit = tuple(first.get(column, "") for column in UNIT_COLUMNS)
-        try:
-            if unit[3]:
-                datetime.fromisoformat(unit[3])
-        except ValueError:
-            job = replace(job, fault=job.fault or f"{unit[3]!r} is no time in ISO 8601.")
-        known = {*COLUMNS, *UNIT_COLUMNS, "fault"}
-        extra = tuple((column, text) for column, text in first.items() if column not in known and text)
-        return Item(job, extra, (unit[0], unit[1], unit[2], unit[3]), _task(job, extra, unit, self._basis))
 
-    def _rows(self) -> Iterator[dict[str, str]]:
-        """Rows as text, with lower-case column names."""
-        rows = _parquet(self.path) if is_parquet(self.path) else self._csv()
-        for part, row in rows:
-            self.done = part
-            yield row
-        self.done = 1.0
 
-    def _csv(self) -> Iterator[tuple[float, dict[str, str]]]:
-        with _readable(self.path), self.path.open("rb") as raw:
-            check_manifest(self.path, raw.read(16))
-            size = max(1, raw.seek(0, 2))
-            raw.seek(0)
-            lines = _Lines(raw)
-            header = next(lines, "")
-            reader = csv.reader(chain([header], lines), delimiter=delimiter_of(header))
-            fields = [field.strip().casefold() for field in next(reader, [])]
-            _check_columns(self.path, fields)
-            for values in reader:
-                if not values:
-                    continue
-                row = dict.fromkeys(COLUMNS, "") | dict(zip(fields, (v.strip() for v in values), strict=False))
-                long = len(values) > len(fields)
-                row["fault"] = f"line {reader.line_num} has more fields than the header." if long else ""
-                yield min(1.0, lines.read / size), row
+# Rows
+
+
+def _csv(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
+    """The fraction of the file read so far, and a row."""
+    with _readable(path), path.open("rb") as raw:
+        check_manifest(path, raw.peek(16))  # a pipe cannot be rewound
+        size = max(1, os.fstat(raw.fileno()).st_size)
+        lines = _Lines(raw)
+        header = next(lines, "")
+        semicolons = ";" in header and "," not in header
+        reader = csv.reader(chain([header], lines), delimiter=";" if semicolons else ",")
+        fields = _columns(path, next(reader, []), further)
+        for values in reader:
+            if not values:
+                continue
+            long = f"line {reader.line_num} has more fields than the header."
+            fault = {"fault": long if len(values) > len(fields) else ""}
+            yield min(1.0, lines.read / size), dict(zip(fields, map(str.strip, values), strict=False)) | fault
 
 
 class _Lines:
@@ -141,26 +202,22 @@ class _Lines:
         return text
 
 
-def _parquet(path: Path) -> Iterator[tuple[float, dict[str, str]]]:
-    import duckdb
-
+def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
+    """As `_csv`."""
+    duckdb = library("duckdb", "A manifest in Parquet needs", "fleet")
     from camssf.fleet.registry import connection
 
     with _readable(path), connection() as con:
         try:
             (total,) = con.execute("SELECT count(*) FROM read_parquet(?)", [str(path)]).fetchone()
             found = con.execute("SELECT COLUMNS(*)::VARCHAR FROM read_parquet(?)", [str(path)])
-            fields = [str(each[0]).strip().casefold() for each in found.description]
-            _check_columns(path, fields)
-            count = 0
-            while rows := found.fetchmany(BATCH):
+            fields = _columns(path, [str(each[0]) for each in found.description], further)
+            fetched = 0
+            while rows := found.fetchmany(FETCHED_ROWS):
+                fetched += len(rows)
                 for values in rows:
-                    count += 1
                     texts = ("" if value is None else str(value).strip() for value in values)
-                    yield (
-                        count / total,
-                        dict.fromkeys(COLUMNS, "") | dict(zip(fields, texts, strict=True)) | {"fault": ""},
-                    )
+                    yield fetched / total, dict(zip(fields, texts, strict=True)) | {"fault": ""}
         except duckdb.Error as error:
             words = str(error).partition("\n")[0]
             raise InvalidArgument(f"{path}: cannot be read ({words}).", "Give a Parquet file.") from error
@@ -176,34 +233,67 @@ def _readable(path: Path) -> Iterator[None]:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
 
 
-def _check_columns(path: Path, fields: Sequence[str]) -> None:
+def _columns(path: Path, header: Sequence[str], further: bool) -> list[str]:
+    """The columns' names in lower case, checked."""
+    fields = [field.strip().casefold() for field in header]
     missing = [column for column in COLUMNS[:3] if column not in fields]
-    if missing or len(set(fields)) < len(fields):
-        fault = f"lacks the column {missing[0]}" if missing else f"has a doubled column in {', '.join(fields)}"
-        raise InvalidArgument(f"{path} {fault}.", f"Its first line is {','.join(COLUMNS)}, and more if you like.")
+    doubled = len(set(fields)) < len(fields)
+    if missing or doubled or not (further or set(fields) <= set(COLUMNS)):
+        fault = f"has {'a doubled' if doubled else 'an unknown'} column in {', '.join(fields)}"
+        fault = f"lacks the column {missing[0]}" if missing else fault
+        more = ", and more if you like." if further else "."
+        raise InvalidArgument(f"{path} {fault}.", f"Its first line is {','.join(COLUMNS)}{more}")
+    return fields
 
 
-def words_of(job: Job) -> list[str | None]:
-    """All file names and specifications in a job: photos, lamps, white, dark, chart; None where there is none."""
-    return [*job.photos, *job.lamps, *job.white, *job.dark, job.chart]
+# The job of a name's rows
 
 
-def file_in(words: str | None) -> tuple[str, Path | None]:
-    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file."""
-    if not words:
-        return "", None
-    if is_file(Path(words)):
-        return "", Path(words)
-    layout, _, tail = words.partition(":")
-    return (layout, Path(tail)) if tail and is_file(Path(tail)) else ("", None)
+def _faults(home: Path, name: str, rows: Sequence[dict[str, str]], charts: Sequence[str]) -> Iterator[str]:
+    """Why the rows cannot be calibrated; paths are relative to `home`."""
+    yield from (row["fault"] for row in rows if row["fault"])
+    if not name:
+        yield "a row has no name."
+    if not all(row["photo"] for row in rows):
+        yield "a row has no photo."
+    yield from urls_among(row[column] for row in rows for column in COLUMNS[1:])
+    yield from _backslashes(home, rows)
+    if len(charts) > 1:
+        yield f"its shots name different charts: {', '.join(charts)}."
+    captured = rows[0].get("captured", "")
+    try:
+        if captured:
+            datetime.fromisoformat(captured)
+    except ValueError:
+        yield f"{captured!r} is no time in ISO 8601."
 
 
-def _task(job: Job, extra: Sequence[tuple[str, str]], unit: Sequence[str], basis: Stamp | None) -> str:
-    found: list[Stamp | None] = []
-    for words in words_of(job):
-        _, path = file_in(words)
-        found += [None] if path is None else stamps(path)
-    if basis is not None:
-        found.append(basis)
-    told = json.dumps([list(vars(job).values()), list(extra), list(unit), found, __version__])
-    return hashlib.sha256(told.encode()).hexdigest()
+def _specification(home: Path, text: str) -> str:
+    """A lamp or chart; the path of a file, also in `layout:file`, is relative to the manifest."""
+    if is_file(home / text):
+        return str(home / text)
+    layout, colon, path = text.partition(":")
+    return f"{layout}:{home / path}" if colon and path and is_file(home / path) else text
+
+
+def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> Iterator[str]:
+    """The fault of a manifest with Windows paths that is read on another system."""
+    for row in rows if os.sep == "/" else ():
+        for column in COLUMNS[1:]:
+            path = row[column].partition(":")[2] if column == "chart" and ":" in row[column] else row[column]
+            if "\\" in path and not is_file(home / path):
+                yield f"{path} is written with backslashes, which are no folders here: write / instead."
+                return
+
+
+def _folders(names: Sequence[str]) -> dict[str, str]:
+    """A safe folder name for each name: readable, and unique on any file system."""
+    folded = [name.casefold() for name in names]
+    folders = {}
+    for name in names:
+        safe = re.sub(r"[^\w .()+-]+", "_", name)[:80].strip(" .")
+        tag = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+        plain = safe == name and safe and not _RESERVED.fullmatch(safe) and folded.count(name.casefold()) == 1
+        lead = "_" if _RESERVED.fullmatch(safe) else "" if safe else "unnamed"
+        folders[name] = safe if plain else f"{lead}{safe}-{tag}"
+    return folders

@@ -1,6 +1,6 @@
 """Runs the jobs of a batch in local processes or on the workers of a Dask cluster, and repeats interrupted jobs.
 
-A job during which DEATHS processes died is put aside. Local processes: after a crash each job that was running is
+A job during which DEATHS processes died has failed. Local processes: after a crash each job that was running is
 repeated alone, to find the one that crashes. Cluster: a job appends a byte to a file in the archive when it begins
 and deletes the file at its end; a worker that finds DEATHS bytes does not begin the job.
 """
@@ -10,140 +10,153 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.inputs import basis_path
-from camssf.fleet.manifest import Item, file_in
-from camssf.fleet.rows import Row
-from camssf.fleet.run import begin, single_threads
+from camssf.fleet.inputs import basis_path, file_in
+from camssf.fleet.manifest import Job
+from camssf.fleet.outcome import Outcome
 from camssf.libraries import library
 from camssf.version import __version__
 
 FLUSH = 2.0
-"""Seconds between writes to the registry."""
-AHEAD = 4
+"""Longest wait for a job's end, before the recorder is called again, seconds."""
+QUEUED_PER_WORKER = 4
 """Jobs queued for each worker."""
 DEATHS = 2
-"""Processes that may die during a job; then it is put aside until its files or rows change."""
-ANSWER = 30.0
+"""Processes that may die during a job; then it has failed."""
+SCHEDULER_TIMEOUT = 30.0
 """Seconds to wait for the scheduler's answer, and for its first worker."""
-WORKERLESS = 60.0
+WORKERLESS_TIMEOUT = 60.0
 """Seconds without any worker after which the batch fails; a Dask nanny restarts a worker in less."""
-AGAIN = 8
+RESUBMISSIONS = 8
 """Number of times that a job is resubmitted because workers died while it waited, or the cluster lost it."""
-PUT_ASIDE = "The process that worked on it died, twice (memory, or a damaged file). It is put aside."
+DIED = "The process that worked on it died, twice (memory, or a damaged file)."
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
-One: TypeAlias = Callable[[Item], "Done"]
-
-
-@dataclass(frozen=True)
-class Done:
-    """A worker's report about one job.
-
-    Attributes:
-        status, code, reason, made_from: as in `Task`.
-        row: row of the result; None without one.
-        found: the result was already in the archive.
-    """
-
-    status: str
-    code: str = ""
-    reason: str = ""
-    made_from: str = ""
-    row: Row | None = None
-    found: bool = False
+Work: TypeAlias = Callable[[Job], Outcome]
 
 
-class ResultWriter(Protocol):
-    """Receives finished jobs and writes them."""
+class Recorder(Protocol):
+    """Receives the outcomes."""
 
-    def take(self, item: Item, done: Done, *, deaths: int = 0) -> None:
+    def add(self, job: Job, outcome: Outcome) -> None:
         """Add one finished job."""
 
-    def flush(self, *, if_due: bool = False) -> None:
-        """Write the buffered jobs; with `if_due` only when it is time to."""
+    def update(self) -> None:
+        """Called at least every FLUSH seconds: write what is due, report progress."""
 
 
-# Processes here
+# Local processes
 
 
-def here(todo: Iterator[Item], one: One, count: int, writer: ResultWriter, tell: Callable[[], None]) -> None:
+def run_processes(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> None:
     """Run the jobs in local processes; if one dies, repeat each job that was running alone."""
-    with single_threads():
-        while suspects := _pool(todo, one, count, writer, tell):
-            for item in suspects:
-                if _pool(iter([item]), one, 1, writer, tell):
-                    writer.take(item, Done("failed", "", PUT_ASIDE), deaths=DEATHS)
+    with _single_threads():
+        while suspects := _pool(jobs, work, count, recorder):
+            for job in suspects:
+                if _pool(iter([job]), work, 1, recorder):
+                    recorder.add(job, Outcome(job.name, "failed", "", DIED, job.folder, deaths=DEATHS))
+                    recorder.update()
 
 
-def _pool(todo: Iterator[Item], one: One, count: int, writer: ResultWriter, tell: Callable[[], None]) -> list[Item]:
+def _pool(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> list[Job]:
     """Run jobs until none is left or a process dies; returns the unfinished ones. Starts no process without a job."""
-    item = next(todo, None)
-    if item is None:
+    job = next(jobs, None)
+    if job is None:
         return []
-    running: dict[Future[Done], Item] = {}
-    with ProcessPoolExecutor(count, get_context("spawn"), begin) as pool:
+    running: dict[Future[Outcome], Job] = {}
+    with ProcessPoolExecutor(count, get_context("spawn"), _begin) as pool:
         try:
-            while item is not None or running:
-                while item is not None and len(running) < AHEAD * count:
-                    running[pool.submit(one, item)] = item
-                    item = next(todo, None)
+            while job is not None or running:
+                while job is not None and len(running) < QUEUED_PER_WORKER * count:
+                    running[pool.submit(work, job)] = job
+                    job = next(jobs, None)
                 finished, _ = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    writer.take(running[future], future.result())
+                for future in sorted(finished, key=lambda each: each.exception() is not None):
+                    recorder.add(running[future], future.result())
                     del running[future]
-                writer.flush(if_due=True)
-                tell()
+                recorder.update()
         except BrokenProcessPool:
-            return [*running.values(), *([] if item is None else [item])]
+            return [*running.values(), *([] if job is None else [job])]
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown(cancel_futures=True)  # waits for running jobs; leaving `with` would not cancel the rest
             raise
     return []
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _begin() -> None:
+    """Initialise a worker process: ignore Ctrl-C, which the parent handles, and exit when the parent ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Exit when the parent process ends; otherwise this process would wait for work for ever."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)  # immediate exit is safe: files are written atomically
+
+
+@contextmanager
+def _single_threads() -> Iterator[None]:
+    """Set one BLAS thread for each new process, which reads it at its start; the processes are the parallelism."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update({name: value or "1" for name, value in before.items()})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
 
 
 # A Dask cluster
 
 
-def on_dask(
-    todo: Iterator[Item], one: One, where: tuple[str, Path], writer: ResultWriter, tell: Callable[[], None]
-) -> None:
+def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Path, recorder: Recorder) -> None:
     """Run the jobs on the workers of an existing cluster, which keeps running afterwards.
 
     Args:
-        todo: the jobs.
-        one: function that does one job.
-        where: the scheduler's address, and the archive, which also holds the files that mark begun jobs.
-        writer: receives the finished jobs.
-        tell: called regularly.
+        jobs: the jobs; each has a `task`.
+        work: function that does one job.
+        address: of the scheduler.
+        archive: folder for the files that mark begun jobs.
+        recorder: receives the finished jobs.
 
     Raises:
         InvalidArgument: the library is missing, the scheduler does not answer, a worker has no camssf or another
             version, or the scheduler or all workers were lost; finished jobs are kept.
     """
     distributed = library("distributed", "The option --dask needs", "dask")
-    first = next(todo, None)
+    first = next(jobs, None)
     if first is None:
         return
-    marks = where[1] / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}"
-    with _client(distributed, where[0]) as client:
+    marks = archive / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}"
+    with _client(distributed, address) as client:
         try:
             marks.mkdir(parents=True)
-            _hand_out(client, (first, todo), one, marks, writer, tell)
+            _hand_out(client, (first, jobs), work, marks, recorder)
         except OSError as error:
             raise InvalidArgument(
-                f"{where[1]}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
+                f"{archive}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
             ) from error
         finally:
             shutil.rmtree(marks, ignore_errors=True)
@@ -152,7 +165,7 @@ def on_dask(
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
     try:
-        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+        client = distributed.Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InvalidArgument(
             f"No Dask scheduler answers at {address!r}.",
@@ -160,7 +173,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
         ) from error
     try:
         try:
-            client.wait_for_workers(1, timeout=ANSWER)
+            client.wait_for_workers(1, timeout=SCHEDULER_TIMEOUT)
         except TimeoutError as error:
             raise InvalidArgument(
                 f"The Dask cluster at {address} has no worker.", "Start some with `dask worker ADDRESS --nthreads 1`."
@@ -171,69 +184,58 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
             client.close(timeout=2)
 
 
-def _hand_out(
-    client: Any,
-    jobs: tuple[Item, Iterator[Item]],
-    one: One,
-    marks: Path,
-    writer: ResultWriter,
-    tell: Callable[[], None],
-) -> None:
-    """Submit jobs until none is left, at most AHEAD at a time for each worker thread."""
+def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: Path, recorder: Recorder) -> None:
+    """Submit jobs until none is left, at most QUEUED_PER_WORKER at a time for each worker thread."""
     from distributed import KilledWorker
     from distributed import wait as wait_for
     from distributed.client import ClosedClientError
 
-    task = partial(_marked, one=one, marks=marks, version=__version__)
-    item: Item | None
-    item, todo = jobs
-    running: dict[Any, Item] = {}
+    marked = partial(_marked, work=work, marks=marks, version=__version__)
+    job: Job | None
+    job, rest = jobs
+    running: dict[Any, Job] = {}
     lost: dict[str, int] = {}
-    seen = time.monotonic()
+    had_workers = time.monotonic()
     try:
-        while item is not None or running:
+        while job is not None or running:
             threads = sum(client.nthreads().values())
-            seen = time.monotonic() if threads else seen
-            if time.monotonic() - seen > WORKERLESS:
+            had_workers = time.monotonic() if threads else had_workers
+            if time.monotonic() - had_workers > WORKERLESS_TIMEOUT:
                 raise InvalidArgument(
-                    f"The Dask cluster has had no worker for {WORKERLESS:.0f} s.",
+                    f"The Dask cluster has had no worker for {WORKERLESS_TIMEOUT:.0f} s.",
                     "Start some with `dask worker ADDRESS --nthreads 1`, and the same command: what was done is not "
                     "done again.",
                 )
-            room = AHEAD * max(1, threads)
-            while item is not None and len(running) < room:
-                running[_submit(client, task, item)] = item
-                item = next(todo, None)
+            while job is not None and len(running) < QUEUED_PER_WORKER * max(1, threads):
+                running[_submit(client, marked, job)] = job
+                job = next(rest, None)
             with suppress(TimeoutError, CancelledError), client.as_current():  # cancelled ones are handled below
                 wait_for(list(running), timeout=FLUSH, return_when="FIRST_COMPLETED")
             for future in [each for each in running if each.status != "pending"]:
-                job = running.pop(future)
+                done = running.pop(future)
                 try:
-                    done = _answer(future)
+                    outcome = _outcome_of(future)
                 except (KilledWorker, CancelledError, TimeoutError) as error:
                     killed = isinstance(error, KilledWorker)  # `_marked` decides whether this job was the cause
-                    count = lost[job.task] = lost.get(job.task, 0) + 1
+                    count = lost[done.task] = lost.get(done.task, 0) + 1
                     if not killed:  # the cluster dropped the job and no worker died: delete its mark
-                        (marks / job.task).unlink(missing_ok=True)
+                        (marks / done.task).unlink(missing_ok=True)
                         with suppress(Exception):
                             client.cancel([future], force=True)
-                    if count <= AGAIN:
-                        running[_submit(client, task, job)] = job
-                    elif killed:
-                        words = f"Workers died {count} times while they had it. It is put aside."
-                        writer.take(job, Done("failed", "", words), deaths=DEATHS)
-                    else:
-                        words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
-                        writer.take(job, Done("failed", "", words))
+                    if count <= RESUBMISSIONS:
+                        running[_submit(client, marked, done)] = done
+                        continue
+                    words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
+                    if killed:
+                        words = f"Workers died {count} times while they had it."
+                    outcome = Outcome(done.name, "failed", "", words, deaths=DEATHS if killed else 0)
                 except ModuleNotFoundError as error:
                     raise InvalidArgument(
                         f"A worker of the Dask cluster lacks {error.name}.",
                         f"Install camssf {__version__} there: the wheel is all that a worker needs.",
                     ) from error
-                else:
-                    writer.take(job, done, deaths=DEATHS if done.reason == PUT_ASIDE else 0)
-            writer.flush(if_due=True)
-            tell()
+                recorder.add(done, outcome)
+            recorder.update()
     except (OSError, RuntimeError, ClosedClientError) as error:  # a lost connection, from Dask or from Tornado
         raise InvalidArgument(
             f"The Dask cluster was lost ({' '.join(str(error).split()) or type(error).__name__}).",
@@ -244,8 +246,8 @@ def _hand_out(
             client.cancel(list(running), force=True)
 
 
-def _answer(future: Any) -> Done:
-    """The report of a finished job.
+def _outcome_of(future: Any) -> Outcome:
+    """What a worker answered.
 
     Raises:
         KilledWorker: workers died while they had it.
@@ -253,55 +255,52 @@ def _answer(future: Any) -> Done:
     """
     if future.status == "lost":
         raise CancelledError  # `result` would wait for it
-    done: Done = future.result(timeout=ANSWER)
-    return done
+    outcome: Outcome = future.result(timeout=SCHEDULER_TIMEOUT)
+    return outcome
 
 
-def _submit(client: Any, task: One, item: Item) -> Any:
-    return client.submit(task, _anywhere(item), key=f"camssf-{item.task[:24]}-{secrets.token_hex(4)}", pure=False)
+def _submit(client: Any, work: Work, job: Job) -> Any:
+    return client.submit(work, _absolute(job), key=f"camssf-{job.task[:24]}-{secrets.token_hex(4)}", pure=False)
 
 
-def _anywhere(item: Item) -> Item:
+def _absolute(job: Job) -> Job:
     """The same job with absolute paths, for a process with another working folder."""
 
-    def absolute(words: Sequence[str | None]) -> tuple[str | None, ...]:
-        return tuple(_absolute(each) for each in words)
+    def absolute(specification: str | None) -> str | None:
+        layout, path = file_in(specification)
+        if path is None:
+            return specification
+        return f"{layout}:{path.absolute()}" if layout else str(path.absolute())
 
-    job = item.job
     basis = basis_path(job.basis)
-    found: dict[str, Any] = {name: absolute(getattr(job, name)) for name in ("photos", "lamps", "white", "dark")}
+    found: dict[str, Any] = {
+        name: tuple(map(absolute, getattr(job, name))) for name in ("photos", "lamps", "white", "dark")
+    }
     found["basis"] = job.basis if basis is None else str(basis.absolute())
-    return replace(item, job=replace(job, **found, chart=_absolute(job.chart) or job.chart))
-
-
-def _absolute(words: str | None) -> str | None:
-    layout, path = file_in(words)
-    if path is None:
-        return words
-    return f"{layout}:{path.absolute()}" if layout else str(path.absolute())
+    return replace(job, **found, chart=absolute(job.chart) or job.chart)
 
 
 # In a cluster's worker
 
-_turn = threading.Lock()
+_job_lock = threading.Lock()
 """One job at a time in a process, however many threads its worker has."""
 
 
-def _marked(item: Item, *, one: One, marks: Path, version: str) -> Done:
+def _marked(job: Job, *, work: Work, marks: Path, version: str) -> Outcome:
     """Do the job, unless it was begun DEATHS times and never ended."""
     if version != __version__:
         raise InvalidArgument(
             f"A worker of the Dask cluster has camssf {__version__}.", f"Install {version} there, as it is here."
         )
-    mark = marks / item.task
-    with _turn:
+    mark = marks / job.task
+    with _job_lock:
         with open(mark, "ab") as stream:
             begun = stream.tell()
             if begun >= DEATHS:
-                return Done("failed", "", PUT_ASIDE)
+                return Outcome(job.name, "failed", "", DIED, deaths=DEATHS)
             stream.write(b".")
             stream.flush()
             os.fsync(stream.fileno())
-        done = one(item)
+        outcome = work(job)
         mark.unlink(missing_ok=True)
-        return done
+        return outcome

@@ -15,7 +15,7 @@ import secrets
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -23,6 +23,7 @@ from camssf.errors import InvalidArgument
 from camssf.files import local, local_folder, readable, write_file
 from camssf.fleet.rows import Row, Task, columns
 from camssf.libraries import library
+from camssf.photo.read.unit import Unit
 
 Table: TypeAlias = type[Row] | type[Task]
 Answer = TypeVar("Answer")
@@ -42,7 +43,7 @@ ATTEMPTS = 5
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of `Registry.listing`."""
 
-WROTE = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
+WHICH_FOLDER = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
 MOVE_AWAY = "Move it away, and add its results again from their archive."
 
 _CONFIG = {
@@ -57,21 +58,20 @@ class Wanted:
     """A filter for results; the default selects all.
 
     Attributes:
-        make, model, serial, name: equal to these; "" for any.
+        unit: make, model and serial are equal to its own; "" for any.
+        name: equal to this; "" for any.
         statuses: status is one of these; empty for any.
     """
 
-    make: str = ""
-    model: str = ""
-    serial: str = ""
+    unit: Unit = field(default_factory=Unit)
     name: str = ""
     statuses: tuple[str, ...] = ()
 
     def where(self) -> tuple[str, list[Any]]:
         """The filter as an SQL condition, and its values."""
-        given = {name: getattr(self, name) for name in ("make", "model", "serial", "name") if getattr(self, name)}
-        terms = [f"{name} = ?" for name in given]
-        values: list[Any] = list(given.values())
+        equal = {"make": self.unit.make, "model": self.unit.model, "serial": self.unit.serial, "name": self.name}
+        terms = [f"{name} = ?" for name, value in equal.items() if value]
+        values: list[Any] = [value for value in equal.values() if value]
         if self.statuses:
             terms.append("list_contains(?, status)")
             values.append(list(self.statuses))
@@ -85,7 +85,7 @@ class Registry:
         library("duckdb", "The registry needs", "fleet")
         self.folder = local_folder(folder)
         if not new and not self.folder.exists():
-            raise InvalidArgument(f"There is no folder {self.folder}.", WROTE)
+            raise InvalidArgument(f"There is no folder {self.folder}.", WHICH_FOLDER)
         found = _format(self.folder, new)
         if found != FORMAT:
             raise _no_registry(self.folder, found, new)
@@ -129,27 +129,25 @@ class Registry:
         Raises:
             InvalidArgument: the file cannot be written; then nothing is lost.
         """
-        for table in FOLDERS:
-            self._gather(table)
-
-    def _gather(self, table: Table) -> None:
         import duckdb
 
-        with _failures(self.folder):
-            try:
-                small = [path for path in self._files(table) if path.stat().st_size < LARGE_FILE]
-                if len(small) < 2:
-                    return
-                with connection() as con:
-                    self._view(con, table, small)
-                    _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
-            except (FileNotFoundError, duckdb.Error) as error:
-                if not all(path.exists() for path in small):
-                    return  # another process gathers
-                _name_damaged(table, small, error)
-                raise
-            for path in small:
-                path.unlink(missing_ok=True)
+        for table in FOLDERS:
+            small = self._files(table)
+            with _failures(self.folder):
+                try:
+                    small = [path for path in small if path.stat().st_size < LARGE_FILE]
+                    if len(small) < 2:
+                        continue
+                    with connection() as con:
+                        self._view(con, table, small)
+                        _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
+                except (FileNotFoundError, duckdb.Error) as error:
+                    if not all(path.exists() for path in small):
+                        continue  # another process gathers
+                    _name_damaged(table, small, error)
+                    raise
+                for path in small:
+                    path.unlink(missing_ok=True)
 
     # Reading
 
@@ -263,7 +261,7 @@ def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None
     for path in files:
         try:
             with connection() as con:
-                whole = _whole(path)
+                whole = _is_parquet(path)
                 if whole:
                     Registry._view(con, table, [path])
                     con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
@@ -312,7 +310,7 @@ def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
     if new:
         why, advice = "it is a file, or holds something else", "Name a new or an empty folder."
     else:
-        why, advice = f"it holds no {MARK}", WROTE
+        why, advice = f"it holds no {MARK}", WHICH_FOLDER
     return InvalidArgument(f"{folder} is no registry: {why}.", advice)
 
 
@@ -363,13 +361,13 @@ def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
         finally:
             os.close(handle)
         os.replace(aside, folder / (name or f"{token}.{suffix}"))
-        _settle(folder)
+        _sync_folder(folder)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
 
 
-def _settle(folder: Path) -> None:
+def _sync_folder(folder: Path) -> None:
     """Flush the folder's entry to disk; systems that cannot open a folder are left alone."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -407,7 +405,7 @@ def _cell(name: str, kind: str) -> str:
     return f"regexp_replace({name}, '(^|[;\\t])([=+\\-@\\t\\r\uff1d\uff0b\uff0d\uff20])', '\\1''\\2', 'g') AS {name}"
 
 
-def _whole(path: Path) -> bool:
+def _is_parquet(path: Path) -> bool:
     """Whether the file begins and ends with Parquet's magic bytes."""
     with open(path, "rb") as stream:
         head = stream.read(4)

@@ -118,7 +118,7 @@ class Task:
     """The end of one job of a batch.
 
     Attributes:
-        task: hash of the job's rows, options, version, and its files' sizes and times (`manifest.Item.task`).
+        task: hash of the job's rows, options, version, and its files' sizes and times (`archive.task_of`).
         made_from: as in `Row`; "" if the files could not be read.
         ended: UTC.
         name: in the manifest.
@@ -178,10 +178,10 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
     camera = document["camera"]
     unit = origin.unit.filled(Unit(make=camera["make"], model=camera["model"]))
     uncertainty = document.get("uncertainty") or {}
-    known: dict[str, Any] = {each.name: getattr(unit, each.name) for each in fields(Unit)}
+    unit_and_curves: dict[str, Any] = {each.name: getattr(unit, each.name) for each in fields(Unit)}
     for colour in CHANNELS:
-        known[colour] = _curve(document.get("ssf"), colour)
-        known[f"{colour}_std"] = _curve(document.get("ssf_std"), colour)
+        unit_and_curves[colour] = _curve(document.get("ssf"), colour)
+        unit_and_curves[f"{colour}_std"] = _curve(document.get("ssf_std"), colour)
     widths, chosen = widths_of(document), choice_of(document)
     return Row(
         key=result if isinstance(result, str) else hashlib.sha256(result).hexdigest(),
@@ -216,7 +216,7 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
         prior_share=tuple(share for _, share in widths),
         odds=None if chosen is None else chosen.odds,
         code_covariance=tuple(document.get("code_covariance") or ()),
-        **known,
+        **unit_and_curves,
     )
 
 
@@ -236,7 +236,7 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
     return tuple(sorted(found, key=lambda width: -width[1]))
 
 
-def place_of(file: Path | str, registry: Path | str) -> str:
+def relative_path(file: Path | str, registry: Path | str) -> str:
     """Path of a result relative to the registry, with symbolic links resolved in both."""
     file = os.path.realpath(file)
     try:

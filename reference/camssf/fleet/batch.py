@@ -1,0 +1,298 @@
+"""Calibrates every camera of a manifest in parallel, into a folder for each name or into an archive with a registry.
+
+Both ways share manifest, processes and worker (`_run_job`). They differ in the store, where a worker finds results of
+earlier runs and keeps new ones (`_ResultFolders`, `Archive`), and in the recorder, which writes what the process that
+hands out the work learns (`_FolderRecorder`, `RegistryRecorder`).
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from camssf.errors import CalibrationError, InvalidArgument, RawError
+from camssf.files import local_folder, write_file, write_files
+from camssf.fleet.archive import Archive, RegistryRecorder, unfinished
+from camssf.fleet.inputs import basis_hash, file_hash, file_in
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome, Progress, Summary
+from camssf.fleet.pools import cores, run_dask, run_processes
+from camssf.fleet.registry import Registry
+from camssf.photo.read.sidecar import photo_hash
+from camssf.report.build import NAMES
+from camssf.version import __version__
+
+if TYPE_CHECKING:
+    from camssf.result import Calibration, Refusal
+
+MARK = "batch.json"
+"""File in a result's folder with the hashes of all its inputs and of its own files."""
+KEPT = "The earlier result of this name was kept as it is."
+_FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
+"""Positions where a spreadsheet may take text for a formula, at the possible start of a cell; a `'` prevents it."""
+
+WorkInFolder: TypeAlias = Callable[[Job, Path], Outcome]
+
+
+def run_batch(
+    manifest: Manifest,
+    out: Path | str,
+    registry: Registry | None = None,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    pages: bool = False,
+    work: WorkInFolder | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Do the jobs of a manifest that are not done yet. A failure does not stop the other jobs.
+
+    Without a registry, each camera goes into `out/<name>/`, with one row for each in `out/summary.csv`. It is skipped
+    if it has curves from an earlier run, and its rows, files, options, camssf's version and its four result files are
+    unchanged; a refused camera is tried again.
+
+    With a registry, `out` is an archive (`archive.Archive`), and the manifest may have any size. A job is done if the
+    archive has its result, even a refused one, and its rows, files (by size and time), options and version are
+    unchanged. A job during which processes died (`pools.DEATHS`) also counts as done.
+
+    Args:
+        manifest: the jobs.
+        out: folder of the results; created if missing.
+        registry: receives a row for each result.
+        workers: number of local processes; all cores unless given.
+        dask: address of a Dask scheduler whose workers do the jobs instead; needs a registry. They need this version
+            of camssf and the same paths for photos and archive.
+        pages: write report.html, ssf.png and ssf.csv into an archive as well; without a registry they always are.
+        work: function that does one job in a folder, importable by a new process; the calibration unless given.
+        progress: called with a message and a fraction.
+
+    Raises:
+        InvalidArgument: the manifest cannot be read, `out` or the registry cannot be written to, or the cluster does
+            not answer or cannot do the jobs.
+    """
+    folder, begun, summary = local_folder(out), time.monotonic(), Summary()
+    store: _ResultFolders | Archive
+    recorder: _FolderRecorder | RegistryRecorder
+    jobs: Iterator[Job]
+    if registry is None:
+        if pages or dask is not None:
+            raise InvalidArgument(
+                "Without a registry every job has its pages, and is done here.",
+                f"Leave {'--pages' if pages else '--dask'} out, or name a --registry.",
+            )
+        todo = manifest.read_all()
+        store, jobs, recorder = _ResultFolders(folder), iter(todo), _FolderRecorder(todo, folder, summary, progress)
+        default: WorkInFolder = calibrate_into_folder
+        _make_folder(folder)
+    else:
+        store = Archive(folder.absolute(), registry.folder.absolute(), pages)
+        jobs = unfinished(manifest, registry, summary, store)
+        recorder = RegistryRecorder(manifest, registry, summary, progress)
+        default = partial(calibrate_into_archive, pages=pages)
+    do = partial(_run_job, store=store, work=work or default)
+    try:
+        if dask is None:
+            run_processes(jobs, do, max(1, workers or cores()), recorder)
+        else:
+            run_dask(jobs, do, dask, folder.absolute(), recorder)
+    finally:
+        recorder.flush()
+    recorder.finish()
+    summary.seconds = time.monotonic() - begun
+    return summary
+
+
+def attempt_job(job: Job) -> Calibration | Refusal:
+    """Run the calibration that a job describes."""
+    from camssf.calibration import attempt
+    from camssf.options import Options
+
+    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
+    return attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
+
+
+def calibrate_into_folder(job: Job, folder: Path) -> Outcome:
+    """Calibrate one camera into its folder.
+
+    A refusal is reported with what is known about the capture, and an earlier result with curves is kept
+    (`Report.save`). Nothing is written if a file is missing or not RAW.
+    """
+    from camssf.report.build import holds_result, report
+    from camssf.report.provenance import read_provenance
+    from camssf.result import Refusal
+
+    try:
+        result = attempt_job(job)
+        if not (isinstance(result, Refusal) and isinstance(result.error, RawError)):
+            report(result.document(), result.previews, provenance=read_provenance(job.photos)).save(folder)
+        if isinstance(result, Refusal):
+            raise result.error
+    except CalibrationError as error:
+        outcome = _refused(job, error)
+        return replace(outcome, reason=f"{outcome.reason} {KEPT}") if holds_result(folder) else outcome
+    reasons = result.verdict.reasons
+    code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
+    return Outcome(job.name, result.verdict.status, code, reason)
+
+
+def calibrate_into_archive(job: Job, folder: Path, *, pages: bool = False) -> Outcome:
+    """Calibrate one camera into a folder of an archive; a refused capture has a document, too."""
+    from camssf.documents.result_json import document_bytes
+    from camssf.report.build import report
+    from camssf.report.provenance import read_provenance
+
+    result = attempt_job(job)
+    document = result.document()
+    if pages:
+        report(document, result.previews, provenance=read_provenance(job.photos)).save(folder)
+    else:
+        write_files(folder, {"result.json": document_bytes(document)})
+    return Outcome(job.name, document["verdict"]["status"])
+
+
+# In a worker
+
+
+def _run_job(job: Job, *, store: _ResultFolders | Archive, work: WorkInFolder) -> Outcome:
+    """The earlier outcome of an unchanged job, or that of doing it."""
+    if job.fault:
+        return Outcome(job.name, "refused", InvalidArgument.code, f"In the manifest, {job.fault}", job.folder)
+    made_from = ""
+    try:
+        made_from = inputs_hash(job)
+        outcome = store.earlier(job, made_from)
+        if outcome is None:
+            folder = store.begin(job, made_from)
+            try:
+                outcome = store.keep(job, made_from, work(job, folder))
+            except CalibrationError as error:
+                outcome = _refused(job, error)
+    except Exception as error:
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        outcome = Outcome(job.name, "failed", "", f"{words} (this is camssf's fault, please report it)")
+    return replace(outcome, folder=job.folder, made_from=made_from)
+
+
+def _refused(job: Job, error: CalibrationError) -> Outcome:
+    return Outcome(job.name, "refused", error.code, f"{error.message} {error.advice}")
+
+
+def inputs_hash(job: Job) -> str:
+    """SHA-256 of all that determines a result: file contents, options and version, but not the photos' names."""
+    contents = []
+    for each in job.specifications:
+        layout, path = file_in(each)
+        contents.append(each if path is None else f"{layout}:{photo_hash(path)}")
+    basis = basis_hash(job.basis)
+    name = job.basis if basis is None else f"{Path(job.basis).stem}:{basis}"
+    options = (len(job.photos), name, job.engine, job.lens_shading)
+    return hashlib.sha256(json.dumps([contents, options, __version__]).encode()).hexdigest()
+
+
+# A folder for each name
+
+
+@dataclass(frozen=True)
+class _ResultFolders:
+    """A folder for each name below `out`, with the four files of a result and their MARK file."""
+
+    out: Path
+
+    def earlier(self, job: Job, made_from: str) -> Outcome | None:
+        """The outcome if inputs and files are unchanged and the status is the result's."""
+        folder = self.out / job.folder
+        try:
+            mark = json.loads((folder / MARK).read_text("utf-8"))
+            verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
+            outcome = Outcome(**mark["outcome"], resumed=True)
+            if mark["made_from"] == _job_hash(job, made_from) and mark["files"] == _file_hashes(folder):
+                return outcome if outcome.ok and outcome.status == verdict["status"] else None
+        except (OSError, ValueError, KeyError, TypeError):  # mark missing or damaged, or a file missing
+            pass
+        return None
+
+    def begin(self, job: Job, made_from: str) -> Path:
+        """The folder for a new result."""
+        (self.out / job.folder / MARK).unlink(missing_ok=True)  # from now on it does not describe the folder
+        return self.out / job.folder
+
+    def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
+        """Write the MARK file of a result with curves."""
+        if outcome.ok:
+            mark = {
+                "format": "camssf-batch/1",
+                "made_from": _job_hash(job, made_from),
+                "files": _file_hashes(self.out / job.folder),
+                "outcome": {name: getattr(outcome, name) for name in ("name", "status", "code", "reason")},
+            }
+            write_file(self.out / job.folder / MARK, json.dumps(mark, ensure_ascii=False) + "\n")
+        return outcome
+
+
+def _job_hash(job: Job, made_from: str) -> str:
+    """SHA-256 of the rows as well, since a result names its files."""
+    return hashlib.sha256(json.dumps([repr(job), made_from]).encode()).hexdigest()
+
+
+def _file_hashes(folder: Path) -> dict[str, str]:
+    return {name: file_hash(folder / name) for name in NAMES}
+
+
+class _FolderRecorder:
+    """Collects the outcomes, and writes summary.csv when all jobs are done."""
+
+    def __init__(self, jobs: Sequence[Job], out: Path, summary: Summary, progress: Progress | None) -> None:
+        self._jobs, self._out, self._summary, self._progress = jobs, out, summary, progress
+        self._outcomes: dict[str, Outcome] = {}
+
+    def add(self, job: Job, outcome: Outcome) -> None:
+        self._outcomes[job.name] = outcome
+        self._summary.add(outcome)
+        self._summary.resumed += outcome.resumed
+
+    def update(self) -> None:
+        if self._progress is not None and self._outcomes:
+            done = len(self._outcomes)
+            self._progress(f"{done} done, last {next(reversed(self._outcomes))}", done / len(self._jobs))
+
+    def flush(self) -> None:
+        """Nothing is written before the end."""
+
+    def finish(self) -> None:
+        self._summary.outcomes = tuple(self._outcomes[job.name] for job in self._jobs)
+        write_file(self._out / "summary.csv", summary_csv(self._summary.outcomes))
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidArgument(
+            f"{folder}: the batch cannot be written ({error.strerror or error}).",
+            "Choose another output folder.",
+        ) from error
+
+
+def summary_csv(outcomes: Sequence[Outcome]) -> str:
+    """One row for each outcome."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
+    for each in outcomes:
+        values = (each.name, each.folder, each.status, each.code, each.reason, "yes" if each.resumed else "no")
+        writer.writerow([cell(value) for value in values])
+    return text.getvalue()
+
+
+def cell(text: str) -> str:
+    """Text that no spreadsheet takes for a formula, without carriage returns, which `csv` does not quote."""
+    return _FORMULA.sub("'", text).replace("\r", " ")
