@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import ANY
@@ -29,7 +29,7 @@ from camssf.report.build import report
 from camssf.result import Refusal
 from camssf.simulation.frames import Simulation, simulate
 from camssf.simulation.scene import Scene
-from camssf.spectra import CameraCurves, read_chart, read_lamp
+from camssf.spectra import CameraCurves, Lamp, read_chart, read_lamp, with_tolerance
 from tests.problems import theory, toy_camera
 
 ROOT = Path(__file__).parents[1]
@@ -222,6 +222,10 @@ def test_documents_pipe(capture: Capture) -> None:
     assert patches_document(again) == patches_document(capture)
     assert solve(again).document() == solve(capture).document()
     report(solve(capture).document())  # checks the schema
+    lamp = with_tolerance(read_lamp("D55"), "200K")
+    (shot,) = read_patches(patches_document(replace(capture, shots=(replace(capture.shots[0], lamp=lamp),)))).shots
+    assert isinstance(shot.lamp, Lamp)
+    assert shot.lamp.tolerance_kelvin == 200.0
 
 
 @pytest.mark.parametrize(

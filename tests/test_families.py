@@ -66,6 +66,8 @@ def test_a_temperature_tolerance_is_the_change_over_it() -> None:
     assert both.tolerance == pytest.approx(0.01)
     assert both.modes.shape == (1, 681)
     assert "300 K" in both.source
+    assert (read_lamp("D55").tolerance_kelvin, both.tolerance_kelvin) == (None, 300.0)
+    assert with_tolerance(both, "400K").tolerance_kelvin == 500.0  # variances add
 
 
 @pytest.mark.parametrize(

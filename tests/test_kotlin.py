@@ -22,7 +22,7 @@ import pytest
 from benchmarks.fuzz import damaged
 from camssf.calibration import attempt
 from camssf.cli import main
-from camssf.compare.fields import field_differences
+from camssf.compare.differences import differences as field_differences
 from camssf.compare.parity import STAGES, first, parity
 from camssf.documents.result_json import Json, check_document
 from camssf.errors import CalibrationError
@@ -259,7 +259,7 @@ def test_two_shots_of_which_one_is_a_formula(
     for holder, key in keys_of(theirs):
         kept = holder.pop(key)
         if key not in ("version", "generator", "engine"):  # by which parity knows whose result it is
-            assert field_differences(theirs, ours), key
+            assert any(not field.agrees for field in field_differences(theirs, ours)), key
             missing += 1
         holder[key] = kept
     assert missing > 100
@@ -299,7 +299,7 @@ def test_parity_of_refusals(
         theirs["verdict"]["reasons"][0]["advice"] += " Or not."
         found = first(parity(theirs, shot.chart, white=[shot.white], dark=[shot.dark]))
         assert found is not None
-        assert found.words.startswith("verdict.reasons[1].advice")
+        assert found.words.startswith("verdict.reasons[1]")
 
 
 @pytest.mark.parametrize(

@@ -57,11 +57,6 @@ def hypothesis_in_words(each: Json) -> str:
     return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
 
 
-def hypotheses_in_words(document: Json) -> str:
-    """All hypotheses that were weighed."""
-    return ", ".join(hypothesis_in_words(each) for each in document.get("choice", ())) or "none"
-
-
 def odds_in_words(odds: float) -> str:
     """Odds as text, for example 240 : 1."""
     if odds > LARGEST:

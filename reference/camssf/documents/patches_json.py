@@ -38,7 +38,7 @@ def patches_document(capture: Capture) -> Json:
         "files": capture.files,
         "shots": [
             {
-                "lamp": plain(vars(shot.lamp)) if isinstance(shot.lamp, Lamp) else {"name": shot.lamp.name},
+                "lamp": _lamp_document(shot.lamp),
                 "photo": _photo_document(shot.photo),
                 "white": _photo_document(shot.white) if shot.white else None,
                 "dark": _photo_document(shot.dark) if shot.dark else None,
@@ -112,17 +112,26 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
     return Shot(_light_from(lamp), photo, photos["white"], photos["dark"], place, means, None, shading)
 
 
+def _lamp_document(lamp: Light) -> Json:
+    """A shot's lamp; `tolerance_kelvin` only if given."""
+    if not isinstance(lamp, Lamp):
+        return {"name": lamp.name}
+    return {key: value for key, value in plain(vars(lamp)).items() if key != "tolerance_kelvin" or value is not None}
+
+
 def _light_from(entry: Mapping[str, Any]) -> Light:
     """A shot's lamp; an unnamed light has only the field `name`, with the value AUTO."""
     if entry.keys() == {"name"} and entry["name"] == AUTO:
         return Unnamed()
     modes = np.asarray(entry["modes"], float).reshape(-1, WAVELENGTHS.size)
+    kelvin = entry.get("tolerance_kelvin")
     return Lamp(
         _text(entry["name"], "lamp.name"),
         _numbers(entry["values"], "lamp.values", (WAVELENGTHS.size,)),
         float(_numbers(entry["tolerance"], "lamp.tolerance", (), least=0.0)),
         _numbers(modes, "lamp.modes", modes.shape),
         _text(entry["source"], "lamp.source"),
+        None if kelvin is None else float(_numbers(kelvin, "lamp.tolerance_kelvin", (), least=0.0)),
     )
 
 

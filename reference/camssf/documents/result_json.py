@@ -42,10 +42,11 @@ def weight_json(hypothesis: Hypothesis) -> Json:
 
 def _lamp(lamp: Light) -> Json:
     """A lamp as it was given; an unnamed light has no tolerance and no power."""
-    entry = {"name": lamp.name, "tolerance": None, "source": lamp.source}
+    entry: Json = {"name": lamp.name, "tolerance": None, "source": lamp.source}
     if not isinstance(lamp, Lamp):
         return entry
-    return entry | {"tolerance": lamp.tolerance, "power": (lamp.values / lamp.values.mean()).tolist()}
+    entry |= {"tolerance": lamp.tolerance, "power": (lamp.values / lamp.values.mean()).tolist()}
+    return entry if lamp.tolerance_kelvin is None else entry | {"tolerance_kelvin": lamp.tolerance_kelvin}
 
 
 def light_json(lamp: EstimatedLamp) -> Json:
@@ -110,7 +111,7 @@ def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
         "lamp": _lamp(shot.lamp),
         "white_reference": "white patch",
         "dark_reference": "black level",
-        "photo": _photo_facts(photo),
+        "photo": photo_json(photo),
         "white": None,
         "dark": None,
         "pose": plain(vars(shot.pose)) if shot.pose else None,
@@ -119,7 +120,8 @@ def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
     }
 
 
-def _photo_facts(photo: Photo) -> Json:
+def photo_json(photo: Photo) -> Json:
+    """A photo's metadata as the document holds them."""
     apart = ("make", "model", "neutrals", "unit", "active_area", "levels", "unique_model")
     facts = {key: value for key, value in vars(photo).items() if key not in apart}
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
@@ -140,7 +142,7 @@ def _shot_document(shot: Shot, table: ChartTable) -> Json:
         "lamp": _lamp(shot.lamp),
         "white_reference": "white frame" if means.white else "white patch",
         "dark_reference": "dark frame" if means.dark else "black level",
-        "photo": _photo_facts(shot.photo),
+        "photo": photo_json(shot.photo),
         "white": {"name": shot.white.name, "sha256": shot.white.sha256} if shot.white else None,
         "dark": {"name": shot.dark.name, "sha256": shot.dark.sha256} if shot.dark else None,
         "lens_shading": shot.lens_shading,

@@ -1,12 +1,8 @@
-"""The unnamed lights of a result document: in words, and compared with those of another document."""
+"""The unnamed lights of a result document, in words."""
 
 from __future__ import annotations
 
 from typing import Any, TypeAlias
-
-import numpy as np
-
-from camssf.grid import Floats
 
 Json: TypeAlias = dict[str, Any]
 
@@ -19,25 +15,6 @@ OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 def lights_of(document: Json) -> list[tuple[int, Json]]:
     """Number, from 1, of each shot whose light was not named, and the estimate of its light."""
     return [(j, shot["light"]) for j, shot in enumerate(document.get("shots") or [], 1) if "light" in shot]
-
-
-def light_differences(document: Json, other: Json) -> list[tuple[float, str]]:
-    """Difference of two results in each field of their lights, relative to its largest number, and in words."""
-    theirs, ours = (dict(lights_of(each)) for each in (document, other))
-    if theirs.keys() != ours.keys():
-        return [(np.inf, f"lights of the shots {sorted(theirs)} there, {sorted(ours)} here")]
-    found = []
-    for j, light in ours.items():
-        for key in ("kinds", "power", "std", "kelvin", "kelvin_std"):
-            one, own = (_numbers(each[key]) for each in (theirs[j], light))
-            alike = one.shape == own.shape
-            apart = float(np.max(np.abs(one - own)) / np.max(np.abs(own))) if alike else np.inf
-            found.append((apart, f"{key} of the light of shot {j}, by {apart:.2g} of its largest"))
-    return found
-
-
-def _numbers(value: Any) -> Floats:
-    return np.atleast_1d([value[key] for key in sorted(value)] if isinstance(value, dict) else value).astype(float)
 
 
 def kinds_in_words(light: Json) -> str:

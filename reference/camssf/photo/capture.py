@@ -184,7 +184,7 @@ def measure(
     plans = _plans(photos, lamps, white, dark, options)
     target = check_target(options.white_reflectance, plans[0].white is not None)
     for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", p.lamp) for j, p in enumerate(plans))]:
-        record.files |= _hash(role, spec)
+        record.files |= input_hash(role, spec)
     lights = [_light(plan) for plan in plans]
     record.table = table = read_chart(chart)
     record.chart = table.name
@@ -366,7 +366,7 @@ def _some_white() -> InvalidArgument:
     )
 
 
-def _hash(role: str, spec: Any) -> dict[str, str]:
+def input_hash(role: str, spec: Any) -> dict[str, str]:
     """SHA-256 of the file behind a lamp or chart spec, if there is one."""
     text = str(spec) if isinstance(spec, str | Path) else ""
     for name in (text, text.partition(":")[2]):

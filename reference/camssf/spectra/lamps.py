@@ -6,6 +6,7 @@ smooth interpolation would overshoot at their spectral lines.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -36,6 +37,7 @@ class Lamp:
         tolerance: one standard deviation of its smooth relative error, dimensionless (0.02 = 2 %).
         modes: (q, 681) directions of the relative error of L, each one standard deviation long.
         source: its table, formula or file, in words for the report.
+        tolerance_kelvin: one standard deviation of its colour temperature, K; None if not given. `modes` holds it.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Lamp:
     tolerance: float
     modes: Floats = field(repr=False)
     source: str
+    tolerance_kelvin: float | None = None
 
 
 AUTO = "auto"
@@ -214,7 +217,8 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
             )
         mode = temperature_mode(formula, kelvin, size)
         source = f"{lamp.source}, ± {size:g} K"
-        lamp = replace(lamp, modes=frozen(np.concatenate([lamp.modes, mode])), source=source)
+        modes, total = np.concatenate([lamp.modes, mode]), math.hypot(lamp.tolerance_kelvin or 0.0, size)
+        lamp = replace(lamp, modes=frozen(modes), source=source, tolerance_kelvin=total)
     return lamp
 
 

@@ -133,6 +133,7 @@ internal object ShotJson {
     private fun lamp(lamp: Lamp): JsonObject = buildJsonObject {
         text("name", lamp.name)
         put("tolerance", JsonPrimitive(lamp.tolerance.takeUnless { lamp.unnamed }))
+        lamp.toleranceKelvin?.let { put("tolerance_kelvin", JsonPrimitive(it)) }
         text("source", lamp.source)
         if (!lamp.unnamed) put("power", array(power(lamp)))
     }

@@ -103,7 +103,7 @@ internal object SavedShot {
             "modes" to JsonArray(lamp.sharedModes.map { array(it) }),
             "source" to JsonPrimitive(lamp.source),
             "file" to (lamp.file?.let { words("name" to it.name, "sha256" to it.sha256) } ?: JsonNull),
-        ),
+        ) + listOfNotNull(lamp.toleranceKelvin?.let { "tolerance_kelvin" to JsonPrimitive(it) }),
     )
 
     private fun lampOf(entry: JsonObject): Lamp {
@@ -116,7 +116,10 @@ internal object SavedShot {
         require(values.all { it >= 0 } && values.max() > 0) { "a lamp without power" }
         val modes = entry.getValue("modes").jsonArray.map { numbers(it.jsonArray, Grid.SIZE) }
         val file = entry.maybe("file")?.let { SourceFile(it.text("name"), it.text("sha256")) }
-        return Lamp(entry.text("name"), values, entry.number("tolerance"), modes, entry.text("source"), file)
+        return Lamp(
+            entry.text("name"), values, entry.number("tolerance"), modes, entry.text("source"), file,
+            if ("tolerance_kelvin" in entry) entry.number("tolerance_kelvin") else null,
+        )
     }
 
     // Photo -------------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.short
+import kotlin.math.hypot
 
 /**
  * The relative spectral power distribution of a shot's light, or an unnamed light ([auto]). Safe to pass between
@@ -14,6 +15,7 @@ import org.camssf.short
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
+ * @property toleranceKelvin one standard deviation of its colour temperature, K, which [modes] holds; null if not given.
  * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(
@@ -23,6 +25,7 @@ public class Lamp internal constructor(
     internal val sharedModes: List<DoubleArray>,
     public val source: String,
     public val file: SourceFile? = null,
+    public val toleranceKelvin: Double? = null,
     internal val kinds: List<Lamp> = emptyList(),
 ) {
     /** True for an unnamed light, which has no spectrum, only possible kinds. */
@@ -70,7 +73,7 @@ public class Lamp internal constructor(
                     "Name a family, or measure it.",
                 )
             }
-            return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file)
+            return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file, toleranceKelvin)
         }
         val (formula, kelvin) = temperature()
         if (!(0 < size && size < 0.25 * kelvin)) {
@@ -79,8 +82,9 @@ public class Lamp internal constructor(
                 "Give less than a quarter of it.",
             )
         }
-        val mode = Bundled.temperatureMode(formula, kelvin, size)
-        return Lamp(name, sharedValues, tolerance, sharedModes + mode, "$source, ± ${short(size)} K", file)
+        val modes = sharedModes + Bundled.temperatureMode(formula, kelvin, size)
+        val total = hypot(toleranceKelvin ?: 0.0, size)
+        return Lamp(name, sharedValues, tolerance, modes, "$source, ± ${short(size)} K", file, total)
     }
 
     private fun temperature(): Pair<(Double) -> DoubleArray, Double> {

@@ -5,6 +5,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
@@ -87,6 +88,9 @@ class LampTest {
     fun `tolerances in percent and kelvins`() {
         val lamp = Lamp.read("D55").withTolerance("300K, 1%")
         assertEquals(0.01, lamp.tolerance)
+        assertEquals(300.0, lamp.toleranceKelvin)
+        assertEquals(500.0, lamp.withTolerance("400K").withTolerance("2%").toleranceKelvin)
+        assertNull(Lamp.read("D55").toleranceKelvin)
         assertEquals(1, lamp.modes.size)
         val high = Bundled.daylight(5803.0)
         val low = Bundled.daylight(5203.0)
