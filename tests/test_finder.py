@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import camssf.photo.find.pose as poses
+import camssf.photo.find.opencv as opencv
+import camssf.photo.find.search as searching
 from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import chart_colours
 from camssf.photo.find.lattices import fitted, inverse, mapped
+from camssf.photo.find.layouts import LAYOUTS, ChartLayout
 from camssf.photo.find.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.pose import find_chart
-from camssf.photo.find.search import Match
+from camssf.photo.find.search import OPENCV, OWN, SURE, Detector, matches_in, plain_signals
 from camssf.photo.find.sightings import FoundCharts, find_sightings
-from camssf.photo.read.dng import read_dng
+from camssf.photo.find.thumbnail import Thumbnail
+from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.simulation.camera import Sensor
 from golden.finders import keys_beside
 from golden.poses import draw, turned
@@ -169,37 +173,61 @@ def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFi
     assert [len(kind.colours) for kind in chart_colours()] == [24, 140]
 
 
-def test_where_opencv_finds_nothing_the_finder_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def find_nothing(monkeypatch: pytest.MonkeyPatch, *detectors: Detector) -> None:
+    if OWN in detectors:
+        monkeypatch.setattr(searching, "find_sightings", lambda _: FoundCharts((), ("none",)))
+    if OPENCV in detectors:
+        monkeypatch.setattr(opencv, "_quads", lambda *_: [])
+
+
+@pytest.mark.parametrize("blind", [OWN, OPENCV], ids=lambda d: d.name)
+def test_where_one_finds_nothing_the_other_does(blind: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, sensor, lamp = SCENES["rotated, tilted, cast"]
     frames, photo = photo_of(scene, sensor, lamp)
-    known = find_chart(photo, table())
-    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
+    both = find_chart(photo, table())
+    find_nothing(monkeypatch, blind)
     pose = find_chart(photo, table())
-    assert "own finder did" in pose.notes[0]
-    assert np.abs(pose.patches - known.patches).max() < 0.1 * edge(frames.pose)
+    assert ["own finder did not" in note for note in pose.notes] == ([True] if blind is OWN else [])
+    assert np.abs(pose.patches - both.patches).max() < 0.001 * edge(frames.pose)
 
 
-def test_where_neither_finds_one_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
-    with pytest.raises(ChartNotFound, match="nothing in the photo"):
-        find_chart(as_mosaic(EMPTY[1]), table())
-
-
-def test_a_mirrored_chart_that_only_the_finder_sees_is_refused_as_mirrored(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("blind", [OWN, OPENCV], ids=lambda d: d.name)
+def test_a_mirrored_chart_that_only_one_finds_is_refused_as_mirrored(
+    blind: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
     drawing = next(d for d in DRAWINGS if d.mirrored)
-    monkeypatch.setattr(poses, "matches_in", lambda *_: [])
+    find_nothing(monkeypatch, blind)
     with pytest.raises(ChartNotFound, match="mirrored"):
         find_chart(as_mosaic(drawing), table())
 
 
-def test_where_the_two_disagree_the_notes_say_where(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, sensor, lamp = SCENES["25 % of the width"]
-    frames, photo = photo_of(scene, sensor, lamp)
-    elsewhere = frames.pose.corners + 300.0
-    claimed = Match(elsewhere, (0.88, 0.88), 1.0, 0.8, False, elsewhere)
-    monkeypatch.setattr(poses, "matches_in", lambda *_: [claimed])
-    monkeypatch.setattr(poses, "finer", lambda _, match, __: match)
-    (note,) = find_chart(photo, table()).notes
-    assert "another chart about (800, 600) px" in note  # the picture's middle
-    monkeypatch.setattr(poses, "matches_in", lambda *_: [replace(claimed, corners=frames.pose.corners)])
-    assert find_chart(mosaic(frames.chart), table()).notes == ()
+def test_where_neither_finds_one_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, photo = photo_of(*SCENES["frontal"])
+    find_nothing(monkeypatch, OWN, OPENCV)
+    with pytest.raises(ChartNotFound, match="nothing in the photo"):
+        find_chart(photo, table())
+
+
+@pytest.mark.parametrize(("agrees", "attempts"), [(True, 0), (False, 1)])
+def test_opencv_proposes_only_where_the_finder_is_not_sure(agrees: bool, attempts: int) -> None:
+    """In its first attempt it finds the same chart, which ends the search."""
+    drawing = next(d for d in DRAWINGS if d.name == ("40 % wide, checks" if agrees else "shade 0.25, plain"))
+    made = []
+
+    def counted(photo: Mosaic, layout: ChartLayout) -> Iterator[tuple[Thumbnail, list[Floats]]]:
+        for attempt in OPENCV.proposals(photo, layout):
+            made.append(attempt)
+            yield attempt
+
+    detectors = (OWN, replace(OPENCV, proposals=counted))
+    matches = matches_in(as_mosaic(drawing), LAYOUTS["classic24"], plain_signals(table()), detectors)
+    assert len(made) == attempts
+    assert (matches[0].score >= SURE) == agrees
+    for match in matches:
+        np.testing.assert_allclose(match.corners, matches[0].corners, atol=0.01)
+
+
+def test_a_second_chart_is_noted() -> None:
+    row = np.concatenate([draw(turned(24, turns, margin=36)) for turns in (0, 2)], axis=1)
+    pose = find_chart(mosaic(row, GOLDEN), table())
+    assert [note.partition(",")[0] for note in pose.notes] == ["A second grid of patches was in view"]

@@ -16,25 +16,13 @@ from camssf.photo.find.layouts import (
     block_corners,
     convex,
     homography,
-    map_points,
     patch_corners,
     pitch_of,
 )
-from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.refine import refine_corners
-from camssf.photo.find.search import (
-    ACCEPT,
-    Match,
-    brightness,
-    finer,
-    label,
-    match_near,
-    matches_in,
-    plain_signals,
-    thumbnail,
-)
+from camssf.photo.find.search import ACCEPT, OWN, Match, matches_in, orient_corners, plain_signals, refine_closely
 from camssf.photo.find.sharpness import WIDEST_EDGE, edge_width
-from camssf.photo.find.sightings import Sighting, find_sightings
+from camssf.photo.find.thumbnail import brightness, thumbnail_around
 from camssf.photo.read.dng import Mosaic
 from camssf.spectra import ChartTable
 
@@ -49,12 +37,6 @@ NEAR = 0.55
 
 LOCKED = 0.6
 """Smallest share of patch borders that must lie on the fitted lattice."""
-
-SURE = 0.95
-"""Agreement from which one detector is enough if only one grid was in view."""
-
-APART = 0.5
-"""Largest distance between two detectors' patches that counts as the same place, in pitches."""
 
 SMALLEST = 64
 """Smallest side of a photo that can be searched, px."""
@@ -89,9 +71,9 @@ class Pose:
 def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None = None) -> Pose:
     """Find the chart of `table` in the photo: its patch borders and its orientation.
 
-    OpenCV's cv2.mcc proposes grids in a small display-like picture of the mosaic; if none agrees with the
-    table's colours, other renderings and sizes follow. `refine_corners` moves a grid to the printed borders,
-    and the colours choose among the four turns, independent of colour cast and exposure (`agreement`).
+    camssf's own finder proposes grids of patches in a small picture of the mosaic; OpenCV's cv2.mcc does, too, if
+    the finder finds nothing or is not sure. `refine_corners` moves a grid to the printed borders, and the colours
+    choose among the grids and the four turns, independent of colour cast and exposure (`agreement`).
 
     Args:
         mosaic: the photo.
@@ -123,10 +105,6 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     if corners is not None:
         return _by_hand(mosaic, layout, expected, _checked(corners, mosaic))
     matches = matches_in(mosaic, layout, expected)
-    others = _others(matches) if matches else ()
-    if not matches or matches[0].score < SURE or others:
-        matches, heard = _second_opinion(mosaic, layout, expected, matches)
-        others += heard
     if not matches or matches[0].score < ACCEPT:
         width = edge_width(mosaic)
         if width is not None and width > WIDEST_EDGE:
@@ -149,65 +127,17 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     best = matches[0]
     if best.mirrored:
         raise _mirrored(mosaic, best)
-    return _pose(finer(mosaic, best, layout), layout, "detected", others)
-
-
-def _second_opinion(
-    mosaic: Mosaic, layout: ChartLayout, expected: Floats, matches: list[Match]
-) -> tuple[list[Match], tuple[str, ...]]:
-    """The matches, completed by camssf's own finder, and notes for the user.
-
-    If no match of cv2.mcc is accepted, the finder's sightings are refined and oriented like its proposals.
-    Otherwise cv2.mcc's match is used, and a note says if the finder sees a chart elsewhere.
-    """
-    size = layout.columns * layout.rows
-    if min(mosaic.samples.shape) < 2 * SMALLEST:
-        return matches, ()
-    seen = [each for each in find_sightings(codes_of_mosaic(mosaic)).sightings if len(each.patches) == size]
-    if matches and matches[0].score >= ACCEPT:
-        away = [each for each in seen if _apart(matches[0], each, layout)]
-        if not away:
-            return matches, ()
-        middle = away[0].patches.mean(axis=0)
-        return matches, (
-            f"camssf's own finder sees another chart about ({middle[0]:.0f}, {middle[1]:.0f}) px, agreement "
-            f"{away[0].confidence:.2f}, mirrored: {'yes' if away[0].mirrored else 'no'}. If that is the one, give "
-            "its corners by --corners.",
-        )
-    found = [match_near(mosaic, each.corners, layout, expected) for each in seen]
-    found.sort(key=lambda match: -match.score)
-    if not found or found[0].score < ACCEPT:
-        return sorted([*matches, *found], key=lambda match: -match.score), ()
-    note = "OpenCV's detector did not find the chart; camssf's own finder did."
-    more = ("A second chart was in view: the one whose colours agree better was taken.",) if len(found) > 1 else ()
-    return found, (note, *more)
-
-
-def _apart(match: Match, sighting: Sighting, layout: ChartLayout) -> bool:
-    """True if match and sighting lie at different places. A mirrored chart's first patch lies right of the second."""
-    lattice = homography(block_corners(layout, match.side), match.corners)
-    index = np.arange(layout.columns * layout.rows)
-    column = index % layout.columns
-    if match.mirrored:
-        column = layout.columns - 1 - column
-    ours = map_points(lattice, np.stack([column, index // layout.columns], axis=1).astype(np.float64))
-    off = float(np.linalg.norm(ours - sighting.patches, axis=1).max())
-    return off > APART * pitch_of(match.corners, layout)
+    return _pose(refine_closely(mosaic, best, layout), layout, "detected", _notes(matches))
 
 
 def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Floats) -> Pose:
     """The pose from corners given by hand: oriented by the colours, moved to borders if these are nearby."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = 0.15 * (high - low) + 8
-    bounds = np.array(mosaic.samples.shape[::-1])
-    box = (
-        *np.maximum(low - margin, 0).astype(int).tolist(),
-        *np.minimum(high + margin, bounds).astype(int).tolist(),
-    )
-    small = thumbnail(mosaic, 40 * max(layout.columns, layout.rows), box)
+    small = thumbnail_around(mosaic, corners, layout, margin=0.15, extra=8)
     around = corners if area(corners) > 0 else corners[::-1]
     tries = [
-        label(small, small.from_mosaic(np.roll(around, -first, axis=0)), layout.side, layout, expected, reach=0)
+        orient_corners(
+            small, small.from_mosaic(np.roll(around, -first, axis=0)), layout.side, layout, expected, reach=0
+        )
         for first in (0, 1)
     ]
     best = max(tries, key=lambda m: m.score)
@@ -215,7 +145,7 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     moved = np.linalg.norm(refined - best.corners, axis=1).max() / pitch_of(best.corners, layout)
     notes: tuple[str, ...] = ()
     if locked >= LOCKED and moved <= NEAR:
-        score = label(small, refined, side, layout, expected, reach=0).score
+        score = orient_corners(small, refined, side, layout, expected, reach=0).score
         best = replace(best, corners=refined, side=side, locked=locked, score=score)
     else:
         notes = ("No patch borders lie near the corners given by hand: they were kept as they are.",)
@@ -258,16 +188,21 @@ def _mirrored(mosaic: Mosaic, match: Match) -> ChartNotFound:
     )
 
 
-def _others(matches: list[Match]) -> tuple[str, ...]:
-    """A note if another grid was proposed away from the best one."""
-    low, high = matches[0].corners.min(axis=0), matches[0].corners.max(axis=0)
+def _notes(matches: list[Match]) -> tuple[str, ...]:
+    """Notes for the user: another grid was proposed away from the best one; only OpenCV found the chart."""
+    best = matches[0]
+    low, high = best.corners.min(axis=0), best.corners.max(axis=0)
     apart = [m for m in matches[1:] if np.any((m.proposed.max(axis=0) < low) | (m.proposed.min(axis=0) > high))]
-    if not apart:
-        return ()
-    return (
-        "A second grid of patches was in view: the one whose colours agree better with the chart was taken "
-        f"({matches[0].score:.2f} against {max(m.score for m in apart):.2f}).",
-    )
+    notes = []
+    if apart:
+        x, y = apart[0].proposed.mean(axis=0)
+        notes.append(
+            f"A second grid of patches was in view, about ({x:.0f}, {y:.0f}) px: the one whose colours agree better "
+            f"with the chart was measured ({best.score:.2f} against {apart[0].score:.2f})."
+        )
+    if not any(m.detector == OWN.name and m.score >= ACCEPT for m in matches):
+        notes.append("OpenCV's detector found the chart, camssf's own finder did not: check its outline.")
+    return tuple(notes)
 
 
 def _pose(match: Match, layout: ChartLayout, method: str, notes: tuple[str, ...]) -> Pose:
