@@ -1,4 +1,4 @@
-"""The chart finder on what its benchmark draws; `python -m benchmarks.finder` sets OpenCV's beside it."""
+"""The chart finder on what its benchmark draws; `python -m benchmarks.claims.finder` sets OpenCV's beside it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import camssf.photo.find.pose as poses
-from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
+from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import chart_colours

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.fuzz import damaged
 from camssf.calibration import attempt
 from camssf.cli import main
 from camssf.compare.fields import field_differences
@@ -35,6 +34,7 @@ from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves
 from golden.reading import resolve
 from golden.scenes import PHONE
+from tools.fuzz import damaged
 
 pytestmark = pytest.mark.requirement("R-PARITY")
 
