@@ -19,8 +19,8 @@ from camssf.photo.find.search import Match
 from camssf.photo.find.sightings import FoundCharts, find_sightings
 from camssf.photo.read.dng import read_dng
 from camssf.simulation.camera import Sensor
-from golden.finders import keys_beside
-from golden.poses import draw, turned
+from golden.drawing import draw, turned
+from golden.stages.finder import keys_beside
 from tests.scenes import mosaic, table
 from tests.test_chart import DNG, SCENES, edge, photo_of
 from tools import chart_colours as tool

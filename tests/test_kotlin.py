@@ -32,7 +32,7 @@ from camssf.result import Calibration
 from camssf.simulation.frames import SimulatedShot, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves
-from golden.reading import resolve
+from golden.forms import resolve
 from golden.scenes import PHONE
 from tools.fuzz import damaged
 

@@ -184,7 +184,7 @@ def test_the_benchmark_says_what_is_missing(
     monkeypatch.delenv("CAMSSF_PHONES", raising=False)
     assert phones.main([]) == 2
     assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
-    assert phones.main(["--table", str(tmp_path / "none.csv")]) == 2
+    assert phones.main(["--phones", str(tmp_path / "none.csv")]) == 2
     assert "none.csv" in capsys.readouterr().err
 
 

@@ -155,8 +155,9 @@ def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
 
 def golden() -> dict[tuple[str, str], tuple[dict[str, Floats], dict[str, Floats]]]:
     """Golden cases of stage ssf that succeed on a shipped basis: (basis, case) → inputs and stored outputs."""
-    from golden.reading import paths, read_case, resolve
-    from golden.running import model_inputs
+    from golden.forms import resolve
+    from golden.products import model_inputs
+    from golden.reading import paths, read_case
 
     cases = {}
     for case in map(read_case, (path for path in paths() if path.parent.name == "ssf")):

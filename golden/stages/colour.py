@@ -1,4 +1,4 @@
-"""The cases of the stages `colour` and `regions`: standard colour from a result and raw signals.
+"""The stage `colour`: standard colour from a result and raw signals.
 
 The camera is a sum of Gaussians near the mean of the phones. The covariance of the code is a formula, too, that falls
 off along the atoms and with their distance; the bands follow from it. All is rounded, and the rounded numbers are the
@@ -12,11 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from camssf.colour import PARTS, Reference, View, camera_of_result, standard_colour
 from camssf.colour.camera import modes_of_code
+from camssf.colour.reach import REACH
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis, widened
 from camssf.spectra import read_lamp
-from golden.reading import Json, chart, resolve
+from golden import contract
+from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
 
 DECIMALS = 6
@@ -28,9 +32,9 @@ PATCHES = (0, 6, 12, 15, 18)
 ATOMS = 24
 
 
-def colours() -> Iterator[Json]:
+def cases() -> Iterator[Json]:
     """All cases of the stage `colour`."""
-    yield case("named", "A lamp by name, nothing asked of the reference.", stored(), "D65")
+    yield case("named", "A lamp by name, nothing asked of the reference.", result(), "D65")
     base = {"case": "colour/named"}
     yield case("own-lamp", "The lamp of the result's own first shot.", base, FIRST)
     yield case(
@@ -58,7 +62,7 @@ def colours() -> Iterator[Json]:
         "out-of-reach", "Colours that no surface has, beside one that many have.", base, "D65",
         signals=[[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]],
     )  # fmt: skip
-    wide = stored("cameras", 2.0)
+    wide = result("cameras", 2.0)
     wide = {name: wide[name] for name in ("basis", "prior_scale", "ssf_std")}
     yield case(
         "wide", "The basis cameras, with a prior twice as wide.", base | {"but": wide}, "D65", true="D65", asked=True
@@ -98,62 +102,26 @@ def colours() -> Iterator[Json]:
     yield case("error-refused", "A result that was refused.", refused, "D65", expect="invalid_argument")
 
 
-def regions() -> Iterator[Json]:
-    """All cases of the stage `regions`: rectangles in files of golden/dng, measured like patches."""
-    many = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
-    yield region("plain", "Rectangles, black level off.", "patches-chart.dng", many)
-    yield region("dark", "A dark frame instead of the black level.", "patches-chart.dng", many, "patches-dark.dng")
-    yield region("shading", "The lens's map applied.", "patches-mapped.dng", many, shading="apply")
-    yield region("odd", "Borders that lie on odd columns and rows.", "patches-chart.dng", [[21, 23, 17, 15]])
-    error = "invalid_argument"
-    yield region("error-outside", "It leaves the photo.", "patches-chart.dng", [[-1, 20, 20, 20]], expect=error)
-    yield region("error-empty", "No width.", "patches-chart.dng", [[20, 20, 0, 20]], expect=error)
-    yield region("error-small", "Too few samples.", "patches-chart.dng", [[20, 20, 6, 6]], expect=error)
-    yield region("error-clipped", "At the ceiling.", "patches-clipped.dng", [[20, 92, 20, 20]], expect="overexposed")
-
-
-def region(
-    name: str,
-    comment: str,
-    photo: str,
-    areas: list[list[int]],
-    dark: str | None = None,
-    *,
-    shading: str = "as-stored",
-    expect: str = "success",
-) -> Json:
-    """One case of the stage `regions`."""
-    inputs = {"photo": photo, "areas": areas, "dark": dark, "lens_shading": shading}
-    return {"case": f"regions/{name}", "comment": comment, "expect": expect, "inputs": inputs, "truth": None}
-
-
-def case(name: str, comment: str, result: Json, lamp: str, **more: Any) -> Json:
+def case(name: str, comment: str, document: Json, lamp: str, **more: Any) -> Json:
     """One case of the stage `colour`; its signals are the chart's under the `true` lamp."""
     light = more.get("true", lamp if lamp != "auto" else FIRST)
     seen = curves() * read_lamp(light).values[:, None]
-    y = more.get("signals", rounded(chart("babelcolor")[list(PATCHES)] @ seen / seen.sum(axis=0)))
+    y = more.get("signals", plain(chart("babelcolor")[list(PATCHES)] @ seen / seen.sum(axis=0)))
     first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
     noise = more.get("noise", 0.005)
-    return {
-        "case": f"colour/{name}",
-        "comment": comment,
-        "expect": more.get("expect", "success"),
-        "inputs": {
-            "result": result,
-            "lamp": lamp,
-            "signals": y,
-            "standard_error": rounded(np.hypot(noise * np.array(y), 0.1 * noise)),
-            "reference": {
-                "tolerance": more.get("tolerance", 0.01),
-                "raw": rounded(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first)
-                if more.get("asked")
-                else None,
-                "error": 0.002,
-            },
-            "view": {name: more.get(name, usual) for name, usual in VIEW.items()},
+    inputs = {
+        "result": document,
+        "lamp": lamp,
+        "signals": y,
+        "standard_error": plain(np.hypot(noise * np.array(y), 0.1 * noise)),
+        "reference": {
+            "tolerance": more.get("tolerance", 0.01),
+            "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if more.get("asked") else None,
+            "error": 0.002,
         },
-        "truth": None,
+        "view": {name: more.get(name, usual) for name, usual in VIEW.items()},
     }
+    return contract.case(f"colour/{name}", comment, inputs, expect=more.get("expect", "success"))
 
 
 VIEW = {"observer": "1931", "white": "lamp", "kind": None}
@@ -162,10 +130,10 @@ VIEW = {"observer": "1931", "white": "lamp", "kind": None}
 def curves() -> Floats:
     """(681, 3) curves at peak 1, rounded."""
     values = resolve(PHONE)
-    return np.array(rounded(values / values.max(axis=0)))
+    return np.array(plain(values / values.max(axis=0)))
 
 
-def stored(basis: str = "phones", scale: float = 1.0) -> Json:
+def result(basis: str = "phones", scale: float = 1.0) -> Json:
     """The part of a result document that colour reads."""
     values, covariance = curves(), code_covariance()
     white = read_lamp(FIRST).values
@@ -178,7 +146,7 @@ def stored(basis: str = "phones", scale: float = 1.0) -> Json:
         "ssf": channels(values),
         "ssf_std": channels(np.sqrt(np.sum(modes**2, axis=0))),
         "channel_gain": list(GAINS),
-        "code_covariance": rounded(covariance[np.tril_indices(len(covariance))]),
+        "code_covariance": plain(covariance[np.tril_indices(len(covariance))]),
     }
 
 
@@ -186,14 +154,73 @@ def code_covariance() -> Floats:
     """(72, 72): d_i d_j 2^-|i - j|, d falling from 0.4 along each channel's atoms; rounded."""
     order = np.arange(3 * ATOMS)
     size = 0.4 / (1.0 + (order % ATOMS) / 4.0)
-    return np.array(rounded(size[:, None] * size * 0.5 ** np.abs(order[:, None] - order)))
+    return np.array(plain(size[:, None] * size * 0.5 ** np.abs(order[:, None] - order)))
 
 
 def channels(values: Floats) -> Json:
     """(681, 3) curves in the form of documents."""
-    return {name: rounded(values[:, c]) for c, name in enumerate(("red", "green", "blue"))}
+    return {name: plain(values[:, c]) for c, name in enumerate(("red", "green", "blue"))}
 
 
-def rounded(values: Any) -> Any:
+def plain(values: Any) -> Any:
     """The values as rounded plain numbers."""
     return (np.round(np.asarray(values, dtype=np.float64), DECIMALS) + 0.0).tolist()
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `colour`: `camssf.colour.standard_colour` of a result; `reach` has only distances above REACH."""
+    given = call.given
+    camera = camera_of_result(_result(given["result"]))
+    told = given["reference"]
+    raw = None if told["raw"] is None else np.array(told["raw"])
+    reference = Reference(tolerance=told["tolerance"], raw=raw, error=told["error"])
+    found = standard_colour(
+        camera,
+        given["lamp"],
+        given["signals"],
+        given["standard_error"],
+        reference=reference,
+        view=View(**given["view"]),
+    )
+    far = found.reach > REACH
+    return {
+        **{name: getattr(found, name) for name in ("xyz", "lab", "xyz_covariance", "lab_covariance", "white")},
+        "parts": np.stack([np.sqrt(np.diagonal(found.parts[name][1], axis1=1, axis2=2)) for name in PARTS]),
+        "lamps": [name for name, _ in found.lamps],
+        "weights": np.array([weight for _, weight in found.lamps]),
+        "kinds": [transform.kind for transform in found.transforms],
+        "surprise": found.surprise,
+        "far": far.tolist(),
+        "reach": found.reach[far] if far.any() else None,
+    }
+
+
+def _result(given: Json) -> Json:
+    """A result, or that of another case with some fields replaced."""
+    return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
+
+
+LIMITS = (
+    *each("norm", 1e-12, "xyz lab xyz_covariance lab_covariance parts"),
+    *each("norm", 1e-14, "white"),
+    *each("exact", 0.0, "lamps"),
+    *each("norm", 1e-12, "weights"),
+    *each("exact", 0.0, "kinds"),
+    *each("relative", 1e-12, "surprise"),
+    *each("exact", 0.0, "far"),
+    *each("norm", 1e-9, "reach"),
+)
+
+
+STAGE = Stage(
+    name="colour",
+    keys=Keys(
+        words("result lamp signals standard_error reference view"),
+        words("white weights kinds xyz lab xyz_covariance lab_covariance parts lamps surprise far reach"),
+        arrays=words("signals standard_error"),
+    ),
+    requires=always("colour"),
+    cases=cases,
+    run=run,
+    limits=against_stored(LIMITS),
+)

@@ -1,4 +1,4 @@
-"""The cases of the stage `mosaic`: small DNG files by formula, and what a reader must find in them.
+"""The stage `mosaic`: small DNG files by formula, and what a reader must find in them.
 
 Expected values come from what was written, never from a reader. Samples are a formula of their position; each case
 lists the other fields of its file.
@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from golden import contract
+from golden.contract import Call, Keys, Stage, always, limit, words
 from golden.dngs import (
     ASCII,
     BAD_PIXELS,
@@ -32,20 +34,11 @@ from golden.dngs import (
     opcode,
     opcode_list,
 )
-from golden.reading import Json
+from golden.forms import Json, digest
+from golden.products import read_photo
 
 HEIGHT, WIDTH = 40, 56
 Samples = NDArray[np.uint16]
-
-
-def mosaics() -> Iterator[Json]:
-    """All cases: name, comment, file, expected values; with the fields of `golden.scenes.case`."""
-    yield from _plain()
-    yield from _jpeg()
-    yield from _deflate()
-    yield from _levels()
-    yield from _directories()
-    yield from _errors()
 
 
 def chaos(bits: int, height: int = HEIGHT, width: int = WIDTH) -> Samples:
@@ -83,23 +76,14 @@ def case(
 ) -> Json:
     """A case of one file; `says` overrides expected fields other than the samples."""
     content = dng if isinstance(dng, bytes) else dng.encode()
-    found: Json = {
-        "case": f"mosaic/{name}",
-        "comment": comment,
-        "inputs": {"dng": f"{name}.dng"},
-        "expect": expect,
-        "truth": None,
-        "generic": True,
-        "files": {f"dng/{name}.dng": content},
-        "outputs": None,
-    }
+    inputs, files = {"dng": f"{name}.dng"}, {f"dng/{name}.dng": content}
     if expect != "success":
-        return found
+        return contract.case(f"mosaic/{name}", comment, inputs, expect=expect, files=files)
     assert isinstance(dng, Dng)
     samples = dng.samples if table is None else table[np.minimum(dng.samples, len(table) - 1)]
     top, left, bottom, right = area or (0, 0, *samples.shape)
     active = np.ascontiguousarray(samples[top:bottom, left:right], dtype="<u2")
-    found["outputs"] = {
+    outputs = {
         "sha256": hashlib.sha256(content).hexdigest(),
         "width": right - left,
         "height": bottom - top,
@@ -121,7 +105,7 @@ def case(
         "masked_areas": [],
         "bad_pixels": [],
     } | says
-    return found
+    return contract.case(f"mosaic/{name}", comment, inputs, files=files, outputs=outputs)
 
 
 def _plain() -> Iterator[Json]:
@@ -385,3 +369,80 @@ def _errors() -> Iterator[Json]:
     yield error(
         "gain-map-points", unreadable, "A gain map of 2^62 points.", Dng(chaos(16), tags={51009: (kind, many)})
     )
+
+
+def cases() -> Iterator[Json]:
+    """All cases."""
+    yield from _plain()
+    yield from _jpeg()
+    yield from _deflate()
+    yield from _levels()
+    yield from _directories()
+    yield from _errors()
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `mosaic`: what the reader finds; Python does not read the fields of `metadata`."""
+    given = call.given
+    found = read_photo(given["dng"])
+    height, width = found.samples.shape
+    names = ("sha256", "cfa", "white", "make", "model", "exposure", "iso", "orientation")
+    maps = [
+        {
+            "list": each.stage,
+            "area": [each.top, each.left, each.bottom, each.right],
+            "plane": each.plane,
+            "planes": each.planes,
+            "row_pitch": each.row_pitch,
+            "column_pitch": each.column_pitch,
+            "spacing": list(each.spacing),
+            "origin": list(each.origin),
+            "gains": each.gains.tolist(),
+        }
+        for each in found.gain_maps
+    ]
+    more = {name: getattr(found, name) for name in ("color_matrix1", "color_matrix2", "as_shot_neutral")}
+    return {
+        **{name: getattr(found, name) for name in names},
+        **{name: None if value is None else value.ravel() for name, value in more.items()},
+        "width": width,
+        "height": height,
+        "samples_sha256": digest(found.samples.astype("<u2").tobytes()),
+        "black": found.black.ravel(),
+        "gain_maps": maps,
+    }
+
+
+_METADATA = {"as_shot_white_xy", "noise_profile", "masked_areas", "bad_pixels"}
+"""Fields of a file that Python does not read."""
+_ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_shot_white_xy"}
+"""Fields that are quotients, and so rounded."""
+
+
+def limits(made: Json, scene: Json) -> list[Json]:
+    """Against what was written; fields that Python does not read require `metadata`."""
+
+    def bound(name: str) -> tuple[str, float]:
+        return ("norm", 1e-15) if name in _ROUNDED else ("exact", 0.0)
+
+    there = [name for name in sorted(made["outputs"]) if made["outputs"][name] is not None]
+    return [limit(name, "outputs", *bound(name)) for name in there if name not in _METADATA] + [
+        limit(name, "outputs", *bound(name), "metadata") for name in there if name in _METADATA
+    ]
+
+
+STAGE = Stage(
+    name="mosaic",
+    keys=Keys(
+        words("dng"),
+        words(
+            "sha256 width height samples_sha256 cfa black white make model exposure iso orientation color_matrix1 "
+            "color_matrix2 as_shot_neutral gain_maps as_shot_white_xy noise_profile masked_areas bad_pixels"
+        ),
+        arrays=frozenset(),
+    ),
+    requires=always("mosaic"),
+    cases=cases,
+    run=run,
+    limits=limits,
+)

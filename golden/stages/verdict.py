@@ -1,4 +1,4 @@
-"""The cases of the stage `verdict`: one for each rule of `camssf.verdict.judge`, in plain numbers.
+"""The stage `verdict`: a case for each rule of `camssf.verdict.judge`, in plain numbers.
 
 Nothing is solved for them: the curves are those of a measured camera, the predictions are its signals, and the
 signals differ from them as the case describes. So every number comes from a formula or a table.
@@ -7,12 +7,23 @@ signals differ from them as the case describes. So every number comes from a for
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from camssf.grid import Floats
-from golden.reading import Json, camera, chart, lamp
+from camssf.photo.find.pose import Pose
+from camssf.photo.signals import Signals
+from camssf.recovery.sensitivity import Hypothesis, Ssf
+from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
+from camssf.verdict.judge import judge as judge_capture
+from camssf.verdict.lamp import Neutral, Rival
+from camssf.verdict.reasons import Fatal
+from golden import contract
+from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.forms import Json, camera, chart, lamp, resolve
+from golden.products import build_lamp, build_means, build_table
 
 CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
@@ -24,9 +35,14 @@ MINOR = 0.022
 """Level of glare, as a fraction of white, for a case that it does not explain completely."""
 SLIP = 1.19
 """Factor on one patch that makes it the best explanation while the goodness of fit stays acceptable."""
+VERDICT_NUMBERS = words(
+    "reflectance chart_tolerance white_reflectance lamp lamp_modes signals standard_error white dark centres "
+    "ssf ssf_std code predicted"
+)
+"""Inputs that are arrays."""
 
 
-def verdicts() -> Iterator[Json]:
+def cases() -> Iterator[Json]:
     """All cases."""
     y = predicted()
     yield case("clean", "Nothing is wrong: accepted, no reasons.", y)
@@ -81,11 +97,7 @@ def verdicts() -> Iterator[Json]:
     )
     yield case("tone", "A tone curve, y^0.9: not_sensor_raw.", y**0.9)
     yield case("patch", "One wrong patch is named.", y * spike(13, 1.4))
-    yield case(
-        "no-single-cause",
-        "All patches off, by no pattern: chart_unfit.",
-        y * ripple(0.1),
-    )
+    yield case("no-single-cause", "All patches off, by no pattern: chart_unfit.", y * ripple(0.1))
     yield case("hopeless", "More than eight times the expected χ²: refused.", y * ripple(0.12))
     spoilt = np.stack([predicted(k=2)[0], predicted(k=2)[1] * np.array([1.2, 1.0, 0.85])])
     yield case(
@@ -310,7 +322,7 @@ def case(
         inputs["unnamed"] = True
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
-    return {"case": f"verdict/{name}", "comment": comment, "expect": "success", "inputs": inputs, "truth": None}
+    return contract.case(f"verdict/{name}", comment, inputs)
 
 
 def raw_white(level: float) -> list[float]:
@@ -341,3 +353,113 @@ def statistics(y: Floats, span: float, noise: float = 1.0, texture: float = 0.0)
         "dead": still,
         "greens": mean[..., [1, 1]],
     }
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `verdict`: `camssf.verdict.judge.judge`, and the values that its rules 1 to 3 used."""
+    given = call.given
+    table = replace(build_table(given["reflectance"], 0.0, 18), tolerance=given["chart_tolerance"])
+    used = np.array(given["used"], bool)
+    signals = Signals(
+        values=given["signals"], standard_error=given["standard_error"], chart=given["white"], white=given["white"],
+        dark=given["dark"], used=used, white_is_patch=np.array(given["white_is_patch"], bool), assumptions=(),
+    )  # fmt: skip
+    lamps = [
+        build_lamp(values, tolerance, modes)
+        for values, tolerance, modes in zip(given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True)
+    ]
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    poses = [
+        Pose(layout="classic24", corners=square, patches=centres[:, None] + square, quarter_turns=0,
+             method="by hand", score=1.0, notes=())
+        for centres in given["centres"]
+    ]  # fmt: skip
+    rho = np.ravel(given["white_reflectance"])
+
+    choice = tuple(
+        Hypothesis(basis=basis, prior_scale=scale, log_evidence=0.0, probability=probability)
+        for basis, scale, probability in given.get("choice", ())
+    )
+    basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
+
+    variance = given.get("code_variance")
+    spread = None if variance is None else np.diag(np.array(variance, float))
+
+    def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
+        return Ssf(
+            values=curves, std=std, code=code, code_covariance=spread, predicted=predicted, gap=np.zeros(3),
+            layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64), log_evidence=None, gamma=np.zeros(3), l2=1.0,
+            channel_gain=np.ones(3), basis=basis, engine="golden", lamp=given["lamp"], choice=choice,
+        )  # fmt: skip
+
+    ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
+    alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
+    rivals = [Rival(shot=shot, lamp=name, gain=gain) for shot, name, gain in given["rivals"]]
+    neutrals = [
+        [Neutral(light=resolve(light)[0], white=np.array(white)) for light, white in told]
+        for told in given["neutrals"]
+    ]
+    shots = [build_means(shot) for shot in given["shots"]]
+    gains = None
+    if "gain_modes" in given:
+        gains = np.array(given["gain_modes"], float), float(given["gain_own"])
+    inputs = VerdictInputs(
+        signals=signals, table=table, means=shots, poses=poses, lamps=lamps, white_reflectance=rho,
+        white_tolerance=given["white_tolerance"], gains=gains,
+    )  # fmt: skip
+    verdict = judge_capture(inputs, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
+                            unnamed=[given.get("unnamed", False)] * len(shots))  # fmt: skip
+    joint = inputs.goodness_of_fit(ssf)
+    each = [inputs.goodness_of_fit_of_shot(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
+    found = [best_explanation(one) for one in each]
+    return {
+        "status": verdict.status,
+        "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
+        "advice": [reason.advice for reason in verdict.reasons],
+        "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
+        "values": [float(reason.value or 0.0) for reason in verdict.reasons] or None,
+        "thresholds": [float(reason.threshold or 0.0) for reason in verdict.reasons] or None,
+        "checks": [f"{check.name} {check.beyond} {check.shot or 'whole'}" for check in verdict.checks],
+        "checked": np.array([[check.value, check.limit, check.refuses or 0.0] for check in verdict.checks]),
+        "named": [None if s is None else s.kind if s.patch is None else f"{s.kind} {s.patch}" for s in found],
+        "residual": joint.residual,
+        "prior": joint.prior,
+        "count": joint.count,
+        "z": np.array([joint.z, *(one.z for one in each)]),
+        "gains": np.array([suspect.gain for one in each for suspect in one.explanations]),
+    }
+
+
+LIMITS = (
+    *each("exact", 0.0, "status codes messages advice fatal checks"),
+    *each("norm", 1e-9, "checked"),
+    *each("exact", 0.0, "named"),
+    *each("relative", 1e-8, "values"),
+    *each("relative", 1e-15, "thresholds"),
+    *each("relative", 1e-8, "residual"),
+    *each("relative", 1e-12, "prior"),
+    *each("exact", 0.0, "count"),
+    *each("norm", 1e-8, "z gains"),
+)
+
+
+STAGE = Stage(
+    name="verdict",
+    keys=Keys(
+        words(
+            "reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes signals "
+            "standard_error used white_is_patch white dark shots centres ssf ssf_std code predicted alone rivals "
+            "neutrals"
+        ),
+        words(
+            "z status codes messages values thresholds gains fatal named residual prior count advice checks checked"
+        ),
+        words("choice family code_variance unnamed gain_modes gain_own"),
+        arrays=VERDICT_NUMBERS,
+    ),
+    requires=always("verdict"),
+    cases=cases,
+    run=run,
+    limits=against_stored(LIMITS),
+)

@@ -1,4 +1,4 @@
-"""The cases of the stage `finder`: small pictures with one, two or no charts, drawn with integer arithmetic."""
+"""The stage `finder`: small pictures with one, two or no charts, and what is found in them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.sightings import find_sightings
 from camssf.photo.read.dng import Mosaic
-from golden.poses import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, turned
-from golden.reading import Json
+from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, photo_case, turned
+from golden.forms import Json
+from golden.products import read_photo
 
 FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
 """Forms to which the photo is converted before the search (README.md)."""
@@ -32,20 +36,14 @@ def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
     return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
 
 
-def finders() -> Iterator[Json]:
-    """All cases, with the fields of `golden.scenes.case`."""
+def cases() -> Iterator[Json]:
+    """All cases, each photo in one of FORMS."""
 
-    def case(name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", **more: Any) -> Json:
+    def case(
+        name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", expect: str = "success"
+    ) -> Json:
         photo, samples = content
-        return {
-            "case": f"finder/{name}",
-            "comment": comment,
-            "inputs": {"dng": photo, "form": form},
-            "expect": "success",
-            "truth": None,
-            "generic": True,
-            "files": {f"dng/{photo}": file(samples)},
-        } | more
+        return photo_case(f"finder/{name}", comment, {"dng": photo, "form": form}, {photo: file(samples)}, expect)
 
     upright = ("chart-turned-0.dng", draw(turned(24, 0)))
     for form in FORMS:
@@ -73,8 +71,9 @@ def finders() -> Iterator[Json]:
     yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
     part = draw(turned(24, 0))[:, :120]
     yield case("part", "Half of a chart.", ("finder-part.dng", part))
-    small = {"expect": "invalid_argument"}
-    yield case("error-small", "28 × 20 cells.", ("chart-small.dng", draw(turned(8, 0, margin=8))), **small)
+    yield case(
+        "error-small", "28 × 20 cells.", ("chart-small.dng", draw(turned(8, 0, margin=8))), expect="invalid_argument"
+    )
 
 
 def _semi_gloss(pitch: int) -> Samples:
@@ -122,3 +121,53 @@ def _cluttered() -> Samples:
     chart = draw(TILTED)
     samples[60 : 60 + chart.shape[0], 120 : 120 + chart.shape[1]] = chart
     return samples
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `finder`: charts found in one of the forms of a photo; the points of all charts concatenated."""
+    given = call.given
+    photo = read_photo(given["dng"])
+    found = find_sightings(_searched(photo, given["form"]))
+    seen = found.sightings
+    return {
+        "findings": list(found.findings),
+        "kinds": [each.kind for each in seen],
+        "mirrored": [each.mirrored for each in seen],
+        "seen": [each.blobs for each in seen],
+        "corners": np.array([each.corners for each in seen]).reshape(-1, 2),
+        "patches": np.concatenate([np.zeros((0, 2)), *(each.patches for each in seen)]),
+        "confidence": np.array([each.confidence for each in seen]),
+    }
+
+
+def _searched(photo: Mosaic, form: str) -> SearchImage:
+    if form == "mosaic":
+        return codes_of_mosaic(photo)
+    light = planes(photo)
+    if form == "light":
+        return codes_of_light(light.astype(np.float32))
+    picture = shown(light)
+    if form == "yuv":
+        y, blue, red = (picture[:, :, channel].astype(np.int64) for channel in (1, 2, 0))
+        u, v = (np.clip(128 + (each - y) // 2, 0, 255)[::2, ::2].astype(np.uint8) for each in (blue, red))
+        picture = rgb_of_yuv(picture[:, :, 1], u, v)
+    return codes_of_bytes(picture[:, :, 1] if form == "luma" else picture)
+
+
+LIMITS = (
+    *each("exact", 0.0, "findings kinds mirrored seen"),
+    *each("norm", 1e-13, "corners patches"),
+    *each("norm", 3e-9, "confidence"),
+)
+
+
+STAGE = Stage(
+    name="finder",
+    keys=Keys(
+        words("dng form"), words("corners patches kinds findings mirrored seen confidence"), arrays=frozenset()
+    ),
+    requires=always("finder"),
+    cases=cases,
+    run=run,
+    limits=against_stored(LIMITS),
+)
