@@ -16,9 +16,11 @@ import nox
 
 ROOT = Path(__file__).parent
 PYTHONS = ["3.11", "3.12", "3.13"]
-BENCHMARKS = sorted(
-    path.stem for path in (ROOT / "benchmarks").glob("[a-z]*.py") if "def main(" in path.read_text(encoding="utf-8")
-)
+BENCHMARKS = {
+    path.stem: f"benchmarks.{path.parent.name}.{path.stem}"
+    for path in sorted((ROOT / "benchmarks").glob("*/*.py"))
+    if "def main(" in path.read_text(encoding="utf-8") and path.stem != "__main__"
+} | {"paper": "benchmarks.paper"}
 
 nox.options.sessions = ["quick", "lint", "types"]
 nox.options.reuse_venv = "yes"
@@ -118,4 +120,4 @@ def benchmarks(session: nox.Session) -> None:
         session.error(f"no such benchmark: {', '.join(sorted(unknown))}; there are {', '.join(BENCHMARKS)}")
     install(session)
     for name in session.posargs:
-        session.run("python", "-m", f"benchmarks.{name}")
+        session.run("python", "-m", BENCHMARKS[name])

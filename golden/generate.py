@@ -25,16 +25,16 @@ from camssf.files import write_file
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import widened
 from camssf.recovery.hypotheses import AUTO
-from camssf.recovery.layers import DEPTH
 from camssf.recovery.onnx_model import load_model
-from camssf.recovery.pivoting import SETTLED
-from golden import reading
+from golden import forms, reading
 from golden.compare import METRICS, blur, optimality, rmse
-from golden.reading import FORMAT, ROOT, GoldenError, Json, check, digest, paths, read_case, resolve
-from golden.running import basis_of, findings, problem, run
+from golden.contract import Stage
+from golden.forms import ROOT, GoldenError, Json, digest, resolve
+from golden.products import basis_of
+from golden.reading import FORMAT, check, paths, read_case
+from golden.running import findings, problem, run
+from golden.stages import STAGES
 
-GAP = 1e-9
-"""Largest relative duality gap of any engine's result."""
 ORACLE_GAP = 5e-10
 """Largest relative duality gap of the oracle's solution, apart from rounding (`Proof.bound`)."""
 MARGIN = 0.9
@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"golden: {error}", file=sys.stderr)
         return 1
     finally:
-        reading.PENDING.clear()
+        forms.PENDING.clear()
     if options.check:
         return _check_files(files)
     _write(files)
@@ -80,22 +80,16 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
     from rich.console import Console
     from rich.progress import track
 
-    from golden.colours import colours, regions
-    from golden.finders import finders
-    from golden.mosaics import mosaics
-    from golden.poses import poses
-    from golden.scenes import cases
     from golden.tables import write_tables
-    from golden.verdicts import verdicts
 
     spectra = {f"spectra/{name}.json": _text(table) for name, table in write_tables().items()}
-    reading.PENDING.update(spectra)
+    forms.PENDING.update(spectra)
     yield from spectra.items()
     entries: dict[str, str] = {}
     faults: list[str] = []
-    scenes = [*mosaics(), *poses(), *cases(), *verdicts(), *colours(), *regions(), *finders()]
-    photos = {name: content for scene in scenes for name, content in scene.get("files", {}).items()}
-    reading.PENDING.update(photos)
+    scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
+    photos = {name: content for scene in scenes for name, content in scene["files"].items()}
+    forms.PENDING.update(photos)
     yield from sorted(photos.items())
     names = [scene["case"] for scene in scenes]
     if len(set(names)) < len(names):
@@ -109,7 +103,7 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
             continue
         path = f"cases/{made['case']}.json"
         content = _kept(path, made) if keep else _text(made)
-        reading.PENDING[path] = content
+        forms.PENDING[path] = content
         entries[made["case"]] = digest(content)
         yield path, content
     if faults:
@@ -127,15 +121,15 @@ def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
 
 def finish(scene: Json) -> Json:
     """The complete case of a scene: outputs by the reference, oracle by cvxpy, limits."""
-    stage = scene["case"].partition("/")[0]
+    stage = STAGES[scene["case"].partition("/")[0]]
     inputs = _plain(scene["inputs"])
     made: Json = {
         "format": FORMAT,
         "case": scene["case"],
-        "stage": stage,
+        "stage": stage.name,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": _requires(stage, inputs),
+        "requires": stage.requires(inputs),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -143,7 +137,7 @@ def finish(scene: Json) -> Json:
         "truth": None,
         "limits": [],
     }
-    if stage == "mosaic" and scene["expect"] == "success":
+    if scene["outputs"] is not None:
         return _written(made, scene)
     if scene["expect"] != "success":
         try:
@@ -153,27 +147,27 @@ def finish(scene: Json) -> Json:
                 return check(made)
             raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
         raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
-    if stage in ("solve", "ssf", "layers"):
+    if stage.oracle:
         made["oracle"] = _plain(_oracle(made))
     try:
         outputs = run(made)
     except CalibrationError as error:
         raise GoldenError(f"{made['case']}: {error.code}: {error}") from error
-    kept = {name: _stored(name, outputs[name], stage) for name in sorted(reading.OUTPUTS[stage])}
+    kept = {name: _stored(name, outputs[name], stage) for name in sorted(stage.keys.outputs)}
     made["outputs"] = _plain(kept)
     if scene["truth"] is not None:
         made["truth"] = {
             "ssf": scene["truth"],
             "measured": _truth(made, outputs["ssf"], scene["truth"], scene["rmse"]),
         }
-    made["limits"] = _limits(made, scene)
+    made["limits"] = stage.limits(made, scene)
     return check(made)
 
 
 def _written(made: Json, scene: Json) -> Json:
     """A case whose outputs are the values written to its file; the reference must read the same."""
     made["outputs"] = scene["outputs"]
-    made["limits"] = _limits(made, scene)
+    made["limits"] = STAGES[made["stage"]].limits(made, scene)
     broken = [finding for finding in findings(made) if not finding.holds]
     if broken:
         raise GoldenError(f"{made['case']}: {broken}")
@@ -186,7 +180,7 @@ def _oracle(made: Json) -> Json:
     given, sensing = made["inputs"], problem(made)
     gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     basis = white = None
-    if made["stage"] in ("ssf", "layers"):
+    if "basis" in given:
         basis = widened(basis_of(given["basis"]), given.get("prior_scale", 1.0))
         white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
     oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
@@ -201,131 +195,6 @@ def _truth(made: Json, found: Floats, truth: Json, bound: float) -> Json:
     if not measured <= MARGIN * bound:
         raise GoldenError(f"{made['case']}: RMSE {measured:.4f} leaves no margin below {bound}")
     return {"rmse": round(measured, 4)}
-
-
-def _limits(made: Json, scene: Json) -> list[Json]:
-    """The case's limits: value, what it is compared with, metric and bound."""
-
-    def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:
-        return {"value": value, "against": against, "metric": metric, "bound": {"float64": bound},
-                "requires": list(requires)}  # fmt: skip
-
-    stage, outputs = made["stage"], made["outputs"]
-    port: dict[str, list[tuple[str, str, float]]] = {
-        "mosaic": [(name, "norm" if name in _ROUNDED else "exact", 1e-15 if name in _ROUNDED else 0.0)
-                   for name in sorted(reading.OUTPUTS["mosaic"] - _METADATA)],
-        "pose": [("corners", "norm", 1e-9), ("quads", "norm", 1e-9), ("quarter_turns", "exact", 0.0),
-                 ("score", "norm", 1e-9), ("kept", "exact", 0.0)],
-        "patches": [(name, *_statistic(name, made["inputs"])) for name in sorted(reading.OUTPUTS["patches"])],
-        "signals": [("signals", "norm", 1e-15), ("standard_error", "norm", 1e-14), ("used", "exact", 0.0),
-                    ("assumptions", "exact", 0.0)],
-        "sensing": [("matrix", "norm", 1e-12), ("target", "norm", 1e-12), ("covariance", "norm", 1e-12)],
-        "weights": [("rho", "norm", 1e-15), ("W", "norm", 1e-10), ("z", "norm", 1e-10)],
-        "solve": [("objective", "relative", 1e-10), ("evidence", "relative", 1e-10)],
-        "ssf": [("ssf", "norm", 1e-10), ("ssf_std", "norm", 1e-10), ("code_covariance", "sums", 1e-10),
-                ("signals", "norm", 1e-15), ("predicted", "norm", 1e-10), ("evidence", "relative", 1e-10),
-                ("channel_gain", "norm", 1e-14)],
-        "choice": [("weighed", "exact", 0.0), ("log_evidence", "relative", 1e-10), ("probability", "norm", 1e-8),
-                   ("basis", "exact", 0.0), ("prior_scale", "exact", 0.0), ("ssf", "norm", 1e-9),
-                   ("ssf_std", "norm", 1e-9), ("predicted", "norm", 1e-9)],
-        "light": [("weighed", "exact", 0.0), ("log_evidence", "relative", 1e-10), ("probability", "norm", 1e-8),
-                  ("basis", "exact", 0.0), ("prior_scale", "exact", 0.0), ("likeliest", "exact", 0.0),
-                  ("ssf", "norm", 1e-9), ("ssf_std", "norm", 1e-9), ("predicted", "norm", 1e-9),
-                  ("rmsre_percent", "norm", 1e-8), ("kinds", "norm", 1e-8), ("power", "norm", 1e-9),
-                  ("power_std", "norm", 1e-9),
-                  ("kelvin", "relative", 1e-9), ("kelvin_std", "relative", 1e-9), ("status", "exact", 0.0),
-                  ("codes", "exact", 0.0), ("messages", "exact", 0.0), ("values", "relative", 1e-8),
-                  ("thresholds", "relative", 1e-15), ("said", "exact", 0.0)],
-        "rivals": [("gains", "norm", 1e-8)],
-        "layers": [("ssf", "peak", 1e-10)],
-        "calibrate": [("signals", "norm", 1e-15), ("used", "exact", 0.0), ("ssf", "norm", 1e-10),
-                      ("ssf_std", "norm", 1e-10), ("predicted", "norm", 1e-10), ("channel_gain", "norm", 1e-14),
-                      ("rmsre_percent", "norm", 1e-8), ("codes", "exact", 0.0)],
-        "verdict": [("status", "exact", 0.0), ("codes", "exact", 0.0), ("messages", "exact", 0.0),
-                    ("advice", "exact", 0.0), ("fatal", "exact", 0.0),
-                    ("checks", "exact", 0.0), ("checked", "norm", 1e-9),
-                    ("named", "exact", 0.0), ("values", "relative", 1e-8), ("thresholds", "relative", 1e-15),
-                    ("residual", "relative", 1e-8), ("prior", "relative", 1e-12), ("count", "exact", 0.0),
-                    ("z", "norm", 1e-8), ("gains", "norm", 1e-8)],
-        "colour": [("xyz", "norm", 1e-12), ("lab", "norm", 1e-12), ("xyz_covariance", "norm", 1e-12),
-                   ("lab_covariance", "norm", 1e-12), ("parts", "norm", 1e-12), ("white", "norm", 1e-14),
-                   ("lamps", "exact", 0.0), ("weights", "norm", 1e-12), ("kinds", "exact", 0.0),
-                   ("surprise", "relative", 1e-12), ("far", "exact", 0.0), ("reach", "norm", 1e-9)],
-        "regions": [("raw", "norm", 1e-14), ("standard_error", "norm", 1e-13)],
-        # Pictures are below 2000 px wide: 1e-13 of that is far below the required 1e-9 px.
-        "finder": [("findings", "exact", 0.0), ("kinds", "exact", 0.0), ("mirrored", "exact", 0.0),
-                   ("seen", "exact", 0.0), ("corners", "norm", 1e-13), ("patches", "norm", 1e-13),
-                   ("confidence", "norm", 3e-9)],
-    }  # fmt: skip
-    found = [limit(v, "outputs", m, bound) for v, m, bound in port[stage] if outputs[v] is not None]
-    if stage == "mosaic":
-        found += [limit(name, "outputs", "norm" if name in _ROUNDED else "exact",
-                        1e-15 if name in _ROUNDED else 0.0, "metadata")
-                  for name in sorted(_METADATA) if outputs[name] is not None]  # fmt: skip
-    if stage == "solve" and scene["generic"]:
-        found += [limit("code", "outputs", "norm", 1e-9), limit("finish_steps", "outputs", "exact", 0.0)]
-    if stage == "ssf" and not np.any(outputs["finish_steps"]):
-        found += [
-            limit("finish_steps", "outputs", "at_most", 0.0),
-            limit("layers_gap", "outputs", "at_most", SETTLED),
-        ]
-    if stage == "layers":
-        return found + _layers_limits(made, limit)
-    if stage in ("calibrate", "choice", "light"):
-        found.append(limit("gap", "outputs", "at_most", GAP))
-    if made["oracle"] is not None:
-        found.append(limit("objective", "oracle", "relative", 1e-9, *(["reference"] if stage == "ssf" else [])))
-        found.append(limit("gap", "oracle", "at_most", GAP))
-        if made["oracle"]["ssf"] is not None:
-            found.append(limit("ssf", "oracle", "peak", 1e-6))
-    if made["truth"] is not None:
-        found.append(limit("ssf", "truth", "rmse", scene["rmse"]))
-    return found
-
-
-def _layers_limits(made: Json, limit: Any) -> list[Json]:
-    """Limits of the stage `layers`: the product's layers reach the optimum; others must match the stored values."""
-    product = "model" in made["requires"]
-    if product or made["outputs"]["distance"] <= ARRIVED:
-        return [
-            limit("ssf", "oracle", "peak", 1e-7),
-            limit("objective", "oracle", "relative", 1e-10, *(["reference"] if product else [])),
-            limit("gap", "oracle", "at_most", 1e-10),
-        ] + ([limit("finish_steps", "outputs", "at_most", 0.0)] if product else [])
-    return [
-        limit("objective", "outputs", "relative", 1e-9),
-        *(limit(name, "outputs", "relative", ERRING) for name in ("distance", "gap")),
-    ]
-
-
-def _statistic(name: str, inputs: Json) -> tuple[str, float]:
-    """Metric and bound of a patch statistic; quotients of integer sums are exact, unless a gain was applied."""
-    plain = inputs.get("lens_shading") == "as-stored"
-    if name.endswith(("_standard_error", "_gradient")):
-        return "norm", 1e-13
-    return ("norm", 1e-15) if name.endswith(("_mean", "_greens")) and not plain else ("exact", 0.0)
-
-
-_METADATA = {"as_shot_white_xy", "noise_profile", "masked_areas", "bad_pixels"}
-"""Fields of a file that Python does not read."""
-_ROUNDED = {"black", "color_matrix1", "color_matrix2", "as_shot_neutral", "as_shot_white_xy"}
-"""Fields that are quotients, and so rounded."""
-
-
-_LIGHT = {("light", "power"), ("light", "power_std"), ("light", "predicted")}
-"""Further curves stored with DIGITS digits: (stage, name)."""
-
-
-def _requires(stage: str, inputs: Json) -> list[str]:
-    if stage in ("mosaic", "pose", "patches", "signals", "verdict", "colour", "finder"):
-        return [stage]
-    if stage == "regions":
-        return ["patches"]
-    if stage in ("calibrate", "light", "rivals"):
-        return ["signals", "model"]
-    if stage == "layers":
-        return ["model"] if (inputs["iteration"], inputs["depth"]) == ("splitting", DEPTH) else ["reference"]
-    return ["model"] if stage in ("ssf", "choice") else ["reference"]
 
 
 def _source(inputs: Json) -> Json:
@@ -348,7 +217,7 @@ def _basis(inputs: Json) -> Any:
         return inputs["basis"]
     parent = inputs.get("matrix")
     if isinstance(parent, dict):
-        return reading.sibling(parent["case"])["inputs"]["basis"]
+        return forms.sibling(parent["case"])["inputs"]["basis"]
     return None
 
 
@@ -361,15 +230,15 @@ def _names(value: Any) -> set[str]:
     return set()
 
 
-def _stored(name: str, value: Any, stage: str) -> Any:
+def _stored(name: str, value: Any, stage: Stage) -> Any:
     """A value as it is stored: None for a missing band, and large arrays with fewer numbers or digits."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
-    if value is None or not (name in ("ssf", "ssf_std", "code_covariance", "W") or (stage, name) in _LIGHT):
+    if value is None or name not in stage.keys.rounded:
         return value
     if name == "code_covariance":
         return value.reshape(len(value), 3, -1).sum(axis=2)
-    if stage == "layers":
+    if stage.name == "layers":
         value = (value / value.max(axis=0))[::10]
     return np.vectorize(lambda v: float(f"{v:.{DIGITS}g}"))(value)
 

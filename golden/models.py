@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from golden import reading
-from golden.reading import GoldenError
+from golden.forms import GoldenError
 from golden.running import by_model, findings
 
 

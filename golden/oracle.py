@@ -14,7 +14,7 @@ from camssf.grid import STEP, Floats
 from camssf.recovery.basis import Basis
 from camssf.recovery.linear_model import LinearModel, anchor
 from golden.compare import optimality
-from golden.reading import Json
+from golden.forms import Json
 
 ENOUGH = 1e-13
 """Relative duality gap at which polishing stops; for λ₂ > 0, where the gap is of second order, its square is used."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.spectra import read_chart, read_lamp
-from golden.reading import ROOT, Json, digest, spectra
+from golden.forms import ROOT, Json, digest, spectra
 
 CURVES = ROOT.parent / "data" / "ssf" / "rawtoaces.csv"
 CHARTS = {"babelcolor": "classic24", "ohta": "classic24:ohta"}

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 
 
 def serve(pipe: Connection, reader: str) -> None:
-    """As `benchmarks.fuzz._serve`."""
+    """As `tools.fuzz._serve`."""
     assert reader == "manifest"
     while seeds := pipe.recv():
         for seed in seeds:

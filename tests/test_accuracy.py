@@ -8,9 +8,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks import accuracy
-from benchmarks._common import CURVES, chart, lamp
-from benchmarks.accuracy import APART, BINS, MEAN, METHODS, PAPER, PRODUCT, SEEN, SETTINGS, SPARSE, Scores, Setting
+from benchmarks.claims import accuracy
+from benchmarks.claims.accuracy import (
+    APART,
+    BINS,
+    MEAN,
+    METHODS,
+    PAPER,
+    PRODUCT,
+    SEEN,
+    SETTINGS,
+    SPARSE,
+    Scores,
+    Setting,
+)
+from benchmarks.shared import CURVES, chart, lamp
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.learning.basis import learn
 from camssf.learning.training import maker_of, read_curves

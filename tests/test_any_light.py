@@ -46,7 +46,7 @@ from camssf.verdict.checks import Checks
 from camssf.verdict.judge import _unnamed
 from camssf.verdict.lamp import RIVALS
 from camssf.verdict.rival_lamps import weigh_rivals
-from golden.reading import resolve
+from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.problems import measured_cameras
 from tests.test_choice import SEEN, capture, told

@@ -10,19 +10,18 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from fractions import Fraction
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import _common, accuracy, arm, arm_jvm, capture, certify, depth, solver, tables
-from benchmarks._peers import PEERS, Missing
-from camssf.grid import WAVELENGTHS, Floats
+from benchmarks import problems, shared
+from benchmarks.claims import accuracy, certify, oracle
+from benchmarks.kernels import arm, arm_jvm, capture, solver
+from benchmarks.kernels.peers import PEERS, Missing
+from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
-from camssf.recovery.covariance import CHANNEL_SHARE
-from camssf.recovery.elastic_net import ElasticNet as Convex
-from camssf.recovery.layers import DEPTH, soft
+from camssf.recovery.layers import soft
 from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import LARGEST_GAP
@@ -34,8 +33,7 @@ from tests.problems import random_sensing
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Nothing here overwrites a real result."""
     folder = tmp_path / "results"
-    for module in (_common, solver, depth):
-        monkeypatch.setattr(module, "RESULTS", folder)
+    monkeypatch.setattr(shared, "RESULTS", folder)
     return folder
 
 
@@ -53,7 +51,7 @@ def test_the_gap_vanishes_at_a_known_optimum_and_bounds_the_distance_elsewhere(l
     gamma = 0.1
     for c in range(3):
         best = soft(A[c].T @ b[c], gamma, nonnegative) / (1.0 + l2)
-        assert _common.relative_gap(A[c], b[c], best, l2, gamma, nonnegative) < 1e-14
+        assert problems.relative_gap(A[c], b[c], best, l2, gamma, nonnegative) < 1e-14
 
         def objective(x: np.ndarray, c: int = c) -> float:
             r = b[c] - A[c] @ x
@@ -61,7 +59,7 @@ def test_the_gap_vanishes_at_a_known_optimum_and_bounds_the_distance_elsewhere(l
 
         for off in (1e-3, 0.1, 3.0):
             worse = best + off
-            gap = _common.relative_gap(A[c], b[c], worse, l2, gamma, nonnegative)
+            gap = problems.relative_gap(A[c], b[c], worse, l2, gamma, nonnegative)
             judged = np.maximum(worse, 0.0) if nonnegative else worse
             assert gap * objective(judged) >= (objective(judged) - objective(best)) * (1.0 - 1e-9)
             assert gap > 0
@@ -69,12 +67,12 @@ def test_the_gap_vanishes_at_a_known_optimum_and_bounds_the_distance_elsewhere(l
 
 def test_whitening_agrees_with_the_engine_s_own_gap() -> None:
     sensing = random_sensing(3, 12, 7, correlated=True)
-    A, b = _common.whiten(sensing)
-    gamma = 0.05 * _common.gamma_max(A, b, False)
+    A, b = problems.whiten(sensing)
+    gamma = 0.05 * problems.gamma_max(A, b, False)
     for l2 in (0.0, 0.5):
         code = solve(sensing, l2, gamma, depth=4, finish=0)  # not optimal: the gaps are large and comparable
         for c in range(3):
-            ours = _common.relative_gap(A[c], b[c], code.values[c], l2, float(gamma[c]), False)
+            ours = problems.relative_gap(A[c], b[c], code.values[c], l2, float(gamma[c]), False)
             assert ours > 1e-9
             assert ours == pytest.approx(code.gap[c], rel=1e-9)
 
@@ -84,7 +82,7 @@ def test_whitening_in_long_double_is_the_same_with_more_digits() -> None:
     sensing = random_sensing(5, 9, 4, correlated=True)
     scale = np.geomspace(1.0, 1e4, 9)
     hard = LinearModel(sensing.matrix, sensing.target, sensing.covariance * scale[:, None] * scale)
-    A, b = _common.whiten_finely(hard)
+    A, b = problems.whiten_finely(hard)
     assert A.dtype == b.dtype == np.longdouble
     for c in range(3):
         system = [[Fraction(float(v)) for v in row] for row in np.column_stack(
@@ -97,14 +95,16 @@ def test_whitening_in_long_double_is_the_same_with_more_digits() -> None:
                 system[j] = [below - part * above for below, above in zip(system[j], system[i], strict=True)]
         found = b[c] @ b[c]
         assert abs(float(found - np.longdouble(schur.numerator) / np.longdouble(schur.denominator))) <= 1e-17 * schur
-        rough = _common.whiten(hard)[0][c]
+        rough = problems.whiten(hard)[0][c]
         assert A[c].astype(float) == pytest.approx(rough, rel=1e-9, abs=1e-12 * np.abs(rough).max())
 
 
 def test_a_gap_below_float64_s_own_rounding_is_seen() -> None:
     A, b = identity(12, 6)
     best = soft(A[0].T @ b[0], 0.1, False) / 2.0
-    fine = _common.relative_gap(A[0].astype(np.longdouble), b[0].astype(np.longdouble), best + 1e-10, 1.0, 0.1, False)
+    fine = problems.relative_gap(
+        A[0].astype(np.longdouble), b[0].astype(np.longdouble), best + 1e-10, 1.0, 0.1, False
+    )
     # ½ δᵀ M δ and the conjugate's as much again, M = 2 I: 6 atoms, 1e-10 each
     x = best
     objective = 0.5 * np.sum((b[0] - A[0] @ x) ** 2) + 0.5 * x @ x + 0.1 * np.abs(x).sum()
@@ -115,19 +115,19 @@ def test_a_curve_s_exact_code_is_walked_to_even_where_the_layers_are_proof_enoug
     problem = certify.draw_default(0, 1)
     sensing = problem.sensing(read_basis(problem.basis))
     layers = solve(sensing, problem.l2, problem.penalties(sensing), finish=0, depth=16)
-    (each,) = _common.convex(sensing, problem)
-    exact = _common.forced(each)
-    fine = _common.whiten_finely(sensing)
-    assert _common.gaps(*fine, exact, problem) <= 1e-3 * _common.gaps(*fine, layers.values, problem)
+    (each,) = problems.convex(sensing, problem)
+    exact = problems.forced(each)
+    fine = problems.whiten_finely(sensing)
+    assert problems.gaps(*fine, exact, problem) <= 1e-3 * problems.gaps(*fine, layers.values, problem)
     assert exact == pytest.approx(layers.values[0], abs=1e-4)
 
 
 def test_gamma_max_is_where_the_code_vanishes() -> None:
     sensing = random_sensing(4, 10, 6)
-    A, b = _common.whiten(sensing)
+    A, b = problems.whiten(sensing)
     assert (np.einsum("cnr,cn->cr", A, b).max(axis=1) > 0).all()
     for nonnegative in (False, True):
-        top = _common.gamma_max(A, b, nonnegative)
+        top = problems.gamma_max(A, b, nonnegative)
         assert not solve(sensing, 0.0, 1.0001 * top, nonnegative=nonnegative).values.any()
         assert solve(sensing, 0.0, 0.9999 * top, nonnegative=nonnegative).values.any(axis=1).all()
 
@@ -138,8 +138,8 @@ def test_problems_are_the_same_every_time_and_of_every_kind() -> None:
         problem, sigma = certify.draw(7, index)
         kinds.add((problem.basis, problem.l2, problem.nonnegative))
         assert sigma in ("identity", "diagonal", "full")
-        A, b = _common.whiten(problem.sensing(read_basis(problem.basis)))
-        share = problem.gamma / _common.gamma_max(A, b, problem.nonnegative)
+        A, b = problems.whiten(problem.sensing(read_basis(problem.basis)))
+        share = problem.gamma / problems.gamma_max(A, b, problem.nonnegative)
         assert ((share >= 0.999e-6) & (share <= 1.001)).all()
         kind_of_lamp.add(any(name in problem.label for name in certify.KINDS))
         assert len(A) == (3 if problem.basis == "gaussian" else 1)
@@ -154,7 +154,7 @@ def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegati
     pytest.importorskip("cvxpy")
     A, b = identity(24, 24)
     basis = read_basis("cameras")
-    found = certify.oracle(A, b, basis, 1.0, 0.1, nonnegative)
+    found = oracle.oracle(A, b, basis, 1.0, 0.1, nonnegative)
     pulls = np.einsum("cnr,cn->cr", A, b)
     assert found.code == pytest.approx(np.stack([soft(p, 0.1, nonnegative) / 2.0 for p in pulls]), abs=1e-12)
     assert (found.gap < 1e-12).all()
@@ -165,7 +165,7 @@ def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegati
     pull = float(twins[0][:, 0] @ b[0])
     b0 = b[0] + (1.0 - pull) * twins[0][:, 0]  # pull of 1: the twins serve for certain
     x[0] = 0.9
-    assert not certify.determined(twins[0], b0, x, basis.dictionary[:1], basis.mean[:1], 0.0, 0.1, nonnegative)
+    assert not oracle.determined(twins[0], b0, x, basis.dictionary[:1], basis.mean[:1], 0.0, 0.1, nonnegative)
 
 
 def test_the_oracle_takes_the_one_problem() -> None:
@@ -176,12 +176,12 @@ def test_the_oracle_takes_the_one_problem() -> None:
     rows = np.zeros((72, 72))
     for c in range(3):
         rows[24 * c : 24 * c + 24, 24 * c : 24 * c + 24] = A[c]
-    one = certify.oracle(rows[None], b.reshape(1, -1), basis, 1.0, 0.1, False)
-    three = certify.oracle(A, b, basis, 1.0, 0.1, False)
+    one = oracle.oracle(rows[None], b.reshape(1, -1), basis, 1.0, 0.1, False)
+    three = oracle.oracle(A, b, basis, 1.0, 0.1, False)
     assert one.code.reshape(3, -1) == pytest.approx(three.code, abs=1e-12)
     assert one.determined.shape == (1,)
-    ((mean, atoms),) = certify.curves_of(basis, 1)
-    assert mean + atoms @ one.code[0] == pytest.approx(_common.curves(basis, three.code), abs=1e-12)
+    ((mean, atoms),) = oracle.curves_of(basis, 1)
+    assert mean + atoms @ one.code[0] == pytest.approx(problems.curves(basis, three.code), abs=1e-12)
 
 
 @pytest.mark.requirement("R-OPTIMUM")
@@ -266,7 +266,7 @@ def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
 
     monkeypatch.setattr(cvxpy.Problem, "solve", fail)
     A, b = identity(24, 24)
-    found = certify.oracle(A, b, read_basis("cameras"), 1.0, 0.1, False)
+    found = oracle.oracle(A, b, read_basis("cameras"), 1.0, 0.1, False)
     assert found.refused.all()
     assert (found.gap < 1e-12).all()  # the exchanges arrive from zero, too
     certify.main(["--count", "2", "--defaults", "0", "--oracle-every", "1"])
@@ -281,7 +281,7 @@ def test_the_model_s_own_rows_are_read() -> None:
     for index in range(4):
         problem, _ = certify.draw(11, index)
         reference = problem.sensing(read_basis(problem.basis))
-        fine, own = _common.whiten_finely(reference), certify.model_rows(problem)
+        fine, own = problems.whiten_finely(reference), certify.model_rows(problem)
         assert own[0].shape[::2] == reference.matrix.shape[::2]  # it may take more rows: Σ by structure
         assert (certify.rows_apart(own, fine) <= certify.ROWS_BAR).all()
         for wrong in ((own[0] * (1 + 1e-8), own[1]), (own[0], own[1] * (1 + 1e-8))):
@@ -325,8 +325,7 @@ def _held(names: Iterable[str], posed: tuple[Floats, Floats, float, float, bool]
 
 def _rows(**times: float) -> list[dict[str, object]]:
     """A contest's rows by contender, times in units of ours."""
-    names = {"ours": solver.ONNX, "rows": solver.ROWS, "one": solver.ONE_BY_ONE, "all": solver.AT_ONCE,
-             "older": solver.OLDER}  # fmt: skip
+    names = {"ours": solver.ONNX, "rows": solver.ROWS, "one": solver.ONE_BY_ONE, "all": solver.AT_ONCE}
     return [
         {"contender": names[key], "ms": value, "times_onnx": value, "gap": 1e-9 if key != "ours" else 1e-12}
         for key, value in times.items()
@@ -342,27 +341,6 @@ def test_the_fastest_compiled_peer_decides_with_its_rows_free() -> None:
     assert not solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, one=4.0, all=1.9))[0]["met"]
     assert solver.bars_of("gaussian", "gaussian", _rows(ours=1.0, rows=0.5, one=4.0, all=1.7))[0]["met"]
     assert not solver.bars_of("gaussian", "gaussian", _rows(ours=1.0, rows=0.5, all=1.6))[0]["met"]
-    (older,) = solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, older=0.6))
-    assert not older["met"]
-    (older,) = solver.bars_of(label, "cameras", _rows(ours=1.0, rows=0.5, older=0.7))
-    assert older["met"]
-    assert older["value"] == pytest.approx(1 / 0.7)
-    (told,) = solver.bars_of("cameras, 24 patches, D55 + A", "cameras", _rows(ours=1.0, rows=0.5, older=0.1))
-    assert told["met"]  # no bar for two shots
-
-
-@pytest.mark.slow
-def test_an_older_model_is_asked_for_its_codes(tmp_path: Path) -> None:
-    problem = solver.problem_of("cameras", 9)
-    file = tmp_path / "older.onnx"
-    file.write_bytes((resources.files("camssf") / "data" / "camssf-cameras.onnx").read_bytes())
-    rows, _ = solver.contest(problem, 1, (), solver.older_model(file))
-    assert [row["contender"] for row in rows] == [solver.ONNX, solver.REFERENCE, solver.OLDER, solver.ROWS]
-    assert solver.older_model(file)(problem.inputs) == pytest.approx(
-        load_model("cameras").run(problem.inputs)["code"].T
-    )
-    (row,) = solver.cost({9: problem}, "patches", 1, solver.older_model(file))
-    assert 0.2 < row["over older"] < 5.0
 
 
 def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture[str], results: Path) -> None:
@@ -372,78 +350,6 @@ def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture
     assert all(row["ms"] > 0 for row in rows)
     assert rows[0]["gap"] < 1e-9
     assert rows[0]["times_onnx"] == 1.0
-    word = solver.plot(
-        {"patches": [{"patches": 9, "ONNX": 1.0, "gap": 0.0}, {"patches": 12, "ONNX": 2.0, "gap": 0.0}]}
-    )
-    assert word == "benchmarks/results/solver.png"
-    assert (results / "solver.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_depth_shows_the_layers_closing_in(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = depth.main(["--cameras", "1", "--depths", "1", str(DEPTH)])
-    said = capsys.readouterr().out
-    assert "`ista`" in said
-    assert "held" in said
-    assert status in (0, 1)
-    assert (results / "depth.png").exists()
-    for row in json.loads((results / "depth.json").read_text())["rows"]:
-        assert row["splitting"]["worst"][1] < row["splitting"]["worst"][0]
-        assert max(row["finished"]["worst"]) < 1e-6  # the finish needs no layers
-    problem = depth.problems("cameras", 1.0, 1, 0)[0]
-    found = depth.measure(problem, (1, 64))
-    assert found.gap <= 1e-18
-    assert found.off["splitting"][1].max() < 1e-12 < found.off["splitting"][0].max()
-    assert found.off["ista"][1].max() > 1e-3
-    assert found.pivots[0] > 0 == found.pivots[1]
-
-
-def test_layers_arrive_where_it_is_easy() -> None:
-    A, b = identity(9, 5)
-    for c in range(3):
-        each = Convex(A[c], b[c], 0.0, 0.1, False)
-        best = soft(A[c].T @ b[c], 0.1, False)
-        assert depth.unrolled(each, "ista", (1, 2)) == pytest.approx(np.stack([best, best]), abs=1e-12)
-        assert depth.unrolled(each, "splitting", (200,))[0] == pytest.approx(best, abs=1e-12)
-
-
-# tables of one chart
-
-
-def test_the_third_table_has_its_white_and_its_levels_from_the_first() -> None:
-    known = tables.tables()
-    first, third = known["BabelColor"], known["D70"]
-    assert third.shape == (24, WAVELENGTHS.size)
-    at = tables.LEVELLED
-    assert third[tables.WHITE_PATCH][at] == pytest.approx(first[tables.WHITE_PATCH][at], rel=0.01)
-    for mine, theirs in zip(third, first, strict=True):  # no level is left to gain
-        assert mine[at] @ (theirs - mine)[at] == pytest.approx(0.0, abs=1e-9)
-    assert (third[:, WAVELENGTHS < 410] == third[:, WAVELENGTHS == 410]).all()
-    assert 0.02 < tables.apart_by(third, first) < 0.2
-    assert known["mean"] == pytest.approx((first + known["Ohta"] + third) / 3)
-    at_nm, radiance = tables.radiances()
-    assert (at_nm[0], at_nm[-1], radiance.shape) == (380.0, 780.0, (24, 101))
-
-
-def test_the_share_in_use_is_the_product_and_apart_knows_nothing_of_other_channels() -> None:
-    problem = certify.draw_default(0, 0)
-    basis = read_basis(problem.basis)
-    rows = linear_model(problem.evidence, basis)
-    same = tables.shared(rows, CHANNEL_SHARE)
-    assert (same.covariance == rows.covariance).all()
-    got, std = accuracy.answer_of(same, problem.evidence, basis)
-    out = load_model(problem.basis).run(problem.inputs)
-    peak = out["ssf"].max(axis=0)
-    assert got == pytest.approx(out["ssf"] / peak, abs=1e-9)
-    assert std == pytest.approx(out["ssf_std"] / peak, abs=1e-9)
-    n = rows.target.shape[1] // 3
-    cut = accuracy.apart(rows).covariance[0]
-    assert not cut[:n, n:].any()
-    assert (cut[:n, :n] == rows.covariance[0][:n, :n]).all()
-    none = tables.shared(rows, 0.0).covariance[0]
-    others = rows.terms["white"] + rows.terms["lamp"] + rows.terms["lamp modes"]
-    assert none[:n, n:] == pytest.approx(others[0][:n, n:], abs=1e-15)
-    assert (np.linalg.eigvalsh(tables.shared(rows, 1.0).covariance[0]) > 0).all()
 
 
 def test_channels_apart_are_each_solved_for_itself() -> None:
@@ -458,16 +364,6 @@ def test_channels_apart_are_each_solved_for_itself() -> None:
         one = LinearModel(rows.matrix[:, own, atoms], rows.target[:, own], rows.covariance[:, own, own])
         curve = book.mean[c] + book.dictionary[c] @ solve(one, 1.0, np.array([0.05])).values[0]
         assert got[:, c] == pytest.approx(curve / curve.max(), abs=1e-7)
-
-
-def test_tables_are_compared_and_the_mean_is_of_logarithms(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def row(ratio: float) -> dict[str, dict[str, float]]:
-        shares = {f"{share:g}": {"rmse": 0.02 * ratio, "coverage": 0.95} for share in tables.SHARES}
-        return {"apart": {"rmse": 0.02, "coverage": 0.95}} | shares
-
-    found = {("a", "b"): {"D55": row(0.5), "D55 + A": row(1.0)}, ("b", "a"): {"D55": row(2.0), "D55 + A": row(1.0)}}
-    assert tables.mean(tables.ratios(found)) == pytest.approx({f"{share:g}": 1.0 for share in tables.SHARES})
-    assert tables.ratios(found, ["D55"])["1"].tolist() == pytest.approx([0.5, 2.0])
 
 
 def test_arm_says_what_is_missing(
@@ -547,7 +443,7 @@ def test_the_runner_for_the_other_processor_runs_here(tmp_path: Path) -> None:
     given, made = tmp_path / "in.npz", tmp_path / "out.npz"
     np.savez(given, **{f"{problem.basis}/x/{name}": value for name, value in problem.inputs.items()})
     root = Path(__file__).parents[1]
-    script = root / "benchmarks" / "_run_models.py"
+    script = root / "benchmarks" / "kernels" / "run_models.py"
     environment = os.environ | {"PYTHONPATH": str(root / "reference")}
     done = subprocess.run(
         [sys.executable, str(script), str(given), str(made)],
@@ -595,20 +491,11 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
     assert ("MISSED" in capsys.readouterr().out) == bool(status)
 
 
-BENCHMARKS = sorted(path for path in Path(_common.__file__).parent.glob("[a-z]*.py"))
-WITHOUT_BARS = {
-    "colour_story",
-    "error_pages",
-    "gallery",
-    "guide",
-    "kotlin_variants",
-    "nearest",
-    "penalties",
-    "phones",
-    "rules_table",
-    "spectrograph",
-}
-"""Those that compare nothing with a bar: they write a file or print tables, or are not a command."""
+BENCHMARKS = sorted(
+    path for path in Path(shared.__file__).parent.rglob("*.py") if "def main(" in path.read_text("utf-8")
+)
+WITHOUT_BARS = {"guide", "phones", "run_models"}
+"""Those that compare nothing with a bar: they print tables, or are run by another one."""
 
 
 @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
@@ -631,7 +518,7 @@ def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> No
 @pytest.mark.slow
 def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
-    from benchmarks import lamps
+    from benchmarks.claims import lamps
 
     status = lamps.main(["--every", "60", "--draws", "1"])
     kept = json.loads((results / "lamps.json").read_text())
@@ -645,7 +532,7 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
 
 def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No speed is judged; each call is counted, and a kind's is dearer than a name's."""
-    from benchmarks import any_light_cost
+    from benchmarks.kernels import any_light_cost
 
     status = any_light_cost.main(["--rounds", "1"])
     kept = json.loads((results / "any_light_cost.json").read_text())
@@ -659,9 +546,9 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As docs/colour.md tells them; another kernel of the linear algebra may move a last digit."""
-    from benchmarks import colour_story
+    from tools import colour_story
 
-    monkeypatch.setattr(_common, "RESULTS", tmp_path)
+    monkeypatch.setattr(shared, "RESULTS", tmp_path)
     assert colour_story.main(["-o", str(tmp_path)]) == 0
     capsys.readouterr()
     found = json.loads((tmp_path / "colour-story.json").read_text("utf-8"))
@@ -692,23 +579,8 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
 
 
 @pytest.mark.slow
-def test_a_recovered_camera_is_near_its_own_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from benchmarks import nearest
-
-    monkeypatch.setattr(_common, "RESULTS", tmp_path)
-    assert nearest.main(["--cameras", "3"]) == 0
-    capsys.readouterr()
-    found = json.loads((tmp_path / "nearest.json").read_text("utf-8"))
-    for word in ("one", "two"):
-        assert 0.1 < found[word]["distance"]["own"] < 1.3
-        assert found[word]["distance"]["among_three"] >= 1 / 3
-
-
-@pytest.mark.slow
 def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from benchmarks import colour
+    from benchmarks.claims import colour
 
     monkeypatch.delenv("CAMSSF_PHONES", raising=False)
     assert colour.main(["--phones"]) == 2
@@ -721,9 +593,9 @@ def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two cameras, their makers left out: far looser than the benchmark's bars, which need many."""
-    from benchmarks import colour
+    from benchmarks.claims import colour
 
-    monkeypatch.setattr(_common, "RESULTS", tmp_path)
+    monkeypatch.setattr(shared, "RESULTS", tmp_path)
     assert colour.main(["--cameras", "2"]) == 0
     found = json.loads((tmp_path / "colour.json").read_text("utf-8"))
     for rows in found["delta_e00"].values():

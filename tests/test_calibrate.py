@@ -442,7 +442,9 @@ def test_the_real_photo_tells_warm_light_from_daylight() -> None:
     """Taken under an unknown warm light: 3000 K stands, D65 is refused."""
     warm = calibrate(PHOTO, "3000K", options=Options(basis="cameras"))
     assert "lamp_unfit" not in {reason.code for reason in warm.verdict.reasons}
-    with pytest.raises(LampUnfit, match=r"fits .* better than D65\. The named lamp is wrong with a probability of 100%"):
+    with pytest.raises(
+        LampUnfit, match=r"fits .* better than D65\. The named lamp is wrong with .* 100%"
+    ):
         calibrate(PHOTO, "D65", options=Options(basis="cameras"))
 
 

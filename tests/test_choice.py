@@ -30,7 +30,7 @@ from camssf.spectra import read_chart, read_lamp
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import RIVALS, Rival
 from camssf.verdict.rival_lamps import weigh_rivals
-from golden.reading import resolve
+from golden.forms import resolve
 from golden.scenes import BETWEEN, ODD, PHONE
 from tests.problems import measured_cameras, theory
 from tests.test_verdict import BLACK, Scene, frame, pose

@@ -20,7 +20,8 @@ from camssf.recovery.layers import DEPTH, RELAXATION, ista, soft, splitting
 from camssf.recovery.linear_model import LinearModel
 from camssf.recovery.pivoting import PROVEN, SETTLED, finish_steps, pivot_to_optimum
 from camssf.recovery.solve import solve
-from golden.reading import ROOT, read_case
+from golden.forms import ROOT
+from golden.reading import read_case
 from golden.running import problem
 from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
 

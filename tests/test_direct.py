@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from benchmarks import spectrograph
-from benchmarks.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
+from benchmarks.paper import spectrograph
+from benchmarks.paper.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
 from camssf.direct import Direct, divide, extract, sweep
 from camssf.direct.dispersion import FEWEST, LINES, disperse, fine_structure

@@ -13,9 +13,10 @@ import rawpy
 import tifffile
 
 from golden.dngs import JPEG, Dng, lossless_jpeg
-from golden.mosaics import chaos, extremes, slope
-from golden.reading import ROOT, read_case
+from golden.forms import ROOT
+from golden.reading import read_case
 from golden.running import LACKING
+from golden.stages.mosaic import chaos, extremes, slope
 
 CASES: dict[str, dict[str, Any]] = {
     path.stem: case

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.faults import BEGIN, END, markdown
 from camssf import cli
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError, InvalidArgument
@@ -23,6 +22,7 @@ from camssf.simulation.scene import Scene, true_pose
 from camssf.simulation.shot import Frames, take
 from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import read_camera, read_chart, read_lamp
+from tools.faults_table import BEGIN, END, markdown
 
 DOCS = Path(__file__).parents[1] / "docs"
 SIZE = (360, 270)

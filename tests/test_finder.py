@@ -1,4 +1,4 @@
-"""The chart finder on what its benchmark draws; `python -m benchmarks.finder` sets OpenCV's beside it."""
+"""The chart finder on what its benchmark draws; `python -m benchmarks.claims.finder` sets OpenCV's beside it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import camssf.photo.find.opencv as opencv
 import camssf.photo.find.search as searching
-from benchmarks._drawing import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
+from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import chart_colours
@@ -23,8 +23,8 @@ from camssf.photo.find.sightings import FoundCharts, find_sightings
 from camssf.photo.find.thumbnail import Thumbnail
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.simulation.camera import Sensor
-from golden.finders import keys_beside
-from golden.poses import draw, turned
+from golden.drawing import draw, turned
+from golden.stages.finder import keys_beside
 from tests.scenes import mosaic, table
 from tests.test_chart import DNG, SCENES, edge, photo_of
 from tools import chart_colours as tool

@@ -264,7 +264,7 @@ def test_a_meter_s_line_without_its_number_is_refused(line: str, tmp_path: Path)
 
 
 def test_a_chart_in_xml_is_read_by_its_content_as_well(tmp_path: Path) -> None:
-    from benchmarks.fuzz import _cxf
+    from tools.fuzz import _cxf
 
     found = []
     for name in ("chart.cxf", "chart.txt"):

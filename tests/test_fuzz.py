@@ -1,4 +1,4 @@
-"""A short part of `python -m benchmarks.fuzz`: damaged files are read or refused by name; nothing else happens."""
+"""A short part of `python -m tools.fuzz`: damaged files are read or refused by name; nothing else happens."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.fuzz import READERS, _demo, _files, damaged, fuzz, read
 from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
 from camssf.fleet.manifest import Manifest
+from tools.fuzz import READERS, _demo, _files, damaged, fuzz, read
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -56,7 +56,7 @@ def test_a_process_that_dies_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> No
     """By a reader that kills its own process on every third file."""
     from tests import deadly
 
-    monkeypatch.setattr("benchmarks.fuzz._serve", deadly.serve)
+    monkeypatch.setattr("tools.fuzz._serve", deadly.serve)
     found, findings = fuzz("manifest", range(7), lambda: None)
     assert [seed for seed, _ in findings] == [2, 5]
     assert all("died with status" in words for _, words in findings)

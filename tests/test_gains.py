@@ -29,7 +29,7 @@ from camssf.result import Calibration
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, read_chart, read_lamp
-from golden.reading import resolve
+from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.problems import theory, toy_camera
 from tests.test_choice import SEEN, capture

@@ -16,9 +16,11 @@ from camssf.recovery.layers import DEPTH
 from camssf.recovery.linear_model import anchor
 from camssf.recovery.onnx_model import SHIPPED, load_model
 from camssf.spectra import read_lamp
-from golden import compare, generate, poses, reading
-from golden.reading import ROOT, GoldenError, check, paths, read_case, resolve
+from golden import compare, drawing, forms, generate, reading
+from golden.forms import ROOT, GoldenError, resolve
+from golden.reading import check, paths, read_case
 from golden.running import ABILITIES, by_model, findings, judge, problem, run
+from golden.stages import STAGES
 
 Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -34,11 +36,11 @@ MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 def test_the_manifest_names_every_file() -> None:
     assert MANIFEST["format"] == 1
     assert MANIFEST["count"] == len(CASES) >= 60
-    found = {name: reading.digest((ROOT / "cases" / f"{name}.json").read_bytes()) for name in CASES}
+    found = {name: forms.digest((ROOT / "cases" / f"{name}.json").read_bytes()) for name in CASES}
     assert found == MANIFEST["cases"]
-    tables = {f"spectra/{p.name}": reading.digest(p.read_bytes()) for p in (ROOT / "spectra").glob("*.json")}
+    tables = {f"spectra/{p.name}": forms.digest(p.read_bytes()) for p in (ROOT / "spectra").glob("*.json")}
     assert tables == MANIFEST["spectra"]
-    photos = {p.name: reading.digest(p.read_bytes()) for p in (ROOT / "dng").iterdir()}
+    photos = {p.name: forms.digest(p.read_bytes()) for p in (ROOT / "dng").iterdir()}
     assert photos == {name.removeprefix("dng/"): value for name, value in MANIFEST["dng"].items()}
     roles = {"mosaic": ("dng",), "pose": ("dng",), "patches": ("photo", "white", "dark"), "finder": ("dng",)}
     used = {case["inputs"].get(role) for case in CASES.values() for role in roles.get(case["stage"], ())}
@@ -51,7 +53,7 @@ def test_the_files_were_made_by_these_sources() -> None:
 
 def test_spectra_say_where_they_come_from() -> None:
     for name in ("charts", "lamps", "modes", "cameras"):
-        table = reading.spectra(name)
+        table = forms.spectra(name)
         assert table["origin"]
         assert table["licence"] in ("BSD-3-Clause", "Apache-2.0")
 
@@ -145,7 +147,7 @@ def test_input_forms_by_hand() -> None:
         signs = np.sign(np.sum(own * told[shot, : len(own), ::10], axis=1))
         assert told[shot, : len(own), ::10] == pytest.approx(signs[:, None] * own, abs=1e-6)
         assert told[shot, 0, 5] == pytest.approx((told[shot, 0, 0] + told[shot, 0, 10]) / 2)
-    table = reading.chart("babelcolor")
+    table = forms.chart("babelcolor")
     mixed = resolve({"chart": "babelcolor", "mixtures": 96})
     assert mixed[1] == pytest.approx(0.63 * table[1] + 0.37 * table[12], abs=1e-15)
     assert (resolve({"chart": "babelcolor", "patches": [19]})[0] == table[18]).all()
@@ -173,7 +175,7 @@ def test_what_the_issue_lists_is_there() -> None:
     codes = {case["expect"] for case in CASES.values()}
     assert {float(g.get("prior_scale", 1.0)) for g in ssf} == {1.0, 2.0}
     assert {"invalid_argument", "lamp_unfit", "overexposed", "underexposed", "not_converged"} <= codes
-    assert {case["stage"] for case in CASES.values()} == set(reading.INPUTS)
+    assert {case["stage"] for case in CASES.values()} == set(STAGES)
 
 
 # -- truth --------------------------------------------------------------------------------------------------------
@@ -336,11 +338,11 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
     assert compare.norm(case["outputs"]["covariance"], sigma[None]) < 2e-3
 
 
-DRAWN = {f"turned-{turns}": poses.turned(24, turns) for turns in range(4)} | {
-    **{f"half-a-patch-{how}": poses.turned(24, 0) for how in ("together", "apart")},
-    "tilted": poses.TILTED,
-    "reduced-2": poses.turned(90, 1, margin=90),
-    "reduced-3": poses.turned(128, 1, margin=128),
+DRAWN = {f"turned-{turns}": drawing.turned(24, turns) for turns in range(4)} | {
+    **{f"half-a-patch-{how}": drawing.turned(24, 0) for how in ("together", "apart")},
+    "tilted": drawing.TILTED,
+    "reduced-2": drawing.turned(90, 1, margin=90),
+    "reduced-3": drawing.turned(128, 1, margin=128),
 }
 
 
@@ -359,13 +361,13 @@ def test_poses_are_where_the_chart_was_drawn(name: str) -> None:
 def test_patch_means_are_what_was_drawn() -> None:
     """Nothing but the patch lies in the measured part: its level, and the mean of the unrest."""
     outputs = CASES["patches/chart-alone"]["outputs"]
-    assert np.array(outputs["chart_mean"]) == pytest.approx(poses.levels(), abs=3.0)
+    assert np.array(outputs["chart_mean"]) == pytest.approx(drawing.levels(), abs=3.0)
     applied, stored = (CASES[f"patches/shading-{word}"]["outputs"] for word in ("applied", "stored"))
-    above = np.array(stored["chart_mean"]) - poses.BLACK
-    gain = (np.array(applied["chart_mean"]) - poses.BLACK) / above
+    above = np.array(stored["chart_mean"]) - drawing.BLACK
+    gain = (np.array(applied["chart_mean"]) - drawing.BLACK) / above
     # the map of the red positions: 1 + (3 i + 2 j) / 32, i and j linear in the place of the patch's centre
-    centres = poses.turned(24, 0).quads().mean(axis=1) + 0.5
-    width, height = poses.turned(24, 0).size
+    centres = drawing.turned(24, 0).quads().mean(axis=1) + 0.5
+    width, height = drawing.turned(24, 0).size
     red = 1 + (3 * 3 * centres[:, 1] / height + 2 * 4 * centres[:, 0] / width) / 32
     assert gain[:, 0] == pytest.approx(red, rel=1e-5)
     assert gain[:, 2] == pytest.approx(red + 3 / 32, rel=1e-5)

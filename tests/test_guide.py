@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import guide
+from benchmarks.claims import guide
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.simulation.scene import Scene, project
 from camssf.spectra import read_chart

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.fuzz import damaged
 from camssf.calibration import attempt
 from camssf.cli import main
 from camssf.compare.differences import differences as field_differences
@@ -33,8 +32,9 @@ from camssf.result import Calibration
 from camssf.simulation.frames import SimulatedShot, simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves
-from golden.reading import resolve
+from golden.forms import resolve
 from golden.scenes import PHONE
+from tools.fuzz import damaged
 
 pytestmark = pytest.mark.requirement("R-PARITY")
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import kotlin_calibrate, kotlin_colour, kotlin_decode, kotlin_variants
+from benchmarks.kernels import kotlin_calibrate, kotlin_colour, kotlin_decode
 from golden.dngs import LONG, Dng
+from tools import kotlin_variants
 
 
 class Fake:

@@ -32,7 +32,7 @@ from golden.dngs import (
     Tags,
     opcode_list,
 )
-from golden.reading import ROOT
+from golden.forms import ROOT
 
 pytestmark = pytest.mark.requirement("R-SAMPLES")
 

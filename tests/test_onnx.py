@@ -20,8 +20,10 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import by_modes, posterior
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
+from golden.products import model_inputs
 from golden.reading import paths, read_case
-from golden.running import arrays, by_model, findings, judge, layers, model_inputs, problem, run
+from golden.running import arrays, by_model, findings, judge, problem, run
+from golden.stages.layers import layers
 from tests.problems import chart_and_lamp, recovered, theory, told, toy_camera, whiten_in_80_bits
 
 EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -294,7 +296,7 @@ def test_the_layers_alone_as_a_model(name: str) -> None:
     """Built without the finish: every limit of the case, and where the shipped model serves, its very bits."""
     case = EVERY[name]
     given = case["inputs"]
-    found = layers(case, unfinished(given["iteration"], given["depth"]))
+    found = layers(arrays(case), case, unfinished(given["iteration"], given["depth"]))
     assert not [finding for finding in judge(case, found) if not finding.holds or finding.skipped]
     if by_model(case):
         assert found["ssf"].tobytes() == run(case, "onnx")["ssf"].tobytes()

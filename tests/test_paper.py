@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import _paper_captures, paper
-from benchmarks._paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, page
-from benchmarks.rivals import TABLE_1, method
+from benchmarks.paper import captures, gathering
+from benchmarks.paper import experiments as paper
+from benchmarks.paper.rivals import TABLE_1, method
 from camssf.grid import WAVELENGTHS
 from camssf.spectra import read_chart
+from tools.paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, light_copy, page
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -160,21 +161,21 @@ def test_a_score_by_hand() -> None:
 
 def test_a_weight_is_chosen_by_the_other_makers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each maker's own best weight is the one it must not get; refused answers are counted, not averaged."""
-    monkeypatch.setattr(paper, "cameras", lambda: [SimpleNamespace(maker=m) for m in "aabb"])
+    monkeypatch.setattr(gathering, "cameras", lambda: [SimpleNamespace(maker=m) for m in "aabb"])
     runs = {0: [0.0, 0.5, 0.9], 1: [0.0, 0.5, 0.9], 2: [0.9, 0.5, 0.1], 3: [0.9, 0.5, 0.2]}
-    chosen = paper.tuned(runs)
+    chosen = gathering.tuned(runs)
     assert chosen["rmse"] == pytest.approx(0.9)
     assert chosen["refused"] == 0
     runs[2] = [float("nan"), 0.5, 0.1]
-    chosen = paper.tuned(runs)
+    chosen = gathering.tuned(runs)
     assert chosen["refused"] == 1
     assert chosen["rmse"] == pytest.approx((0.9 + 0.9 + 0.9) / 3)
-    assert paper.tuned({0: [float("nan")], 2: [float("nan")]})["rmse"] is None
+    assert gathering.tuned({0: [float("nan")], 2: [float("nan")]})["rmse"] is None
 
 
 def test_the_page_s_copy_is_light_and_short() -> None:
     full = {"a": 0.123456789, "curves": [1.0], "b": [{"map": 1, "n": 3, "s": "x", "t": True}], "none": None}
-    assert paper.light_copy(full) == {"a": 0.12346, "b": [{"n": 3, "s": "x", "t": True}], "none": None}
+    assert light_copy(full) == {"a": 0.12346, "b": [{"n": 3, "s": "x", "t": True}], "none": None}
 
 
 def test_the_large_chart_is_not_the_small_one() -> None:
@@ -182,11 +183,11 @@ def test_the_large_chart_is_not_the_small_one() -> None:
     assert colours.shape == (96, 681)
     assert (colours >= 0).all()
     assert (colours <= 1).all()
-    table = _paper_captures.large_chart(np.ascontiguousarray(colours).tobytes())
-    assert (table.values[list(_paper_captures.INNER)] == colours).all()
-    assert len(set(_paper_captures.INNER)) == 96
+    table = captures.large_chart(np.ascontiguousarray(colours).tobytes())
+    assert (table.values[list(captures.INNER)] == colours).all()
+    assert len(set(captures.INNER)) == 96
     assert len(table.patches) == 140
-    border = np.delete(table.values, list(_paper_captures.INNER), axis=0)
+    border = np.delete(table.values, list(captures.INNER), axis=0)
     assert (np.ptp(border, axis=1) == 0).all()
     known = read_chart("classic24").values
     apart = np.abs(colours[:, None] - known).max(axis=2)
@@ -208,9 +209,9 @@ def test_cameras_learn_nothing_of_their_maker() -> None:
 @pytest.mark.slow
 def test_one_camera_through_fig_4_and_the_charts() -> None:
     index = 4
-    fig = paper.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
+    fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
     assert fig[f"{QR}: wavelengths, clipped"]["0.005"] > 2 * fig[PAPER]["0.005"]
-    charts = paper.gather_charts({index: paper.run("charts", index)})
+    charts = gathering.gather_charts({index: paper.run("charts", index)})
     assert charts["product"]["same"]["D55"] < charts["product"]["foreign"]["D55"]
     assert set(charts["paper"]["same"]) == {"D55"}
     # No correlation, no difference: with an exact table Σ is diagonal anyway.
@@ -218,15 +219,15 @@ def test_one_camera_through_fig_4_and_the_charts() -> None:
 
 
 def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
-    (row,) = (paper.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
+    (row,) = (gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
     assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
     assert row["ignored"]["A"]["rmsre_percent"] < 3.0
 
 
 @pytest.mark.slow
 def test_a_phone_through_files() -> None:
-    camera = next(c for c in paper.cameras() if c.name in _paper_captures.PHONES)
-    made = _paper_captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)
+    camera = next(c for c in paper.cameras() if c.name in captures.PHONES)
+    made = captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)
     exact = made["worlds"]["exact"]["cameras"]
     assert max(exact["rmsre_percent"]) < 3.0
     assert max(exact["truth_rmsre_percent"]) < 1.0

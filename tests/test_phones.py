@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _common, phones
-from benchmarks.accuracy import Setting
-from benchmarks.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
+from benchmarks import shared as _common
+from benchmarks.claims import phones
+from benchmarks.claims.accuracy import Setting
+from benchmarks.claims.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
 from camssf.grid import Floats
 from camssf.learning.basis import learn, main
 from camssf.learning.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
@@ -182,8 +183,8 @@ def test_the_benchmark_says_what_is_missing(
 ) -> None:
     monkeypatch.delenv("CAMSSF_PHONES", raising=False)
     assert phones.main([]) == 2
-    assert "--table or CAMSSF_PHONES" in capsys.readouterr().err
-    assert phones.main(["--table", str(tmp_path / "none.csv")]) == 2
+    assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
+    assert phones.main(["--phones", str(tmp_path / "none.csv")]) == 2
     assert "none.csv" in capsys.readouterr().err
 
 
@@ -229,12 +230,10 @@ def test_the_benchmark_runs_on_any_table(
 ) -> None:
     """One setting, one draw, no cameras."""
     monkeypatch.setattr(_common, "RESULTS", tmp_path)
-    for name in ("EVERY", "JUDGED"):
-        monkeypatch.setattr(phones, name, (Setting("x", ("D55",)),))
-    monkeypatch.setattr(phones, "CANDIDATES", {"y": HANDFUL})
+    monkeypatch.setattr(phones, "EVERY", (Setting("x", ("D55",)),))
     monkeypatch.setattr(phones, "measured_cameras", lambda: phones.phones_left_out(toys())[:0] or stand_in())
     table = str(write_curves(tmp_path / "toys.csv", toys()))
-    assert phones.main(["--table", table, "--draws", "1"]) == 0
+    assert phones.main(["--phones", table, "--draws", "1"]) == 0
     out = capsys.readouterr().out
     assert "told A ± 250 K" in out
     found = json.loads((tmp_path / "phones.json").read_text("utf-8"))["phones, left out"]
@@ -244,8 +243,6 @@ def test_the_benchmark_runs_on_any_table(
     assert all(abs(kelvin) < 250 for kelvin in lamp["kelvin"].values())
     assert 0 < lamp["exact"]["rmse"] <= 1.2 * lamp["doubted"]["rmse"]
     assert "--foreign or CAMSSF_FOREIGN" in out
-    assert phones.main(["--table", table, "--draws", "1", "--choose"]) == 0
-    assert {path.name for path in tmp_path.glob("*.json")} == {"phones.json", "phones-choose.json"}
 
 
 def stand_in() -> list[phones.Device]:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import error_pages
 from camssf import Calibration, Options, calibrate
 from camssf.cli import main
 from camssf.documents.patches_json import patches_document, read_patches
@@ -30,6 +29,7 @@ from camssf.rules import rules
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
+from tools import error_pages
 
 rawpy = pytest.importorskip("rawpy")
 tifffile = pytest.importorskip("tifffile")
@@ -356,7 +356,7 @@ def test_every_code_is_explained_and_has_its_page() -> None:
 
 def test_the_pages_are_the_table_s(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
                                    tmp_path: Path) -> None:  # fmt: skip
-    assert error_pages.main(["--check"]) == 0, "run python -m benchmarks.error_pages"
+    assert error_pages.main(["--check"]) == 0, "run python -m tools.error_pages"
     monkeypatch.setattr(error_pages, "FOLDER", tmp_path)
     assert error_pages.main(["--check"]) == 1
     assert "glare.md" in capsys.readouterr().out

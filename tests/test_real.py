@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import real
-from benchmarks.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSES, PHONES, PUBLISHED, SHIPPED, d70
+from benchmarks.claims import real
+from benchmarks.claims.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSES, PHONES, PUBLISHED, SHIPPED, d70
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
+from tools import real_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 APART = 0.036
@@ -236,12 +237,12 @@ def test_automatic_is_the_product_s_choice() -> None:
 def test_the_page_s_tables_are_the_benchmark_s() -> None:
     found = json.loads((DOCS / "real.json").read_text("utf-8"))
     text = (DOCS / "real.md").read_text("utf-8")
-    assert real.page(text, found) == text
+    assert real_page.page(text, found) == text
     assert all(bar["met"] for bar in found["bars"])
     found["rows"][0]["passes"]["2011"]["rmse"] += 0.01
-    assert real.page(text, found) != text
+    assert real_page.page(text, found) != text
     with pytest.raises(ValueError, match="has no place"):
-        real.page(text.replace(real.END, ""), found)
+        real_page.page(text.replace(real_page.END, ""), found)
 
 
 @pytest.mark.requirement("R-REAL")
@@ -271,5 +272,5 @@ def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
 def test_the_picture_is_small() -> None:
     text = (DOCS / "real.md").read_text("utf-8")
     (picture,) = re.findall(r"\]\((images/[\w-]+\.png)\)", text)
-    assert picture == real.PICTURE
+    assert picture == real_page.PICTURE
     assert (DOCS / picture).stat().st_size < 150_000

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import rivals
-from benchmarks.rivals import FIGURE_4, OURS, TABLE_1, Given, bends, between, method, pinv, qr
+from benchmarks.paper import rivals
+from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, bends, between, method, pinv, qr
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, gaussian_basis, read_basis
 from camssf.spectra import read_chart, read_lamp
@@ -166,7 +166,7 @@ def test_a_gaussian_camera_is_found_by_a_gaussian() -> None:
 
 
 def test_the_slopes_of_the_gaussians_are_their_derivatives() -> None:
-    from benchmarks.rivals import gaussians
+    from benchmarks.paper.rivals import gaussians
 
     p = np.array([0.9, 560.0, 30.0, 0.3, 450.0, 20.0])
     slopes = gaussians._slopes(p)

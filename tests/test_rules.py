@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from benchmarks import mutate_rules, rules_table
 from camssf import rules as module
 from camssf.errors import InvalidArgument
 from camssf.photo import patches, signals
 from camssf.rules import fill, parse, rules
 from camssf.spectra import read_lamp
 from camssf.verdict import judge, lamp, reasons
+from tools import mutate_rules, rules_table
 
 Json = dict[str, Any]
 TEXT = mutate_rules.PLACE.read_text("utf-8")
@@ -113,14 +113,14 @@ def test_every_reason_can_be_said(name: str) -> None:
 
 
 def test_the_table_in_the_docs_is_the_file_s(capsys: pytest.CaptureFixture[str]) -> None:
-    assert rules_table.main(["--check"]) == 0, "run python -m benchmarks.rules_table"
+    assert rules_table.main(["--check"]) == 0, "run python -m tools.rules_table"
     changed = TEXT.replace('"value": 3.5', '"value": 3.6', 1)
     page = rules_table.PAGE.read_text("utf-8")
     assert rules_table.page(page, parse(changed)) != page
     assert "file's" in capsys.readouterr().out
 
 
-# the mutation run, the part of it that is cheap: python -m benchmarks.mutate_rules makes all mutants
+# the mutation run, the part of it that is cheap: python -m tools.mutate_rules makes all mutants
 
 
 CHEAP = [
@@ -151,7 +151,7 @@ def test_the_mutation_run_can_fail(monkeypatch: pytest.MonkeyPatch, capsys: pyte
 def test_without_a_jar_kotlin_is_skipped_visibly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("benchmarks.kotlin_calibrate.BINDINGS", tmp_path)
+    monkeypatch.setattr("benchmarks.kernels.kotlin_calibrate.BINDINGS", tmp_path)
     monkeypatch.setattr(mutate_rules, "STAGES", ("signals",))
     assert mutate_rules.main(["--kotlin", "--only", "signals.lost +"]) == 0
     assert "Kotlin: SKIPPED" in capsys.readouterr().out

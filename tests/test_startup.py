@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from benchmarks import startup
+from benchmarks.kernels import startup
 from camssf.cli import INTERRUPTED
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
@@ -122,7 +122,7 @@ def test_help_loads_no_numpy_and_no_library_of_pictures() -> None:
 def test_the_benchmark_s_bars_and_ratios(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("benchmarks._common.RESULTS", tmp_path)
+    monkeypatch.setattr("benchmarks.shared.RESULTS", tmp_path)
     times = dict.fromkeys(startup.CALLS, (0.2, 0.3))
     monkeypatch.setattr(startup, "seconds", lambda runs: times)
     assert startup.main([]) == 0

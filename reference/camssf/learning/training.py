@@ -53,7 +53,7 @@ class Enlargement:
 
 
 HANDFUL = Enlargement(3.0, 0.04, 0.15, 0.10, 1.0, 60.0, own_mean=True)
-"""For six phones of two makers; chosen by leaving phones and makers out: `python -m benchmarks.phones --choose`.
+"""For six phones of two makers; chosen by leaving phones and makers out (docs/accuracy.md).
 Phones differ less than cameras, so shift and width are smaller. Their bands were too narrow at the feet of the curves
 and for details finer than 120 nm, so cross-talk is larger and the warp's correlation length shorter. A larger
 `few_makers` would only widen bands that are wide enough."""

@@ -34,7 +34,7 @@ CHANNEL_SHARE = rules().number("covariance.channel_share")
 """Share of the variance of the chart's smooth error that is common to the channels; the rest is independent.
 
 A wrong reflectance affects all three channels, but a real table also has errors of finer spectral structure than this
-model, and each channel weighs other wavelengths. `python -m benchmarks.tables` tests this number."""
+model, and each channel weighs other wavelengths. Pairs of measured tables gave this number (docs/verdict.md)."""
 DRIFT = rules().number("covariance.drift")
 """Relative change of the light between a shot's chart frame and its white frame, one standard deviation."""
 FLOOR = rules().number("covariance.floor")

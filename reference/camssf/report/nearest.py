@@ -47,7 +47,7 @@ def nearest(document: dict[str, Any]) -> tuple[Likeness, ...]:
     """The 52 shipped cameras, sorted by their `distance` from a result document.
 
     They are sorted by the bands, not by the full covariance, because the covariance overweights differences that a
-    learned basis cannot represent; `python -m benchmarks.nearest` compares the two.
+    learned basis cannot represent.
 
     Raises:
         InvalidArgument: a refused result, or one without bands.

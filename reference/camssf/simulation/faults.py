@@ -1,8 +1,8 @@
 """Named faults of a shot at three severities, as changes of a `ShotPlan`.
 
-`camssf simulate --fault NAME --severity N` writes them as real DNG files, `python -m benchmarks.faults` counts the
-verdicts on them. Faults of light and samples are simulated physically; the others are false tags in a file or false
-input of the user.
+`camssf simulate --fault NAME --severity N` writes them as real DNG files, `python -m benchmarks.claims.faults` counts
+the verdicts on them. Faults of light and samples are simulated physically; the others are false tags in a file or
+false input of the user.
 """
 
 from __future__ import annotations

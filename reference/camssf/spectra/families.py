@@ -4,7 +4,7 @@ Daylight and bulbs have a formula with one parameter, the colour temperature, wi
 Their one mode is the change of ln L over one standard deviation at the family's centre. White LEDs and fluorescent
 lamps have tables: the modes are the principal components of the table's lamps. Power is used, not its logarithm,
 because signals are sums of power; all lamps have the same mean power, because the scale of L carries no information.
-`python -m benchmarks.lamps` prints how much of a left-out lamp its family explains.
+`python -m benchmarks.claims.lamps` prints how much of a left-out lamp its family explains.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class LampKind:
     """A family of tables: its CIE illuminants, the number of components, and the residual.
 
     `left` is the residual of a left-out lamp after fitting the modes of the others, RMS relative to the mean lamp
-    from 400 to 700 nm, as `python -m benchmarks.lamps` measures it. It is the family's smooth tolerance.
+    from 400 to 700 nm, as `python -m benchmarks.claims.lamps` measures it. It is the family's smooth tolerance.
     """
 
     members: tuple[str, ...]

@@ -21,7 +21,7 @@ import kotlin.math.sin
 
 /**
  * A frame of a Classic before a pinhole camera, drawn pixel by pixel: what the guide was built on. What it is judged by
- * is drawn by other code (benchmarks/guide.py).
+ * is drawn by other code (benchmarks/claims/guide.py).
  */
 internal data class Drawn(
     val width: Int = 640,

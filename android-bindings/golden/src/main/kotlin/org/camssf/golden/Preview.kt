@@ -10,7 +10,7 @@ import kotlin.system.exitProcess
 
 /**
  * How long a live preview takes: the folder of the golden cases, a case of the stage colour, samples a side of the mosaic,
- * runs (`python -m benchmarks.kotlin_colour`). One line: milliseconds to make the standardiser, to read the mosaic's cells
+ * runs (`python -m benchmarks.kernels.kotlin_colour`). One line: milliseconds to make the standardiser, to read the mosaic's cells
  * and to give their XYZ and Lab, medians of the runs after as many to warm up; and the pixels.
  */
 internal object Preview {

@@ -5,7 +5,7 @@ import kotlin.system.exitProcess
 
 /**
  * The golden cases of some stages, up to the first that fails: what a mutation run over rules.json asks for each mutant
- * (`python -m benchmarks.mutate_rules --kotlin`): the folder of the cases, then the stages. Status 0 if all hold, 3 if one
+ * (`python -m tools.mutate_rules --kotlin`): the folder of the cases, then the stages. Status 0 if all hold, 3 if one
  * does not, and its fault on the last line; the JVM's own failures give 1.
  */
 internal object Stages {

@@ -20,7 +20,7 @@ import java.security.MessageDigest
 /**
  * The samples against those of LibRaw and of tifffile with libjpeg-turbo, whose hashes lie in `dng/judges.json`.
  *
- * `python -m benchmarks.kotlin_variants` writes that file anew, from [VariantFiles].
+ * `python -m tools.kotlin_variants` writes that file anew, from [VariantFiles].
  */
 @Tag("R-SAMPLES")
 class JudgesTest {

@@ -1,0 +1,1 @@
+"""Each prints a number that stands in the docs, beside the command."""

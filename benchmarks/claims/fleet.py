@@ -1,0 +1,322 @@
+"""Does the fleet hold its bars? `python -m benchmarks.claims.fleet [--captures 60] [--pairs 3] [--only NAME]`
+
+- manifest: a million rows. From the process's start to its first job, and the memory after the last, without work.
+- resume: a thousand done captures, `camssf batch` once more: from the command's start to its end.
+- waits: jobs that take half a second of nobody's processor, with one process and with two: what handing out costs.
+- workers: so many real captures (simulated DNG files, 900 × 675, chart alone) with one process and with two, in
+  pairs, the order changing. The machine may be shared: beside the times stands how much processor time a capture
+  took, which others' work changes less, and how much of the processors each run got.
+- dask: the same captures over a LocalCluster of two workers and by `--workers 2`, in pairs; then once with a worker
+  killed in the middle: nothing lost, nothing twice.
+- cost: processor seconds of a capture of 12 megapixels, from which that of a million follows.
+
+Exit status 1 where a bar is missed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.shared import command_parser, console, save, table, versions
+from camssf.fleet.archive import task_of
+from camssf.fleet.batch import calibrate_into_archive, run_batch
+from camssf.fleet.manifest import Job, Manifest
+from camssf.fleet.outcome import Outcome
+from camssf.fleet.registry import Registry
+from camssf.fleet.rows import Origin, Task, row
+
+START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
+WAIT = 0.5
+"""Seconds that a job of `handed_out` takes: a capture's."""
+HEADER = "name,photo,lamp\n"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One batch: wall seconds, processor seconds of it and its workers, captures with curves."""
+
+    wall: float
+    processor: float
+    done: int
+
+
+def shoot(home: Path, count: int) -> Path:
+    """So many captures that differ: one DNG, each copy with some bytes of its own behind its end."""
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
+
+    shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "one", scene=Scene(size=(900, 675)), seed=1).shots[0]
+    data = Path(shot.chart).read_bytes()
+    for number in range(count):
+        (home / f"{number}.dng").write_bytes(data + f"copy {number:08d}".encode())
+    manifest = home / "manifest.csv"
+    manifest.write_text(HEADER + "".join(f"c{n},{n}.dng,D55\n" for n in range(count)), "utf-8")
+    return manifest
+
+
+def batch(manifest: Path, to: Path, *words: str) -> Run:
+    """`camssf batch` in a process of its own."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    command = [sys.executable, "-m", "camssf", "batch", str(manifest), "-o", str(to / "archive"), "--registry"]
+    told = subprocess.run(
+        [*command, str(to / "registry"), *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        check=False,
+    )  # fmt: skip
+    wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    found = json.loads(told.stdout)
+    return Run(
+        wall, used, found["total"] - found["by_status"].get("failed", 0) - found["by_status"].get("refused", 0)
+    )
+
+
+def million(home: Path, rows: int) -> dict[str, float]:
+    """Seconds to the first job, seconds and bytes to the last, of a process that does nothing with them."""
+    manifest = home / "million.csv"
+    with open(manifest, "w", encoding="utf-8") as file:
+        file.write(HEADER)
+        file.writelines(f"phone {i},photos/{i}.dng,D55\n" for i in range(rows))
+    code = (
+        "import json, resource, sys, time\nfrom pathlib import Path\nbegun = float(sys.argv[2])\n"
+        "from camssf.fleet.manifest import Manifest\nfrom camssf.fleet.registry import Registry\n"
+        "from camssf.fleet.archive import Archive, unfinished\nfrom camssf.fleet.outcome import Summary\n"
+        "rows, registry = Manifest(sys.argv[1]), Registry(sys.argv[1] + '.registry', new=True)\n"
+        "jobs = unfinished(rows, registry, Summary(), Archive(Path('archive'), registry.folder, False))\n"
+        "next(jobs); first, work = time.time() - begun, time.process_time()\ncount = 1 + sum(1 for _ in jobs)\n"
+        "held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "held *= 1 if sys.platform == 'darwin' else 1024\n"
+        "print(json.dumps([first, work, time.time() - begun, time.process_time(), count, held]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(manifest), str(time.time())], capture_output=True, text=True, check=True
+    )
+    *found, count, held = json.loads(done.stdout)
+    assert count == rows
+    return dict(zip(("first", "first_processor", "last", "last_processor"), found, strict=True)) | {"bytes": held}
+
+
+def resumed(home: Path, count: int) -> dict[str, float]:
+    """Seconds of a run whose captures are all done: its photos are there, and the registry knows its tasks."""
+    folder = home / "resume"
+    folder.mkdir()
+    for number in range(count):
+        (folder / f"{number}.dng").write_text(str(number))
+    manifest = folder / "manifest.csv"
+    manifest.write_text(HEADER + "".join(f"c{n},{n}.dng,D55\n" for n in range(count)), "utf-8")
+    now = datetime(2026, 1, 1)
+    done = [
+        Task(task_of(job, None), f"{n:064x}", now, job.name, "accepted", "", "", f"{n:064x}")
+        for n, job in enumerate(Manifest(manifest))
+    ]
+    Registry(folder / "registry", new=True).note(done)
+    for task in done:
+        place = folder / "archive" / task.made_from[:2] / task.made_from
+        place.mkdir(parents=True)
+        (place / "result.json").touch()
+    runs = [batch(manifest, folder) for _ in range(3)]
+    assert all(run.done == count for run in runs)
+    return {"seconds": min(run.wall for run in runs), "processor": min(run.processor for run in runs)}
+
+
+def pairs(home: Path, count: int, ways: Sequence[tuple[str, Callable[[Path], Run]]]) -> dict[str, list[Run]]:
+    """Each way so often, the order changing; every run into folders of its own."""
+    found: dict[str, list[Run]] = {name: [] for name, _ in ways}
+    for number in range(count):
+        for name, run in ways if number % 2 == 0 else ways[::-1]:
+            to = home / f"{name}-{number}"
+            to.mkdir()
+            found[name].append(run(to))
+            shutil.rmtree(to)
+    return found
+
+
+def wait(job: Job, folder: Path) -> Outcome:
+    """In place of the calibration: as long as one, on nobody's processor."""
+    time.sleep(WAIT)
+    return Outcome(job.name, "refused")
+
+
+def handed_out(home: Path, count: int, workers: int) -> float:
+    """Jobs a second from the first one's end to the last's, where a job is a wait: what handing them out costs."""
+    folder = home / f"waits-{workers}"
+    folder.mkdir()
+    manifest = folder / "manifest.csv"
+    manifest.write_text(HEADER + "".join(f"c{n},{n}.dng,D55\n" for n in range(count)), "utf-8")
+    for number in range(count):
+        (folder / f"{number}.dng").write_text(str(number))
+    found: list[tuple[int, float]] = []
+
+    def tell(words: str, part: float) -> None:
+        found.append((int(words.split()[0]), time.perf_counter()))
+
+    registry = Registry(folder / "registry", new=True)
+    run_batch(Manifest(manifest), folder / "out", registry, workers=workers, work=wait, progress=tell)
+    (first, begun), (last, ended) = next(each for each in found if each[0]), found[-1]
+    return (last - first) / (ended - begun)
+
+
+def cost(home: Path) -> dict[str, float]:
+    """Of a 12-megapixel capture: processor seconds once all is loaded, bytes of its result and of its row."""
+    from camssf.simulation.frames import simulate
+    from camssf.simulation.scene import Scene
+
+    shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "large", scene=Scene(size=(4000, 3000)), seed=1).shots[0]
+    manifest, found = home / "large.csv", []
+    manifest.write_text(HEADER + f"large,{shot.chart},D55\n", "utf-8")
+    (job,) = Manifest(manifest)
+    for number in range(4):  # the first loads the libraries
+        begun = time.process_time()
+        calibrate_into_archive(job, home / f"large-{number}")
+        found.append(time.process_time() - begun)
+    result = (home / "large-0" / "result.json").read_bytes()
+    registry = Registry(home / "large-registry", new=True)
+    one = row(result, json.loads(result), Origin())
+    registry.add([replace(one, key=f"{number:064x}") for number in range(1000)])
+    held = sum(path.stat().st_size for path in registry.folder.rglob("*.parquet"))
+    return {"processor": float(np.median(found[1:])), "result": len(result), "row": held / 1000}
+
+
+def local(manifest: Path, workers: int) -> Callable[[Path], Run]:
+    return lambda to: batch(manifest, to, "--workers", str(workers))
+
+
+def killed(manifest: Path, to: Path, cluster: Any, captures: int) -> dict[str, int]:
+    """A worker is killed when a third is done."""
+    import distributed
+
+    def kill() -> None:
+        while len(list((to / "archive").glob("*/*/result.json"))) < captures // 3:
+            time.sleep(0.1)
+        with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+            victim = next(iter(client.run(os.getpid).values()))
+        os.kill(victim, signal.SIGKILL)
+
+    to.mkdir()
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    batch(manifest, to, "--dask", cluster.scheduler_address)
+    killer.join(timeout=10)
+    names = [each["name"] for each in Registry(to / "registry").query("SELECT name FROM rows")]
+    return {
+        "killed": int(not killer.is_alive()),
+        "missing": captures - len(set(names)),
+        "doubled": len(names) - len(set(names)),
+    }
+
+
+def _words(runs: Sequence[Run], captures: int, processes: int) -> list[str]:
+    walls = [run.wall for run in runs]
+    share = np.mean([run.processor / run.wall for run in runs]) / processes
+    cost = np.mean([run.processor for run in runs]) / captures
+    return [f"{min(walls):.1f} to {max(walls):.1f}", f"{cost:.2f}", f"{share:.0%}"]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = command_parser(__spec__, __doc__)
+    parser.add_argument("--rows", type=int, default=1_000_000, help="of the manifest")
+    parser.add_argument("--done", type=int, default=1000, help="captures of the resumed run")
+    parser.add_argument("--captures", type=int, default=60, help="real ones of each run")
+    parser.add_argument("--pairs", type=int, default=3)
+    parser.add_argument("--only", choices=("manifest", "resume", "cost", "waits", "workers", "dask"))
+    told = parser.parse_args(arguments)
+    out, document, missed = console(), {}, []
+
+    def bar(name: str, value: float, limit: float, *, least: bool = False) -> None:
+        held = value >= limit if least else value <= limit
+        document.setdefault("bars", {})[name] = {"value": value, "limit": limit, "held": held}
+        out.print(
+            f"{'held' if held else 'MISSED'}: {name}: {value:.3g}, {'at least' if least else 'at most'} {limit:g}"
+        )
+        if not held:
+            missed.append(name)
+
+    with tempfile.TemporaryDirectory() as place:
+        home = Path(place)
+        if told.only in (None, "manifest"):
+            document["manifest"] = found = million(home, told.rows)
+            bar(f"{told.rows} rows: seconds to the first job", found["first"], START)
+            bar(f"{told.rows} rows: MB after the last", found["bytes"] / 1e6, MEMORY / 1e6)
+            words = "; ".join(
+                f"{word}: {found[word]:.1f} s, {found[word + '_processor']:.1f} of a processor"
+                for word in ("first", "last")
+            )
+            out.print(words)
+        if told.only in (None, "resume"):
+            document["resume"] = found = resumed(home, told.done)
+            bar(f"{told.done} done captures: seconds of a resumed run", found["seconds"], RESUME)
+            out.print(f"of them {found['processor']:.1f} s of a processor")
+        if told.only in (None, "cost"):
+            document["cost"] = found = cost(home)
+            days = found["processor"] * 1e6 / 86400
+            out.print(
+                f"12 megapixels: {found['processor']:.2f} s of a processor, so a million are {days:.1f} days of one; "
+                f"result.json {found['result'] / 1e3:.0f} kB"
+            )
+        if told.only in (None, "waits"):
+            one, two = (handed_out(home, told.done // 8, workers) for workers in (1, 2))
+            document["waits"] = {"one": one, "two": two, "ratio": two / one}
+            out.print(f"waits of {WAIT} s: {one:.2f} a second with one worker, {two:.2f} with two")
+            bar("waits: two workers over one", two / one, TWO, least=True)
+        if told.only in (None, "workers", "dask"):
+            manifest = shoot(home / "shots", told.captures)
+        if told.only in (None, "workers"):
+            runs = pairs(home, told.pairs, [("one", local(manifest, 1)), ("two", local(manifest, 2))])
+            document["workers"] = {name: [vars(run) for run in each] for name, each in runs.items()}
+            lines = [[name, *_words(each, told.captures, n)] for n, (name, each) in enumerate(runs.items(), 1)]
+            title = f"{told.captures} captures, {told.pairs} pairs"
+            out.print(table(title, ("workers", "s", "processor s a capture", "of its processors"), lines))
+            assert all(run.done == told.captures for each in runs.values() for run in each)
+            ratios = [one.wall / two.wall for one, two in zip(runs["one"], runs["two"], strict=True)]
+            work = [2 * a.processor / b.processor for a, b in zip(runs["one"], runs["two"], strict=True)]
+            document["workers"] |= {"ratios": ratios, "by_processor_time": work}
+            out.print(
+                f"two over one: {', '.join(f'{r:.2f}' for r in ratios)}; by processor time {np.median(work):.2f}"
+            )
+            bar("two workers over one, median of pairs", float(np.median(ratios)), TWO, least=True)
+            each = min(run.wall for run in runs["two"]) / told.captures
+            out.print(f"{1 / each:.2f} captures/s with two: a million in {each * 1e6 / 86400:.1f} days")
+        if told.only in (None, "dask"):
+            import distributed
+
+            with distributed.LocalCluster(
+                n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            ) as cluster:
+                address = cluster.scheduler_address
+                ways = [("workers", local(manifest, 2)), ("dask", lambda to: batch(manifest, to, "--dask", address))]
+                runs = pairs(home, told.pairs, ways)
+                ratios = [b.wall / a.wall for a, b in zip(runs["workers"], runs["dask"], strict=True)]
+                out.print(f"Dask over --workers 2: {', '.join(f'{r:.2f}' for r in ratios)}")
+                assert all(run.done == told.captures for each in runs.values() for run in each)
+                bar("Dask over --workers, median of pairs", float(np.median(ratios)), DASK)
+                lost = killed(manifest, home / "killed", cluster, told.captures)
+                document["dask"] = {"ratios": ratios, **lost}
+                bar("a worker killed: captures missing", lost["missing"], 0)
+                bar("a worker killed: rows doubled", lost["doubled"], 0)
+                bar("a worker was killed", lost["killed"], 1, least=True)
+    print(
+        save(
+            "fleet" if told.only is None else f"fleet-{told.only}",
+            document | {"versions": versions("duckdb", "distributed")},
+        )
+    )
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,301 @@
+"""The models on AArch64 without a phone: `python -m benchmarks.kernels.arm [--work DIR] [--count 60] [--seed 0]`
+
+Runs the shipped models through the real AArch64 ONNX Runtime under user-mode QEMU and on this machine, on the same
+inputs (seeded problems of `certify`, and the golden cases of stage ssf), and prints the worst difference of each
+output; for golden cases also that of ARM from the stored outputs, which are the NumPy reference's. Bar: norm-wise,
+max |a - b| / max |b| <= 1e-10; and the duality gap on ARM <= 1e-9. It also counts the calls that need the finish on
+one of the two only. Emulation is exact arithmetic by the processor's rules, not timing.
+
+Needs qemu-user-static, debootstrap and dpkg, and root for debootstrap. The
+first run fetches a minimal arm64 Debian from the machine's own apt source and two wheels from pip's own index
+into the cache folder, 0.4 GB unpacked; later runs need no network.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.claims.certify import draw
+from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
+from camssf.grid import Floats
+from camssf.recovery.onnx_model import OUTPUTS, SHIPPED, load_model
+
+BAR, GAP_BAR = 1e-10, 1e-9
+UNCOMPARED = ("gap", "layers_gap", "finish_steps")
+TOOLS = {"qemu-aarch64-static": "qemu-user-static", "debootstrap": "debootstrap", "dpkg-deb": "dpkg"}
+CPUINFO = """processor\t: 0
+BogoMIPS\t: 100.00
+Features\t: fp asimd evtstrm aes pmull sha1 sha2 crc32 cpuid
+CPU implementer\t: 0x41
+CPU architecture: 8
+CPU variant\t: 0x0
+CPU part\t: 0xd08
+CPU revision\t: 3
+
+"""
+"""ONNX Runtime reads the processor's description and crashes on an x86 one; QEMU prefers this to the host's."""
+
+
+class Unavailable(Exception):
+    """The benchmark cannot run here; the message says what to do."""
+
+
+def tools() -> None:
+    """Raises Unavailable where a program is missing."""
+    search = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
+    missing = [package for program, package in TOOLS.items() if shutil.which(program, path=search) is None]
+    if missing:
+        raise Unavailable(f"missing: {', '.join(missing)}. Install with: apt-get install {' '.join(missing)}")
+    os.environ["PATH"] = search
+
+
+def apt_source() -> tuple[str, str]:
+    """Release and address of the machine's own main archive."""
+    form = "$(REPO_URI)|$(CODENAME)|$(COMPONENT)|$(CREATED_BY)"
+    try:
+        lines = _run("apt-get", "indextargets", "--format", form).splitlines()
+    except FileNotFoundError as error:
+        raise Unavailable("apt-get is missing: give --suite and --mirror of a Debian archive.") from error
+    for line in lines:
+        uri, codename, component, kind = line.split("|")
+        if kind == "Packages" and component == "main" and "-" not in codename:
+            return codename, uri
+    raise Unavailable("apt has no main archive: run apt-get update, or give --suite and --mirror.")
+
+
+def root_folder(work: Path, suite: str | None, mirror: str | None, package: str = "python3") -> Path:
+    """A minimal arm64 system with a package (Python, or a JVM), unpacked; no second stage, no chroot."""
+    root = work / ("root" if package == "python3" else f"root-{package}")
+    done = root.with_name(root.name + ".done")
+    if done.exists():
+        return root
+    if suite is None or mirror is None:
+        own = apt_source()
+        suite, mirror = suite or own[0], mirror or own[1]
+    if os.geteuid() != 0:
+        raise Unavailable("debootstrap wants root: run this command as root.")
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir(parents=True)
+    fetch = ["--arch=arm64", "--variant=minbase", "--foreign", f"--include={package}"]
+    _run("debootstrap", *fetch, suite, str(root), mirror)
+    for package in sorted((root / "var/cache/apt/archives").glob("*.deb")):
+        _run("dpkg-deb", "-x", str(package), str(root))
+    for name, text in {
+        "proc/cpuinfo": CPUINFO,
+        "sys/devices/system/cpu/possible": "0\n",
+        "sys/devices/system/cpu/present": "0\n",
+        "sys/devices/system/cpu/online": "0\n",
+        "sys/devices/system/cpu/kernel_max": "0\n",
+    }.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    done.touch()
+    return root
+
+
+def wheels(work: Path, root: Path) -> Path:
+    """AArch64 builds of the NumPy and ONNX Runtime that run here, for the Python in `root`."""
+    minor = max(int(p.name[8:]) for p in (root / "usr/lib").glob("python3.*") if p.name[8:].isdigit())
+    pins = [f"{name}=={importlib.metadata.version(name)}" for name in ("numpy", "onnxruntime")]
+    folder = work / "-".join(["wheels", f"3.{minor}", *(pin.replace("==", "-") for pin in pins)])
+    if not folder.exists():
+        fetched = work / "fetched"
+        shutil.rmtree(fetched, ignore_errors=True)
+        platforms = ["--platform", "manylinux_2_28_aarch64", "--platform", "manylinux_2_27_aarch64"]
+        for pin in pins:
+            _run(
+                sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--only-binary=:all:", *platforms,
+                "--python-version", f"3{minor}", "--dest", str(fetched), pin,
+            )  # fmt: skip
+        for wheel in fetched.glob("*.whl"):
+            with zipfile.ZipFile(wheel) as content:
+                content.extractall(fetched / "unpacked")
+        (fetched / "unpacked").rename(folder)
+        shutil.rmtree(fetched)
+    return folder
+
+
+def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
+    """Run `run_models.py` on the emulated processor; its counter drives the bar."""
+    here = Path(__file__).parent
+    source = here.parent / "reference"
+    keep = {k: v for k, v in os.environ.items() if k.endswith("_NUM_THREADS")}
+    environment = keep | {
+        "PYTHONHOME": str(root / "usr"),
+        "PYTHONPATH": os.pathsep.join([str(packages), str(source)]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "PATH": os.environ["PATH"],
+    }
+    command = [
+        "qemu-aarch64-static", "-cpu", "cortex-a72", "-L", str(root), str(root / "usr/bin/python3"),
+        str(here / "run_models.py"), str(given), str(made),
+    ]  # fmt: skip
+    said: list[str] = []
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process, progress() as bar:
+        task = bar.add_task("on AArch64", total=None)
+        assert process.stderr is not None
+        for line in process.stderr:
+            done, _, total = line.strip().partition("/")
+            if done.isdigit() and total.isdigit():
+                bar.update(task, completed=int(done), total=int(total))
+            else:
+                said.append(line.rstrip())
+    if process.returncode:
+        raise Unavailable(f"the emulated run ended with {process.returncode}: {' '.join(said[-3:])}")
+
+
+def golden() -> dict[tuple[str, str], tuple[dict[str, Floats], dict[str, Floats]]]:
+    """Golden cases of stage ssf that succeed on a shipped basis: (basis, case) → inputs and stored outputs."""
+    from golden.forms import resolve
+    from golden.products import model_inputs
+    from golden.reading import paths, read_case
+
+    cases = {}
+    for case in map(read_case, (path for path in paths() if path.parent.name == "ssf")):
+        inputs, stored = case["inputs"], case["outputs"]
+        if case["expect"] != "success" or inputs["basis"] not in SHIPPED:
+            continue
+        given = model_inputs(load_model(inputs["basis"]), {name: resolve(value) for name, value in inputs.items()})
+        known = {name: np.asarray(value, float) for name, value in stored.items() if value is not None}
+        cases[inputs["basis"], case["case"].replace("/", "-")] = given, known
+    return cases
+
+
+def compare(here: dict[str, Floats], there: dict[str, Floats]) -> tuple[list[dict[str, Any]], float]:
+    """For each basis and output the worst norm-wise difference and where; and the largest gap on ARM.
+
+    The gaps themselves are rounding noise above their floor: the answer's is held to its own bar, the layers' is not
+    compared, nor are the steps of the finish, which that one decides on.
+    """
+    worst: dict[tuple[str, str], dict[str, Any]] = {}
+    gap = 0.0
+    for key, ours in here.items():
+        basis, case, name = key.split("/")
+        theirs = there[key]
+        if name == "gap":
+            gap = max(gap, float(theirs.max()))
+        if name in UNCOMPARED:
+            continue
+        if np.isnan(ours).all() and np.isnan(theirs).all():  # no prior, no band
+            continue
+        size = float(np.abs(ours).max())
+        off = float(np.abs(ours - theirs).max()) / (size if size > 0 else 1.0)
+        entry = worst.setdefault((basis, name), {"basis": basis, "output": name, "cases": 0, "worst": -1.0})
+        entry["cases"] += 1
+        entry["equal_bits"] = entry.get("equal_bits", 0) + int(np.array_equal(ours, theirs))
+        if not off <= entry["worst"]:
+            entry["worst"], entry["case"] = off, case
+    return list(worst.values()), gap
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = command_parser(__spec__, __doc__)
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
+    parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
+    parser.add_argument("--count", type=int, default=60, help="seeded problems, besides the golden cases")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--suite", help="Debian release to fetch (default: apt's own)")
+    parser.add_argument("--mirror", help="Debian archive to fetch from (default: apt's own)")
+    options = parser.parse_args(arguments)
+    out, err = console(), progress().console
+    work = options.work.absolute()
+    try:
+        tools()
+        err.print(
+            "preparing the arm64 system (once) ..." if not (work / "root.done").exists() else "arm64 system: kept"
+        )
+        root = root_folder(work, options.suite, options.mirror)
+        packages = wheels(work, root)
+        cases = {}
+        for i in range(options.count):
+            problem, _ = draw(options.seed, i)
+            cases[problem.basis, f"seed{options.seed}-{i}"] = problem.inputs
+        from_golden = golden()
+        given, made = work / "inputs.npz", work / "outputs.npz"
+        made.unlink(missing_ok=True)
+        both = cases | {key: inputs for key, (inputs, _) in from_golden.items()}
+        with given.open("wb") as stream:
+            flat = {f"{basis}/{case}/{name}": v for (basis, case), x in both.items() for name, v in x.items()}
+            np.savez(stream, **flat)  # type: ignore[arg-type]
+        emulate(root, packages, given, made)
+    except Unavailable as error:
+        print(f"benchmarks.kernels.arm cannot run: {error}", file=sys.stderr)
+        return 2
+    except subprocess.CalledProcessError as error:
+        said = (error.stderr or error.stdout or "").strip().splitlines()
+        print(f"benchmarks.kernels.arm: {Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
+        return 2
+    with np.load(made) as content:
+        there = {name: content[name] for name in content.files}
+    machine = str(there.pop("machine"))
+    here = {
+        f"{basis}/{case}/{name}": value
+        for (basis, case), inputs in both.items()
+        for name, value in load_model(basis).run(inputs).items()
+    }
+    rows, gap = compare(here, there)
+    took = [key for key in here if key.endswith("/finish_steps") and (here[key].any() != there[key].any())]
+    stored = {
+        f"{basis}/{case}/{name}": value
+        for (basis, case), (_, outputs) in from_golden.items()
+        for name, value in outputs.items()
+    }
+    from_stored = {(row["basis"], row["output"]): row["worst"] for row in compare(stored, there)[0]}
+    for row in rows:
+        row["worst_from_stored"] = from_stored.get((row["basis"], row["output"]))
+    rows.sort(key=lambda row: (row["basis"], OUTPUTS.index(row["output"])))
+    versions_ = versions()
+    title = (
+        f"{versions_['machine']} against {machine}: {len(cases)} seeded problems, {len(from_golden)} golden cases; "
+        f"ONNX Runtime {versions_['onnxruntime']}"
+    )
+    head = (
+        "basis",
+        "output",
+        "worst difference",
+        "in case",
+        "cases",
+        "same bits",
+        "worst from stored golden outputs",
+    )
+    lines = [
+        (
+            row["basis"], row["output"], f"{row['worst']:.1e}", row["case"], row["cases"], row["equal_bits"],
+            "" if row["worst_from_stored"] is None else f"{row['worst_from_stored']:.1e}",
+        )
+        for row in rows
+    ]  # fmt: skip
+    out.print(table(title, head, lines))
+    worst = max([row["worst"] for row in rows] + list(from_stored.values()))
+    good = worst <= BAR and gap <= GAP_BAR and machine == "aarch64"
+    out.print(f"the finish is needed on one of the two processors only in {len(took)} of {len(both)} calls")
+    out.print(f"worst difference {worst:.1e} (bar {BAR:.0e}); largest gap on {machine} {gap:.1e} (bar {GAP_BAR:.0e})")
+    out.print("held" if good else "MISSED")
+    place = save(
+        "arm",
+        {
+            "seed": options.seed, "count": len(cases), "golden": len(from_golden), "machine": machine,
+            "versions": versions_, "bar": BAR, "worst": worst, "gap_bar": GAP_BAR, "gap": gap, "held": good,
+            "finish_on_one": len(took), "outputs": rows,
+        },
+    )  # fmt: skip
+    out.print(f"written: {place}")
+    return 0 if good else 1
+
+
+def _run(*command: str) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+if __name__ == "__main__":
+    one_thread(__spec__)
+    sys.exit(main())

@@ -1,0 +1,107 @@
+"""The Kotlin library on AArch64 without a phone: `python -m benchmarks.kernels.arm_jvm [--work DIR]`
+
+Runs every golden case that Kotlin can run in an AArch64 JVM under user-mode QEMU, with the real AArch64 ONNX Runtime
+out of its jar, and the same in this machine's JVM. Bar: no case fails, and the recovered curves differ from those
+that Python stored by at most 1e-9 of the peak. Build first: `mvn -f android-bindings -DskipTests package`.
+Emulation is exact arithmetic by the processor's rules, not timing; Android's own loader stays unproven.
+
+Needs qemu-user-static, debootstrap and dpkg, and root for debootstrap. The first run fetches a minimal arm64 Debian
+with a JVM from the machine's own apt source into the cache folder, 0.5 GB unpacked; later runs need no network.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks.kernels.arm import Unavailable, root_folder, tools
+from benchmarks.shared import command_parser, console, progress, save, table
+
+BAR = 1e-9
+JRE = "openjdk-17-jre-headless"
+REPOSITORY = Path(__file__).parents[2]
+MODULES = REPOSITORY / "android-bindings"
+
+
+def class_path() -> str:
+    """The built jars and what they need, as Maven wrote it down."""
+    target = MODULES / "golden" / "target"
+    jars = [jar for jar in target.glob("camssf-golden-*.jar") if not jar.stem.endswith(("-sources", "-javadoc"))]
+    listed = target / "classpath.txt"
+    if len(jars) != 1 or not listed.exists():
+        raise Unavailable("the jars are missing. Build them with: mvn -f android-bindings -DskipTests package")
+    return os.pathsep.join([str(jars[0]), listed.read_text("utf-8").strip()])
+
+
+def java_of(root: Path) -> Path:
+    """The emulated system's JVM."""
+    found = sorted((root / "usr/lib/jvm").glob("java-*/bin/java"))
+    if not found:
+        raise Unavailable(f"there is no JVM in {root}: delete that folder and its .done, and run this again.")
+    return found[0]
+
+
+def run(command: list[str], words: str) -> dict[str, Any]:
+    """The golden runner's closing line as numbers.
+
+    Raises:
+        Unavailable: it did not come to its end.
+    """
+    heap = ["-XX:+UseSerialGC", "-Xmx768m", "-cp", class_path(), "org.camssf.golden.GoldenRunner"]
+    with progress() as bar:
+        bar.add_task(words, total=None)
+        done = subprocess.run([*command, *heap, str(REPOSITORY / "golden")], capture_output=True, text=True)
+    counts = r"golden: (\d+) of (\d+) cases ran, (\d+) failed, (\d+) skipped"
+    ended = re.search(rf"on (\S+), Java (\S+)\n{counts}.*within (\S+) of the peak", done.stdout)
+    if ended is None:
+        said = (done.stderr or done.stdout).strip().splitlines()
+        raise Unavailable(f"the golden runner ended with {done.returncode}: {' '.join(said[-3:])}")
+    machine, java, ran, cases, failed, skipped, off = ended.groups()
+    return {
+        "machine": machine, "java": java, "cases": int(cases), "ran": int(ran), "failed": int(failed),
+        "skipped": int(skipped), "worst": float(off),
+        "faults": [line for line in done.stdout.splitlines() if line.startswith("FAULT")],
+    }  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = command_parser(__spec__, __doc__)
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
+    parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
+    parser.add_argument("--suite", help="Debian release to fetch (default: apt's own)")
+    parser.add_argument("--mirror", help="Debian archive to fetch from (default: apt's own)")
+    options = parser.parse_args(arguments)
+    out, err = console(), progress().console
+    try:
+        tools()
+        err.print("preparing the arm64 system, once ...")
+        root = root_folder(options.work.absolute(), options.suite, options.mirror, JRE)
+        here = run(["java"], "golden vectors here")
+        emulator = ["qemu-aarch64-static", "-cpu", "cortex-a72", "-L", str(root), str(java_of(root))]
+        there = run(emulator, "golden vectors on AArch64")
+    except Unavailable as error:
+        print(f"benchmarks.kernels.arm_jvm cannot run: {error}", file=sys.stderr)
+        return 2
+    except subprocess.CalledProcessError as error:
+        said = (error.stderr or error.stdout or "").strip().splitlines()
+        print(f"benchmarks.kernels.arm_jvm: {Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
+        return 2
+    head = ("machine", "Java", "cases", "ran", "failed", "skipped", "curves off Python's, of the peak")
+    names = ("machine", "java", "cases", "ran", "failed", "skipped")
+    lines = [[*(each[name] for name in names), f"{each['worst']:.1e}"] for each in (here, there)]
+    out.print(table("Golden vectors in the JVM, ONNX Runtime out of its jar", head, lines))
+    for fault in [*here["faults"], *there["faults"]]:
+        out.print(fault)
+    good = there["machine"] == "aarch64" and all(not e["failed"] and e["worst"] <= BAR for e in (here, there))
+    out.print(f"worst {max(here['worst'], there['worst']):.1e} of the peak (bar {BAR:.0e})")
+    out.print("held" if good else "MISSED")
+    out.print(f"written: {save('arm_jvm', {'bar': BAR, 'held': good, 'runs': [here, there]})}")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

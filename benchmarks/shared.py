@@ -1,0 +1,166 @@
+"""What the benchmarks share: measured tables, arguments, tables on the terminal and results."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib.machinery import ModuleSpec
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from camssf.files import write_file
+from camssf.grid import Floats
+from camssf.recovery import basis as bases
+from camssf.recovery.basis import Basis, interpolate
+from camssf.spectra import read_chart, read_lamp
+
+RESULTS = Path(__file__).parent / "results"
+CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
+
+
+@contextmanager
+def standing_in(basis: Basis) -> Iterator[None]:
+    """Within, the reference engine reads this one for the shipped basis of its name: `auto` on a camera left out."""
+    shipped = bases.basis_file
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "basis.npz"
+        nodes = {"mean": basis.mean[:, ::10], "dictionary": basis.dictionary[:, ::10]}
+        np.savez(path, **nodes, source=np.array(basis.source))
+        bases.basis_file = lambda spec: path if spec == basis.name else shipped(spec)
+        bases.read_basis.cache_clear()
+        try:
+            yield
+        finally:
+            bases.basis_file = shipped
+            bases.read_basis.cache_clear()
+
+
+@cache
+def cameras() -> tuple[dict[str, Floats], str]:
+    """Measured cameras, name → (681, 3), and a sentence that says which."""
+    from camssf.learning.training import read_curves
+
+    return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
+
+
+@cache
+def chart() -> Floats:
+    """(24, 681) BabelColor's table."""
+    return read_chart("classic24").values
+
+
+@cache
+def lamp(name: str) -> Floats:
+    """(681,)."""
+    return read_lamp(name).values
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of the packages that are there, and the processor's architecture."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("numpy", "onnxruntime", *packages):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def command_parser(spec: ModuleSpec | None, doc: str | None) -> argparse.ArgumentParser:
+    """The arguments of `python -m MODULE`, whose docstring is the help."""
+    name = f"python -m {spec.name.removesuffix('.__main__')}" if spec else None
+    return argparse.ArgumentParser(prog=name, description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def take_tables(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Options for the tables that may not be passed on: `--phones`, `--foreign`, or CAMSSF_PHONES, CAMSSF_FOREIGN."""
+    words = {"phones": "measured phones, CSV", "foreign": "cameras of another laboratory, CSV"}
+    for name in names:
+        default = os.environ.get(f"CAMSSF_{name.upper()}") or None
+        parser.add_argument(f"--{name}", type=Path, default=default, help=words[name])
+
+
+def bar(name: str, value: float, limit: float, *, least: bool = False) -> dict[str, Any]:
+    """A bar with its value and whether it is met; `limit` is the least or the most that is wanted."""
+    met = bool(value >= limit if least else value <= limit)
+    return {"bar": name, "value": value, "limit": limit, "at_least": least, "met": met}
+
+
+def bars_table(bars: Iterable[dict[str, Any]]) -> Table:
+    """The bars that `bar` made."""
+    rows = [
+        (each["bar"], f"{each['value']:.4f}", f"{'≥' if each['at_least'] else '≤'} {each['limit']:g}",
+         "met" if each["met"] else "MISSED")
+        for each in bars
+    ]  # fmt: skip
+    return table("Bars", ("bar", "value", "limit", "verdict"), rows)
+
+
+def one_thread(spec: ModuleSpec | None) -> None:
+    """Start the command anew with every library held to one thread: the limits must stand before NumPy is loaded."""
+    pools = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA", "RAYON")
+    limits = {f"{name}_NUM_THREADS": "1" for name in pools}
+    if any(os.environ.get(name) != value for name, value in limits.items()):
+        assert spec is not None
+        os.execve(sys.executable, [sys.executable, "-m", spec.name, *sys.argv[1:]], os.environ | limits)
+
+
+def console() -> Console:
+    """Tables go to stdout, wide enough where that is a file."""
+    return Console() if Console().is_terminal else Console(width=160)
+
+
+def progress() -> Progress:
+    """A bar on stderr."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
+    """Words left, numbers right."""
+    made = Table(title=title, title_justify="left")
+    lines = [[str(cell) for cell in row] for row in rows]
+    for i, name in enumerate(head):
+        number = bool(lines) and all(not line[i] or line[i][0] in "0123456789-.+<" for line in lines)
+        made.add_column(name, justify="right" if number else "left")
+    for line in lines:
+        made.add_row(*line)
+    return made
+
+
+def count_missed(bars: Iterable[tuple[str, float, float, float]]) -> int:
+    """Print bars (name, value, least, most), each held or not; returns how many are not."""
+    missed = 0
+    for name, value, least, most in bars:
+        held = least <= value <= most
+        missed += not held
+        print(f"{name}: {value:.4f} (bar {least:g} to {most:g}): {'held' if held else 'MISSED'}")
+    return missed
+
+
+def save(name: str, content: dict[str, Any]) -> str:
+    """Write results/NAME.json whole or not at all; returns its place relative to the repository."""
+    RESULTS.mkdir(exist_ok=True)
+    write_file(RESULTS / f"{name}.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    return f"benchmarks/results/{name}.json"

@@ -1,0 +1,144 @@
+"""Files of golden/, and the input forms of a case as arrays (README.md)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import interpolate
+
+Json: TypeAlias = dict[str, Any]
+ROOT = Path(__file__).parent
+PENDING: dict[str, bytes] = {}
+"""Files that the generator has made but not yet written; it writes only after all checks have passed."""
+
+
+class GoldenError(ValueError):
+    """A golden file violates the format."""
+
+
+def digest(content: bytes) -> str:
+    """SHA-256, hex."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def spectra(name: str) -> Json:
+    """The content of golden/spectra/<name>.json."""
+    return parsed(content(f"spectra/{name}.json"))
+
+
+@lru_cache(maxsize=32)
+def parsed(text: bytes) -> Json:
+    """A file of JSON."""
+    parsed: Json = json.loads(text)
+    return parsed
+
+
+def dng(name: str) -> bytes:
+    """The bytes of golden/dng/<name>, from the generator's memory or from the file."""
+    return content(f"dng/{name}")
+
+
+def content(name: str) -> bytes:
+    """A file of golden/, from the generator's memory or from the disk."""
+    return PENDING[name] if name in PENDING else (ROOT / name).read_bytes()
+
+
+def sibling(name: str) -> Json:
+    """Another case by its name, from the generator's memory or from the file."""
+    return parsed(content(f"cases/{name}.json"))
+
+
+def chart(name: str) -> Floats:
+    """(24, 681) reflectance."""
+    return np.array(spectra("charts")["values"][name], float)
+
+
+def lamp(name: str) -> Floats:
+    """(681,) relative power."""
+    return np.ones(WAVELENGTHS.size) if name == "equal-energy" else np.array(spectra("lamps")["values"][name], float)
+
+
+def modes(names: list[str | None]) -> Floats:
+    """(k, q, 681) modes of each shot's kind of lamp, zeros if it has none; linear between the 5-nm nodes."""
+    known = [np.array(spectra("modes")["values"][name], float) if name else np.zeros((0, 69)) for name in names]
+    found = np.zeros((len(names), max(map(len, known)), WAVELENGTHS.size))
+    for shot, own in zip(found, known, strict=True):
+        shot[: len(own)] = interpolate(own.T).T
+    return found
+
+
+def camera(name: str) -> Floats:
+    """(681, 3) curves, linear between the 5-nm nodes."""
+    return interpolate(np.array(spectra("cameras")["values"][name], float))
+
+
+def resolve(value: Any) -> Any:
+    """The value of an input form (README.md, Input forms): an array, or nested lists if it is ragged."""
+    if isinstance(value, dict):
+        return _form(value)
+    if isinstance(value, list):
+        try:
+            return np.array(_numbers(value), float)
+        except ValueError:
+            return _numbers(value)  # shots of unequal length, which an error case needs
+    return value
+
+
+def _form(form: Json) -> Any:
+    kind = frozenset(form)
+    if kind == {"chart", "patches"}:
+        return chart(form["chart"])[np.array(form["patches"], int) - 1]
+    if kind == {"chart", "mixtures"}:
+        table, i = chart(form["chart"]), np.arange(form["mixtures"])
+        t = ((37 * i) % 100 / 100.0)[:, None]
+        return (1.0 - t) * table[i % 24] + t * table[(7 * i + 5) % 24]
+    if kind == {"lamps"}:
+        return np.stack([lamp(name) for name in form["lamps"]])
+    if kind == {"constant", "shape"}:
+        return np.full(form["shape"], _numbers(form["constant"]), float)
+    if kind == {"polynomials"}:
+        u = (WAVELENGTHS - 550.0) / 170.0
+        return np.array([[_horner(mode, u) for mode in shot] for shot in form["polynomials"]], float).reshape(
+            len(form["polynomials"]), -1, WAVELENGTHS.size
+        )
+    if kind == {"modes"}:
+        return modes(form["modes"])
+    if kind == {"camera"}:
+        return camera(form["camera"])
+    if kind == {"bells"}:
+        return np.stack(
+            [sum(h * np.exp(-0.5 * ((WAVELENGTHS - m) / s) ** 2) for h, m, s in c) for c in form["bells"]], axis=1
+        )
+    if kind == {"case", "output"}:
+        return resolve(sibling(form["case"])["outputs"][form["output"]])
+    raise GoldenError(f"there is no input form with the keys {sorted(form)}")
+
+
+def _horner(coefficients: list[float], u: Floats) -> Floats:
+    total = np.zeros_like(u)
+    for coefficient in reversed(coefficients):
+        total = total * u + coefficient
+    return total
+
+
+def _numbers(value: Any) -> Any:
+    """The numbers with "NaN" and "Infinity" as floats; JSON has no such numbers."""
+    if isinstance(value, list):
+        return [_numbers(v) for v in value]
+    if isinstance(value, str):
+        need(value in ("NaN", "Infinity", "-Infinity"), f"{value!r} is no number")
+        return float(value.replace("Infinity", "inf"))
+    return value
+
+
+def need(holds: bool, message: str) -> None:
+    """Raise GoldenError with the message unless it holds."""
+    if not holds:
+        raise GoldenError(message)

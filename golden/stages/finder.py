@@ -1,0 +1,173 @@
+"""The stage `finder`: small pictures with one, two or no charts, and what is found in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.sightings import find_sightings
+from camssf.photo.read.dng import Mosaic
+from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, photo_case, turned
+from golden.forms import Json
+from golden.products import read_photo
+
+FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
+"""Forms to which the photo is converted before the search (README.md)."""
+WIDE = View((440, 300), (-60 * 8 * 900, 900, 150), (-30 * 8 * 900, -120, 900), (48 * 8 * 900, 30, -12))
+
+
+def planes(photo: Mosaic) -> NDArray[np.int64]:
+    """(h, w, 3) DN above black (256), at least 0: red, the first green and blue of every cell."""
+    first = [photo.cfa.index(letter) for letter in "RGB"]
+    height, width = (side // 2 for side in photo.samples.shape)
+    cells = [photo.samples[k // 2 :: 2, k % 2 :: 2][:height, :width].astype(np.int64) for k in first]
+    return np.maximum(np.stack(cells, axis=2) - BLACK, 0)
+
+
+def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """(h, w, 3) 8-bit values of planes: twice the integer square root."""
+    return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
+
+
+def cases() -> Iterator[Json]:
+    """All cases, each photo in one of FORMS."""
+
+    def case(
+        name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", expect: str = "success"
+    ) -> Json:
+        photo, samples = content
+        return photo_case(f"finder/{name}", comment, {"dng": photo, "form": form}, {photo: file(samples)}, expect)
+
+    upright = ("chart-turned-0.dng", draw(turned(24, 0)))
+    for form in FORMS:
+        yield case(f"form-{form}", f"An upright chart, searched as {form}.", upright, form)
+    for turns in (1, 2, 3):
+        content = (f"chart-turned-{turns}.dng", draw(turned(24, turns)))
+        yield case(f"turned-{turns}", f"The chart turned by {90 * turns}° clockwise.", content)
+    yield case("mirrored", "A mirrored chart.", ("chart-mirrored.dng", draw(turned(24, 0), mirrored=True)))
+    wide = draw(WIDE)
+    yield case("tilted", "Turned and tilted.", ("finder-tilted.dng", wide))
+    yield case("tilted-yuv", "The same as a preview's planes.", ("finder-tilted.dng", wide), "yuv")
+    chart = draw(turned(48, 0), unrest=0)
+    large = np.full((chart.shape[0], 1960), TABLE, dtype=np.uint16)
+    large[:, 1000 : 1000 + chart.shape[1]] = chart
+    yield case("reduced", "A large photo: blocks of cells make a pixel of the search.", ("finder-large.dng", large))
+    two = np.concatenate([draw(turned(24, 0)), draw(turned(24, 2))])
+    yield case("two", "Two charts: the first in the list agrees best.", ("finder-two.dng", two))
+    row = np.concatenate([draw(turned(24, 0, margin=36)) for _ in range(2)], axis=1)
+    yield case(
+        "two-aligned", "Two charts whose rows and pitches run on from one to the other.", ("finder-row.dng", row)
+    )
+    yield case("semi-gloss", "140 patches, the classic 24 among them.", ("finder-sg140.dng", _semi_gloss(20)))
+    yield case("clutter", "Between keys and tiles.", ("finder-clutter.dng", _cluttered()))
+    yield case("keys-beside", "Between keys about as wide as patches.", ("finder-keys.dng", keys_beside()))
+    yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
+    part = draw(turned(24, 0))[:, :120]
+    yield case("part", "Half of a chart.", ("finder-part.dng", part))
+    yield case(
+        "error-small", "28 × 20 cells.", ("chart-small.dng", draw(turned(8, 0, margin=8))), expect="invalid_argument"
+    )
+
+
+def _semi_gloss(pitch: int) -> Samples:
+    """An upright chart of 140 patches, each 0.8 pitch wide."""
+    kind = next(kind for kind in chart_colours() if kind.columns == 14)
+    colours = BLACK + np.rint(12000 * kind.colours).astype(np.int64)
+    height, width = (n * pitch + 60 for n in (kind.rows, kind.columns))
+    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
+    i, j = (x - 30) // pitch, (y - 30) // pitch
+    inside = (x >= 30) & (y >= 30) & (i < kind.columns) & (j < kind.rows)
+    edge = pitch // 10
+    for place in ((x - 30) % pitch, (y - 30) % pitch):
+        inside &= (place >= edge) & (place < pitch - edge)
+    patch = np.where(inside, np.clip(j, 0, kind.rows - 1) * kind.columns + np.clip(i, 0, kind.columns - 1), 0)
+    colour = np.array([[0, 1], [1, 2]])[y % 2, x % 2]
+    noise = (29 * x + 37 * y + x * y) % 7 - 3
+    return np.asarray(np.where(inside, colours[patch, colour], GAP) + noise, dtype=np.uint16)
+
+
+def _clutter(size: tuple[int, int]) -> Samples:
+    """A background without a chart: keys in the upper third, grey tiles in the middle, marks below."""
+    width, height = size
+    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
+    noise = (29 * x + 37 * y + x * y) % 11 - 5
+    keys = np.where((x % 26 < 20) & (y % 26 < 20), 1200, 420)
+    tiles = np.where((x % 34 < 30) & (y % 34 < 30), 700 + 900 * ((5 * (x // 34) + 3 * (y // 34)) % 11), TABLE)
+    marks = np.where(((x * x // 97 + 3 * y) % 23 < 9) & (y % 14 < 8), 600, 6000)
+    third = height // 3
+    return np.asarray(np.where(y < third, keys, np.where(y < 2 * third, tiles, marks)) + noise, dtype=np.uint16)
+
+
+def keys_beside() -> Samples:
+    """An upright chart with keys next to its board: left, above and below."""
+    chart = draw(turned(32, 0))[10:-10, 10:-10]
+    height, width = chart.shape
+    y, x = np.mgrid[0 : height + 80, 0 : width + 260].astype(np.int64)
+    samples = np.where((x % 38 < 30) & ((y + 8) % 38 < 30), 1200, 420) + (29 * x + 37 * y + x * y) % 11 - 5
+    samples[30 : 30 + height, 240 : 240 + width] = chart
+    return np.asarray(samples, dtype=np.uint16)
+
+
+def _cluttered() -> Samples:
+    """The tilted chart on the background of `_clutter`."""
+    samples = _clutter((480, 320))
+    chart = draw(TILTED)
+    samples[60 : 60 + chart.shape[0], 120 : 120 + chart.shape[1]] = chart
+    return samples
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `finder`: charts found in one of the forms of a photo; the points of all charts concatenated."""
+    given = call.given
+    photo = read_photo(given["dng"])
+    found = find_sightings(_searched(photo, given["form"]))
+    seen = found.sightings
+    return {
+        "findings": list(found.findings),
+        "kinds": [each.kind for each in seen],
+        "mirrored": [each.mirrored for each in seen],
+        "seen": [each.blobs for each in seen],
+        "corners": np.array([each.corners for each in seen]).reshape(-1, 2),
+        "patches": np.concatenate([np.zeros((0, 2)), *(each.patches for each in seen)]),
+        "confidence": np.array([each.confidence for each in seen]),
+    }
+
+
+def _searched(photo: Mosaic, form: str) -> SearchImage:
+    if form == "mosaic":
+        return codes_of_mosaic(photo)
+    light = planes(photo)
+    if form == "light":
+        return codes_of_light(light.astype(np.float32))
+    picture = shown(light)
+    if form == "yuv":
+        y, blue, red = (picture[:, :, channel].astype(np.int64) for channel in (1, 2, 0))
+        u, v = (np.clip(128 + (each - y) // 2, 0, 255)[::2, ::2].astype(np.uint8) for each in (blue, red))
+        picture = rgb_of_yuv(picture[:, :, 1], u, v)
+    return codes_of_bytes(picture[:, :, 1] if form == "luma" else picture)
+
+
+LIMITS = (
+    *each("exact", 0.0, "findings kinds mirrored seen"),
+    *each("norm", 1e-13, "corners patches"),
+    *each("norm", 3e-9, "confidence"),
+)
+
+
+STAGE = Stage(
+    name="finder",
+    keys=Keys(
+        words("dng form"), words("corners patches kinds findings mirrored seen confidence"), arrays=frozenset()
+    ),
+    requires=always("finder"),
+    cases=cases,
+    run=run,
+    limits=against_stored(LIMITS),
+)

@@ -1,0 +1,142 @@
+"""The stage `light`: curves and light where nobody named the lamp, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.cross_validation import cross_validate, score
+from camssf.verdict.assumptions import assume
+from camssf.verdict.rival_lamps import weigh
+from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, case, each, limit, stored, words
+from golden.forms import Json, resolve
+from golden.products import CAPTURE, build_capture
+from golden.scenes import NIKON, PHONE, Case, dimmed, frames, uneven_light
+from golden.stages import calibrate
+
+
+def cases() -> Iterator[Json]:
+    """Cases of unnamed light: `unnamed` lists the shots, counted from 1; their `lamp` is ignored."""
+
+    def light(
+        name: str, comment: str, camera: Json, lamps: Sequence[str], unnamed: list[int], *, expect: str = "success",
+        **more: Any,
+    ) -> Case:  # fmt: skip
+        made = next(each for each in calibrate.cases() if each["case"] == "calibrate/auto-phone")["inputs"]
+        told = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(lamps, 1)]
+        k = len(lamps)
+        inputs = made | {
+            "shots": frames(camera, lamps, noise="usual"),
+            "lamp": {"lamps": told},
+            "lamp_tolerance": {"constant": 0.02, "shape": [k]},
+            "lamp_modes": {"polynomials": [[] for _ in lamps]},
+            "unnamed": unnamed,
+        }
+        return case(f"light/{name}", comment, inputs | more, expect=expect)
+
+    yield light("daylight", "A phone under D55, and nobody said so.", PHONE, ["D55"], [1])
+    yield light("white-led", "The same under a white LED: kinds are mixed.", PHONE, ["LED-B3"], [1])
+    yield light("two", "Daylight and a bulb, neither named: 64 hypotheses.", PHONE, ["D55", "A"], [1, 2])
+    yield light("one-of-two", "Daylight by its name and a bulb by none: rivals of the first alone.", PHONE,
+                ["D55", "A"], [2])  # fmt: skip
+    yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
+                basis="phones")  # fmt: skip
+    yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],
+                make="NIKON CORPORATION")  # fmt: skip
+    yield light("no-maker", "A phone's curves in a file of nobody: taken for a camera's.", PHONE, ["D55"], [1],
+                make="golden")  # fmt: skip
+    white = resolve({"chart": "babelcolor", "patches": [19]})[0]
+    yield light(
+        "uneven",
+        "A white LED that nobody named, no white frame, and light that falls off by a quarter.",
+        PHONE,
+        ["LED-B3"],
+        [1],
+        shots=dimmed(frames(PHONE, ["LED-B3"], white=white, shade=0.0, noise="usual"), uneven_light()),
+    )
+    yield light("error-paper", "A basis without a prior weighs nothing.", PHONE, ["D55"], [1], basis="gaussian",
+                gamma=1.0, expect="invalid_argument")  # fmt: skip
+    yield light("error-three", "Three lights at once are too many.", PHONE, ["D55", "A", "LED-B3"], [1, 2, 3],
+                expect="invalid_argument")  # fmt: skip
+
+
+def run(call: Call) -> dict[str, Any]:
+    """The stage `light`: curves and light for unnamed lamps, and the verdict, even if it refuses."""
+    given, engine = call.given, call.engine
+    capture, options = build_capture(given, engine)
+    free_fit = prepare_fit(capture, options)
+    ssf = free_fit.solve(free_fit.signals.used, options.gamma)
+    fit = free_fit.conditioned_on(ssf)
+    verdict = weigh(free_fit, ssf, fit.solve_alone())
+    scores = score(fit, ssf, cross_validate(fit, ssf, fit.bands(free_fit.signals.used, ssf)), None)
+    curves, std = ssf.peak()
+    assert std is not None
+    lights = [light for light in ssf.lights if light is not None]
+    return {
+        "weighed": [[weight.basis, weight.prior_scale, *weight.kinds] for weight in ssf.choice],
+        "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
+        "probability": np.array([weight.probability for weight in ssf.choice]),
+        "basis": ssf.basis,
+        "prior_scale": ssf.prior_scale,
+        "likeliest": list(ssf.kinds),
+        "ssf": curves[::10],
+        "ssf_std": std[::10],
+        "predicted": ssf.predicted,
+        "gap": ssf.gap,
+        "rmsre_percent": scores.rmsre_percent,
+        "kinds": np.array([list(light.kinds.values()) for light in lights]),
+        "power": np.stack([light.power[::10] for light in lights]),
+        "power_std": np.stack([light.std[::10] for light in lights]),
+        "kelvin": np.array([light.kelvin for light in lights]),
+        "kelvin_std": np.array([light.kelvin_std for light in lights]),
+        "status": verdict.status,
+        "codes": [reason.code for reason in verdict.reasons],
+        "messages": [reason.message for reason in verdict.reasons],
+        "values": np.array([float(reason.value or 0.0) for reason in verdict.reasons]) if verdict.reasons else None,
+        "thresholds": np.array([float(reason.threshold or 0.0) for reason in verdict.reasons])
+        if verdict.reasons
+        else None,
+        "said": [each.message for each in assume(capture, ssf, fit.level(ssf)) if each.code == "lamp"],
+    }
+
+
+LIMITS = (
+    *each("exact", 0.0, "weighed"),
+    *each("relative", 1e-10, "log_evidence"),
+    *each("norm", 1e-8, "probability"),
+    *each("exact", 0.0, "basis prior_scale likeliest"),
+    *each("norm", 1e-9, "ssf ssf_std predicted"),
+    *each("norm", 1e-8, "rmsre_percent kinds"),
+    *each("norm", 1e-9, "power power_std"),
+    *each("relative", 1e-9, "kelvin kelvin_std"),
+    *each("exact", 0.0, "status codes messages"),
+    *each("relative", 1e-8, "values"),
+    *each("relative", 1e-15, "thresholds"),
+    *each("exact", 0.0, "said"),
+)
+
+
+def limits(made: Json, scene: Json) -> list[Json]:
+    """Against the stored outputs, and the gap."""
+    return [*stored(made, LIMITS), limit("gap", "outputs", "at_most", LARGEST_GAP)]
+
+
+STAGE = Stage(
+    name="light",
+    keys=Keys(
+        CAPTURE | words("unnamed"),
+        words(
+            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale likeliest rmsre_percent "
+            "kinds power power_std kelvin kelvin_std status codes messages values thresholds said"
+        ),
+        words("make model"),
+        rounded=words("ssf ssf_std power power_std predicted"),
+    ),
+    requires=always("signals", "model"),
+    cases=cases,
+    run=run,
+    limits=limits,
+)

@@ -1,0 +1,87 @@
+"""docs/faults.json and the tables of docs/verdict.md, from the last run's numbers: `python -m tools.faults_table`.
+
+`python -m benchmarks.claims.faults` counts them.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks.shared import RESULTS
+from camssf.files import write_file
+from camssf.simulation.faults import FAULTS
+
+DOCS = Path(__file__).parents[1] / "docs"
+BEGIN, END = "<!-- python -m tools.faults_table -->", "<!-- end -->"
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """The tables of docs/verdict.md: what became of every fault in every severity, and the rest in short."""
+    bars_ = {bar["bar"]: bar["value"] for bar in found["bars"]}
+    clean, pair = found["clean"], found["two_shots"]
+    lines = [
+        f"- Good captures: {clean['accepted']} of {clean['captures']} accepted, {clean['doubtful']} doubtful, "
+        f"{clean['refused']} refused; mean RMSE {clean['rmse']:.3f}.",
+        f"- Harmful faults caught: {bars_['severity 2: harmful caught']:.1%} at severity 2, "
+        f"{bars_['severity 3: harmful caught']:.1%} at severity 3.",
+        f"- The 95 % bands of everything that was accepted, faults included, cover {found['coverage']:.1%}.",
+        f"- {found['files']['same']} of {found['files']['captures']} verdicts are the same through DNG files and the "
+        "whole of `calibrate`.",
+        "",
+    ]
+    lines += ["| fault | what goes wrong | severity 1 | severity 2 | severity 3 |", "|---|---|---|---|---|"]
+    for name, each in found["faults"].items():
+        cells = []
+        for degree, row in zip(FAULTS[name].degrees, each, strict=True):
+            parts = {
+                "refused": row["refused"],
+                "doubtful": row["doubtful"],
+                "harmless": row["accepted"] - row["missed"],
+                "**missed**": row["missed"],
+            }
+            counted = [f"{count} {word}" for word, count in parts.items() if count]
+            whole = [word for word, count in parts.items() if count == row["captures"]]
+            cells.append(f"{degree}: " + ", ".join(whole or counted))
+        lines.append(f"| `{name}` | {FAULTS[name].what} | {' | '.join(cells)} |")
+    bare = [
+        f"{name}: {row['harmful_caught']} of {row['harmful']}"
+        for name, row in found["without_matrix"].items()
+        if row["harmful"]
+    ]
+    spoilt = [f"{name} {row['caught']}, {row['named']}" for name, row in pair["faults"].items()]
+    (captures,) = {row["captures"] for row in pair["faults"].values()}
+    field = [
+        f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
+        f"bands cover {row['coverage']:.1%}"
+        for name, row in found["field"].items()
+    ]
+    lines += [
+        "",
+        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
+        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3, {captures} pairs of each fault; caught, "
+        f"and only the right shot named: {'; '.join(spoilt)}. Of {pair['clean']} good pairs {pair['clean_caught']} "
+        f"were doubted; with 1 % of drift between chart and white frame {pair['drifting_caught']}, and the RMSE "
+        f"rises from {pair['rmse']:.3f} to {pair['drifting_rmse']:.3f}.",
+        "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
+        f"same photo with all: {'; '.join(field)}.",
+    ]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """The command."""
+    found = json.loads((RESULTS / "faults.json").read_text("utf-8"))
+    found.pop("versions")
+    write_file(DOCS / "faults.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    page = (DOCS / "verdict.md").read_text("utf-8")
+    head, _, rest = page.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    write_file(DOCS / "verdict.md", f"{head}{BEGIN}\n{markdown(found)}\n{END}{tail}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,155 @@
+"""docs/real.md's tables, its picture and docs/real.json, from the last run's numbers: `python -m tools.real_page`.
+
+`python -m benchmarks.claims.real` measures them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.claims.real import CLAIM, DRAWS, LEFT_OUT, MEASURED, PAPER, d70, line_of, scores_of, solve
+from benchmarks.shared import RESULTS
+from camssf.files import write_file
+from camssf.grid import WAVELENGTHS
+
+DOCS = Path(__file__).parents[1] / "docs"
+PICTURE = "images/real-d70.png"
+
+
+def begin(part: str) -> str:
+    """The mark before a table of the page."""
+    return f"<!-- python -m tools.real_page: {part} -->"
+
+
+END = "<!-- end -->"
+
+
+RGB = ("#c0392b", "#1e8449", "#2455a4")
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *rows])
+
+
+def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A row for each chart, tolerance and light of a patch, a column for each basis; z and weight are the claim's."""
+    settings: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        settings.setdefault(tuple(line_of(row)[:3]), {})[row["basis"]] = row
+    bases = list(dict.fromkeys(row["basis"] for row in rows))
+    lines = []
+    for setting, each in settings.items():
+        z, weight = line_of(each[CLAIM])[-2:]
+        cells = [", ".join(scores_of(each[basis]["passes"])) if basis in each else "" for basis in bases]
+        lines.append([*setting, *cells, z, weight])
+    return _markdown(("chart", "tolerance", "light of a patch", *bases, "z", "weight of `cameras`"), lines)
+
+
+def _reasons(reasons: Sequence[tuple[str, str]], shown: set[str]) -> str:
+    """Codes, each with its message where that is new on the page."""
+    words = [f"`{code}`" if message in shown else f"`{code}`: {message}" for code, message in reasons]
+    shown.update(message for _, message in reasons)
+    return "; ".join(words)
+
+
+def markdown(found: Mapping[str, Any]) -> dict[str, str]:
+    """The page's tables by name."""
+    shared = [
+        [name, each, f"{100 * row['shared']:.1f} %", " ".join(f"{100 * v:.1f}" for v in row["rest"]) + " %"]
+        for name, passes in found["scatter"].items()
+        for each, row in passes.items()
+    ]
+    held = [[name, *scores_of(passes)] for name, passes in found["references"].items()]
+    held += [[f"{row['basis']}, light evened out by pass 2011", *scores_of(row["passes"])] for row in found["mended"]]
+    drawn = [f"{rmse:.3f} ({100 * kept:.0f})" for rmse, kept in zip(*found["simulated"].values(), strict=True)]
+    held += [[f"{LEFT_OUT}, {DRAWS} simulated captures like it: median", drawn[1], ""]]
+    held += [["their 5th and 95th percentiles", f"{drawn[0]}; {drawn[2]}", ""]]
+    seen = []
+    shown: set[str] = set()
+    for row in found["photo"]:
+        band = row.get("band")
+        said = _reasons(row["reasons"], shown)
+        wide = "" if band is None else " ".join(f"±{value:.2f}" for value in band)
+        seen.append([row["lamp"], row["status"], said, wide, f"{row['away']:.3f}" if row.get("away") else ""])
+    missed = [[each["bar"], f"{each['value']:.3g}", each["limit"]] for each in found["bars"] if not each["met"]]
+    limits = f"{len(found['bars']) - len(missed)} of {len(found['bars'])} bars are met (`bars` in `docs/real.json`)."
+    if missed:
+        limits += "\n\n" + _markdown(("bar missed", "value", "limit"), missed)
+    return {
+        "curves": _by_setting(found["rows"]),
+        "references": _markdown(("for comparison", "2011", "2010"), held),
+        "scatter": _markdown(("chart", "pass", "shared by the channels", "left in red, green, blue"), shared),
+        "photo": _markdown(
+            ("lamp given", "verdict", "why", "95 % band, red, green, blue", "difference from `bulb`"), seen
+        ),
+        "bars": limits,
+    }
+
+
+def page(text: str, found: Mapping[str, Any]) -> str:
+    """The page with its tables made anew."""
+    for part, made in markdown(found).items():
+        head, mark, rest = text.partition(begin(part))
+        _, end, tail = rest.partition(END)
+        if not mark or not end:
+            raise ValueError(f"real.md has no place for a table: {begin(part)} and {END}")
+        text = f"{head}{mark}\n{made}\n{END}{tail}"
+    return text
+
+
+def draw(path: Path) -> None:
+    """The curves beside both passes."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+    from PIL import Image
+
+    figure, panels = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
+    at = d70().at
+    nm = WAVELENGTHS[at]
+    for panel, basis, title in zip(
+        panels, (CLAIM, PAPER), ("camssf, no Nikon in its basis", "l1 on Gaussians (the paper)"), strict=True
+    ):
+        curves, std = solve(basis, MEASURED, 0.08)[1].peak()
+        for c, shade in enumerate(RGB):
+            panel.plot(WAVELENGTHS, curves[:, c], color=shade, linewidth=1.5)
+            if std is not None:
+                low, high = (curves[:, c] + way * 1.96 * std[:, c] for way in (-1, 1))
+                panel.fill_between(WAVELENGTHS, low, high, color=shade, alpha=0.15, linewidth=0)
+            for truth, mark in zip(d70().truth.values(), ("o", "x"), strict=True):
+                panel.plot(nm, truth[at, c], mark, color=shade, markersize=3.5, markeredgewidth=0.8, fillstyle="none")
+        panel.set_title(title, fontsize=10)
+        panel.set_xlabel("nm")
+        panel.set_xlim(390, 710)
+        panel.grid(alpha=0.3)
+    for mark, label in (("-", "recovered from the chart"), ("o", "monochromator 2011"), ("x", "monochromator 2010")):
+        panels[0].plot([], [], mark, color="black", markersize=3.5, fillstyle="none", label=label)
+    panels[0].set_ylim(-0.12, 1.3)
+    panels[0].set_ylabel("Nikon D70, peak 1")
+    panels[0].legend(fontsize=8, loc="upper right")
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=90)
+    plt.close(figure)
+    small = io.BytesIO()
+    Image.open(drawn).convert("RGB").quantize(160).save(small, format="png", optimize=True)
+    write_file(path, small.getvalue())
+
+
+def main() -> int:
+    """The command."""
+    found = json.loads((RESULTS / "real.json").read_text("utf-8"))
+    text = (DOCS / "real.md").read_text("utf-8")
+    draw(DOCS / PICTURE)
+    write_file(DOCS / "real.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    write_file(DOCS / "real.md", page(text, found).encode())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
