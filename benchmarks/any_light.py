@@ -34,7 +34,7 @@ from camssf.fit.capture_fit import prepare_fit
 from camssf.grid import Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
@@ -123,7 +123,7 @@ def capture(device: Device, lamps: Sequence[str], told: Sequence[Light], maker: 
         photo = Photo(f"{number}.dng", 600, 400, 1, None, None, False, maker, model, f"{number:064d}")
         white, dark = frame(np.ones_like(y), 1e-5 * np.ones_like(y)), frame(np.zeros_like(y), np.zeros_like(y))
         means = PatchMeans(frame(y + noise, error), white, dark, np.full(3, BLACK), 16383.0)
-        shots.append(Shot(light, photo, photo, photo, pose(), means, None))
+        shots.append(MeasuredShot(light, photo, photo, photo, pose(), means, None))
     return Capture(tuple(shots), read_chart("classic24"), None)
 
 

@@ -18,7 +18,7 @@ from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.cross_validation import cross_validate, score
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.find.sightings import find_sightings
@@ -525,7 +525,7 @@ def _capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     )
     unnamed = given.get("unnamed", ())
     shots = tuple(
-        Shot(
+        MeasuredShot(
             Unnamed() if j in unnamed else Lamp("golden", values, float(tolerance), modes, "golden/spectra"),
             photo,
             photo if shot["white"] else None,

@@ -22,6 +22,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit
 from camssf.options import Options
 from camssf.photo.capture import Capture
+from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL
 from camssf.recovery.observation import Observation
@@ -434,4 +435,4 @@ def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
     check_document(document, "test")
     assert document["verdict"]["status"] == "refused"
     with pytest.raises(InvalidArgument, match="has no tolerance"):
-        attempt(tmp_path / "none.dng", options=Options(lamp_tolerance=["2%"]))
+        attempt(Shot(tmp_path / "none.dng", lamp_tolerance="2%"))

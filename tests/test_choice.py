@@ -17,7 +17,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit, prior_odds
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
@@ -283,7 +283,7 @@ def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = N
             replace(clean, mean=clean.mean + noise), frame(np.ones((24, 3))), frame(np.zeros((24, 3))),
             np.full(3, BLACK), 16383.0,
         )  # fmt: skip
-        shots.append(Shot(read_lamp(name), photo, photo, photo, pose(), means, None))
+        shots.append(MeasuredShot(read_lamp(name), photo, photo, photo, pose(), means, None))
     return Capture(tuple(shots), TABLE, None)
 
 

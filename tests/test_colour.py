@@ -574,14 +574,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str
 
     folder = tmp_path_factory.mktemp("colour")
     scene = simulate("Nikon 5100 (NPL)", ["D55", "A"], folder, scene=Scene(size=(900, 675)), seed=3)
-    frames = {role: [str(getattr(shot, role)) for shot in scene.shots] for role in ("chart", "white", "dark")}
-    found = attempt(
-        frames["chart"],
-        [shot.lamp for shot in scene.shots],
-        white=frames["white"],
-        dark=frames["dark"],
-        options=Options(engine="reference"),
-    )
+    found = attempt([each.shot for each in scene.shots], options=Options(engine="reference"))
     document = found.document()
     (folder / "result.json").write_bytes(document_bytes(document))
     return folder, document

@@ -323,9 +323,7 @@ def test_a_photo_without_a_white_frame(tmp_path: Path) -> None:
     camera = CameraCurves("phone", resolve(PHONE), "golden")
     shot = simulate(camera, ["D55"], tmp_path, scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10)).shots[0]
     bare = calibrate(shot.chart, "D55", options=Options(basis="phones"), truth=camera)
-    framed = calibrate(
-        shot.chart, "D55", white=shot.white, dark=shot.dark, options=Options(basis="phones"), truth=camera
-    )
+    framed = calibrate(shot.shot, options=Options(basis="phones"), truth=camera)
     assert bare.verdict.status == framed.verdict.status == "accepted"
     assert bare.scores.rmse is not None
     assert framed.scores.rmse is not None

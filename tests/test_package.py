@@ -100,6 +100,7 @@ def test_public_names() -> None:
         "Observation",
         "Options",
         "Result",
+        "Shot",
         "calibrate",
         "find_chart",
         "measure_patches",

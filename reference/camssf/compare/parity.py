@@ -34,12 +34,13 @@ from camssf.documents.result_json import compare
 from camssf.documents.unnamed_light import light_differences
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.options import DEFAULTS, Options
-from camssf.photo.capture import Capture, PathLike, Progress, Shot, photo_of
+from camssf.photo.capture import Capture, MeasuredShot, Progress, photo_of
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.sidecar import photo_hash
+from camssf.photo.shot import PathLike, Shot
 from camssf.recovery.hypotheses import AUTO
 from camssf.spectra import CameraCurves, ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
@@ -156,7 +157,8 @@ def parity(
     if any(shot["pose"] is None or not shot["patches"] for shot in shots):
         tell("calibrating", 0.5)
         alike = Options(white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch)
-        made = attempt(files, lights, white=whites, dark=darks, chart=table, options=alike).document()
+        given = [Shot(*each) for each in zip(files, lights, whites, darks, strict=True)]
+        made = attempt(given, chart=table, options=alike).document()
         _rename(made, document, (files, whites, darks))
         sought = any(reason["code"] == "chart_not_found" for reason in document["verdict"]["reasons"])
         but = ("/shots", *_files_skipped(specs, chart), *(WORDS if sought else ()))
@@ -343,8 +345,8 @@ def _measure(
         )  # fmt: skip
         shading = shot.get("lens_shading", LENS_SHADING[0])
         means = measure_patches(photo, pose, white=white, dark=dark, lens_shading=shading)
-        white_photo, dark_photo = (None if frame is None else photo_of(frame) for frame in (white, dark))
-        measured.append(Shot(lamp, photo_of(photo), white_photo, dark_photo, pose, means, None, shading))
+        of_white, of_dark = (None if frame is None else photo_of(frame) for frame in (white, dark))
+        measured.append(MeasuredShot(lamp, photo_of(photo), of_white, of_dark, pose, means, None, shading))
     return Capture(tuple(measured), table, white_reflectance)
 
 

@@ -16,7 +16,7 @@ from camssf.errors import InvalidArgument
 from camssf.fit.gain_modes import gain_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, listed
+from camssf.photo.capture import Capture
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis
 from camssf.recovery.hypotheses import AUTO, CLEAR, recover
@@ -230,7 +230,10 @@ def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     """Mask (n,) of the patches with these 1-based numbers."""
     if fit is None:
         return np.ones(n, dtype=bool)
-    numbers = listed("fit", fit)
+    try:
+        numbers = list(fit)
+    except TypeError as error:
+        raise InvalidArgument(f"{fit!r} is no list of patches.", "Give the patches' numbers, as range(7, 19).") from error
     if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
         raise InvalidArgument(
             f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",

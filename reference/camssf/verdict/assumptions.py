@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from camssf.grid import Floats
-from camssf.photo.capture import Capture, Shot
+from camssf.photo.capture import Capture, MeasuredShot
 from camssf.photo.signals import Assumption
 from camssf.recovery.sensitivity import EstimatedLamp, Ssf
 from camssf.spectra import Lamp, Light
@@ -45,7 +45,7 @@ def _named(lamp: Light) -> str:
     )
 
 
-def _uneven(where: str, shot: Shot, ssf: Ssf, level: Floats) -> list[Assumption]:
+def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Assumption]:
     """Describes how even the light was, and how that was found."""
     if not ssf.gain_code.size:
         flat = "the light was the same all over the chart."
@@ -83,7 +83,7 @@ def _levels(name: str, whose: str) -> str:
     )
 
 
-def _shading(shot: Shot) -> str:
+def _shading(shot: MeasuredShot) -> str:
     """Describes how the lens-shading map in a shot's file was used."""
     map_of = f"{shot.photo.name} holds a lens-shading map;"
     if shot.lens_shading == "apply":
