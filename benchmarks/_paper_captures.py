@@ -112,7 +112,7 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                     world_found[method] = {"refused": error.code}
                     continue
                 s = answer.ssf.values
-                seen_by = answer.ssf.lamp[0]
+                seen_by = answer.ssf.light.lamp[0]
                 predicted = ((large.values * seen_by) @ s) / (seen_by @ s)
                 scores = validate(signals, predicted[None], large, [told], s, camera, unseen)
                 floor = ((large.values * light.values) @ curves) / (light.values @ curves)

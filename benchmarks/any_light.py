@@ -149,7 +149,7 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
 
 def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
     """The first shot's light beside the true one."""
-    found = ssf.lights[0] if ssf.lights else None
+    found = ssf.light.lights[0] if ssf.light.lights else None
     if found is None:
         return {}, None, None
     true = read_lamp(lamp).values / read_lamp(lamp).values.mean()

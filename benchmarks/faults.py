@@ -457,9 +457,7 @@ def through_files(
             shot = done.shots[0]
             try:
                 with standing_in(basis):
-                    result = from_files(
-                        shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(engine="reference")
-                    )
+                    result = from_files(shot.shot, options=Options(engine="reference"))
                 status = result.verdict.status
             except CalibrationError:
                 status = "refused"

@@ -24,6 +24,7 @@ from camssf.grid import Floats
 from camssf.recovery.basis import Basis
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
@@ -77,9 +78,7 @@ def main(arguments: list[str] | None = None) -> int:
                     answer = recover(
                         Observation(y, chart(), light, standard_error=error, **told),
                         basis=truncated(bases[name], count),
-                        l2=l2,
-                        gamma=gamma,
-                        engine="reference",
+                        settings=SolverSettings(l2=l2, gamma=gamma, engine="reference"),
                     )
                     errors.setdefault((i, column), []).append(score(answer, cameras[name])[0])
                 bar.advance(task)

@@ -31,7 +31,15 @@ from camssf.recovery.layers import DEPTH
 from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model, load_model
-from camssf.recovery.sensitivity import Hypothesis, Ssf
+from camssf.recovery.sensitivity import (
+    FitSettings,
+    Hypothesis,
+    Illumination,
+    Posterior,
+    Proof,
+    SolverSettings,
+    Ssf,
+)
 from camssf.recovery.solve import solve
 from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
 from camssf.verdict.assumptions import assume
@@ -243,19 +251,23 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         ssf = recover(
             _observation(given, signals, tuple(frames) if sound else None),
             basis=given["basis"],
-            l2=given["l2"],
-            gamma=given["gamma"],
-            nonnegative=given["nonnegative"],
-            engine=engine,
+            settings=SolverSettings(
+                l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=engine
+            ),
             prior_scale=_scale(given),
         )
-        names = ("code", "code_covariance", "predicted", "gap", "layers_gap", "finish_steps", "channel_gain")
+        names = ("code_covariance", "log_evidence")
+        posterior = dict.fromkeys(names) if ssf.posterior is None else vars(ssf.posterior)
         found = {
             "ssf": ssf.values,
             "ssf_std": ssf.std,
             "signals": np.stack(signals),
-            "evidence": ssf.log_evidence,
-        } | {name: getattr(ssf, name) for name in names}
+            "evidence": posterior["log_evidence"],
+            "code": ssf.code,
+            "code_covariance": posterior["code_covariance"],
+            "predicted": ssf.predicted,
+            "channel_gain": ssf.light.channel_gain,
+        } | vars(ssf.proof)
     return found | {"objective": _objective(given, _rows(given, np.stack(signals)), found["code"])}
 
 
@@ -274,10 +286,9 @@ def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
     ssf = recover(
         _observation(given, signals, frames),
         basis=given["basis"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        nonnegative=given["nonnegative"],
-        engine=engine,
+        settings=SolverSettings(
+            l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=engine
+        ),
         prior=given["prior"],
     )
     curves, std = ssf.peak()
@@ -286,12 +297,12 @@ def _choice(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "weighed": [[weight.basis, weight.prior_scale] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
-        "basis": ssf.basis,
-        "prior_scale": ssf.prior_scale,
+        "basis": ssf.settings.basis,
+        "prior_scale": ssf.settings.prior_scale,
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,
-        "gap": ssf.gap,
+        "gap": ssf.proof.gap,
     }
 
 
@@ -476,9 +487,15 @@ def _verdict(given: dict[str, Any]) -> dict[str, Any]:
 
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
-            curves, std, code, spread, predicted, np.zeros(3), np.zeros(1), np.zeros(1, np.int64), None, np.zeros(3),
-            1.0, np.ones(3), basis, "golden", given["lamp"], choice=choice,
-        )  # fmt: skip
+            values=curves,
+            code=code,
+            posterior=None if std is None else Posterior(std, np.eye(code.size) if spread is None else spread, 0.0),
+            predicted=predicted,
+            light=Illumination(given["lamp"], np.zeros((1, 0)), np.ones(3)),
+            proof=Proof(np.zeros(3), np.zeros(1), np.zeros(1, np.int64)),
+            settings=FitSettings(basis, 1.0, 1.0, np.zeros(3), "golden"),
+            choice=choice,
+        )
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
     alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
@@ -606,8 +623,8 @@ def _calibrate(given: dict[str, Any], engine: str) -> dict[str, Any]:
         "ssf": curves,
         "ssf_std": std,
         "predicted": done.ssf.predicted,
-        "gap": done.ssf.gap,
-        "channel_gain": done.ssf.channel_gain,
+        "gap": done.ssf.proof.gap,
+        "channel_gain": done.ssf.light.channel_gain,
         "rmsre_percent": done.scores.rmsre_percent,
         "codes": [reason.code for reason in done.verdict.reasons],
     }
@@ -623,18 +640,18 @@ def _light(given: dict[str, Any], engine: str) -> dict[str, Any]:
     scores = score(fit, ssf, cross_validate(fit, ssf, fit.bands(free_fit.signals.used, ssf)), None)
     curves, std = ssf.peak()
     assert std is not None
-    lights = [light for light in ssf.lights if light is not None]
+    lights = [light for light in ssf.light.lights if light is not None]
     return {
         "weighed": [[weight.basis, weight.prior_scale, *weight.kinds] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
-        "basis": ssf.basis,
-        "prior_scale": ssf.prior_scale,
-        "likeliest": list(ssf.kinds),
+        "basis": ssf.settings.basis,
+        "prior_scale": ssf.settings.prior_scale,
+        "likeliest": list(ssf.light.kinds),
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,
-        "gap": ssf.gap,
+        "gap": ssf.proof.gap,
         "rmsre_percent": scores.rmsre_percent,
         "kinds": np.array([list(light.kinds.values()) for light in lights]),
         "power": np.stack([light.power[::10] for light in lights]),

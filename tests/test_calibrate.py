@@ -75,7 +75,7 @@ def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, b
     assert result.scores.rmse is not None
     assert result.scores.rmse.mean() < bound
     assert (result.scores.rmsre_percent < 3.0).all()
-    assert (result.ssf.gap < 1e-9).all()
+    assert (result.ssf.proof.gap < 1e-9).all()
     assert result.verdict.status == "accepted"
     assert (result.ssf.std is None) == (basis == "gaussian")
 

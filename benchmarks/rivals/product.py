@@ -6,6 +6,7 @@ from benchmarks.rivals import Given
 from camssf.grid import Floats
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 
 NAME = "elastic net on cameras (camssf)"
 WEIGHTS = (0.0,)
@@ -24,5 +25,5 @@ def estimate(given: Given, weight: float) -> Floats:
             white_tolerance=0.0,
         ),
         basis=given.basis,
-        engine="reference",
+        settings=SolverSettings(engine="reference"),
     ).values

@@ -6,6 +6,7 @@ from benchmarks.rivals import Given
 from camssf.grid import Floats
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 
 NAME = "l1 on cameras"
 WEIGHTS = (0.0,)
@@ -24,7 +25,5 @@ def estimate(given: Given, weight: float) -> Floats:
             white_tolerance=0.0,
         ),
         basis=given.basis,
-        l2=0.0,
-        gamma=1.4,
-        engine="reference",
+        settings=SolverSettings(l2=0.0, gamma=1.4, engine="reference"),
     ).values

@@ -6,6 +6,7 @@ from benchmarks.rivals import Given
 from camssf.grid import Floats
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 
 NAME = "l1 on Gaussians, γ tuned"
 WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
@@ -24,5 +25,5 @@ def estimate(given: Given, weight: float) -> Floats:
             white_tolerance=0.0,
         ),
         basis="gaussian",
-        gamma=weight,
+        settings=SolverSettings(gamma=weight),
     ).values

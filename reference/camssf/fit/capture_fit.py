@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from numbers import Integral
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +22,7 @@ from camssf.recovery.hypotheses import AUTO, CLEAR, recover
 from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import Ssf, predict_signals
+from camssf.recovery.sensitivity import SolverSettings, Ssf, predict_signals
 from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
 from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed
@@ -67,7 +66,7 @@ class CaptureFit:
 
     def level(self, ssf: Ssf) -> Floats:
         """1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`."""
-        return levels(ssf.gain_code, self.gains[0])
+        return levels(ssf.light.gain_code, self.gains[0])
 
     def levelled(self, ssf: Ssf) -> Signals:
         """The signals corrected to even light."""
@@ -80,8 +79,9 @@ class CaptureFit:
         """The fit with the basis, width and kinds of light that `ssf` found, for fits to parts of the capture."""
         if not ssf.choice:
             return self
-        posed = self.with_kinds(ssf.kinds) if ssf.kinds else self
-        return replace(posed, basis=ssf.basis if self.basis == AUTO else self.basis, prior_scale=ssf.prior_scale)
+        posed = self.with_kinds(ssf.light.kinds) if ssf.light.kinds else self
+        basis = ssf.settings.basis if self.basis == AUTO else self.basis
+        return replace(posed, basis=basis, prior_scale=ssf.settings.prior_scale)
 
     def with_kinds(self, kinds: Sequence[str]) -> CaptureFit:
         """The fit with these kinds of light, one a shot; "" keeps a shot's lamp."""
@@ -119,16 +119,19 @@ class CaptureFit:
 
     def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
         """`recover` on the used patches (k, n); the result predicts all n patches."""
-        options = self.options
-        how: dict[str, Any] = {
-            "basis": self.basis, "prior_scale": self.prior_scale, "prior": self.prior_odds,
-            "l2": options.l2, "gamma": gamma, "nonnegative": options.nonnegative, "engine": options.engine,
-        }  # fmt: skip
-        table = self.capture.chart.values
+        settings = SolverSettings(
+            l2=self.options.l2, gamma=gamma, nonnegative=self.options.nonnegative, engine=self.options.engine
+        )
+        table, (rho, _) = self.capture.chart.values, self.white_reference()
         if any(self.unnamed):
-            return recover_in_any_light(self._guesses(used), of=table, **how)
-        ssf, (rho, _) = recover(self.given(used), **how), self.white_reference()
-        return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.lamp, rho))
+            return recover_in_any_light(
+                self._guesses(used), basis=self.basis, prior=self.prior_odds, prior_scale=self.prior_scale,
+                of=table, settings=settings,
+            )  # fmt: skip
+        ssf = recover(
+            self.given(used), basis=self.basis, prior=self.prior_odds, prior_scale=self.prior_scale, settings=settings
+        )
+        return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.light.lamp, rho))
 
     def _guesses(self, used: NDArray[np.bool_]) -> list[LampGuess]:
         """All combinations of kinds for the unnamed lights."""
@@ -233,7 +236,9 @@ def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     try:
         numbers = list(fit)
     except TypeError as error:
-        raise InvalidArgument(f"{fit!r} is no list of patches.", "Give the patches' numbers, as range(7, 19).") from error
+        raise InvalidArgument(
+            f"{fit!r} is no list of patches.", "Give the patches' numbers, as range(7, 19)."
+        ) from error
     if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
         raise InvalidArgument(
             f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",

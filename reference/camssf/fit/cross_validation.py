@@ -49,7 +49,7 @@ def cross_validate(fit: CaptureFit, ssf: Ssf, predicted_std: Floats | None) -> C
     for fold in range(FOLDS):
         left_out = np.zeros(rest.size, dtype=bool)
         left_out[taken[fold::FOLDS]] = True
-        answer = fit.solve(signals.used & ~left_out, ssf.gamma)
+        answer = fit.solve(signals.used & ~left_out, ssf.settings.gamma)
         # Each fold estimates its own illumination. Its predictions are rescaled to the full fit's.
         scale = (level / fit.level(answer)[:, :, None])[:, left_out]
         values[:, left_out] = scale * answer.predicted[:, left_out]

@@ -22,7 +22,7 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     ]
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
-        light = ssf.lights[j] if ssf.lights else None
+        light = ssf.light.lights[j] if ssf.light.lights else None
         found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
         found += _uneven(where, shot, ssf, level[j])
         told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
@@ -47,7 +47,7 @@ def _named(lamp: Light) -> str:
 
 def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Assumption]:
     """Describes how even the light was, and how that was found."""
-    if not ssf.gain_code.size:
+    if not ssf.light.gain_code.size:
         flat = "the light was the same all over the chart."
         return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
     if shot.means.white is not None:
