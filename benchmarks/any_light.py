@@ -31,6 +31,7 @@ from benchmarks.wrong_lamps import populations, stands_in
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.grid import Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
@@ -136,7 +137,7 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     except CalibrationError as error:
         fit = prepare_fit(asked, options)
         status, codes = "refused", tuple(each.code for each in error.reasons) or (error.code,)
-        ssf = fit.solve(fit.signals.used, None)
+        ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     assert std is not None  # both bases have bands
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]

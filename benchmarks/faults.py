@@ -39,6 +39,7 @@ from camssf.calibration import calibrate as from_files
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.grid import STEP, Floats
 from camssf.learning.training import HANDFUL, maker_of, read_curves
 from camssf.options import Options
@@ -250,7 +251,7 @@ def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outco
                 return Outcome("refused", (error.code,), None, None, (error.message,))
             verdict = Verdict("refused", error.reasons)
             fit = prepare_fit(capture, options)
-            ssf = fit.solve(fit.signals.used, None)
+            ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None

@@ -16,6 +16,7 @@ from camssf.colour.regions import measure_regions
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.cross_validation import cross_validate, score
+from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
@@ -608,7 +609,7 @@ def _rivals(given: dict[str, Any]) -> dict[str, Any]:
     """The stage `rivals`: `camssf.verdict.rival_lamps.weigh_rivals`, the gain of every lamp for each shot."""
     capture, options = _capture(given, "reference")
     fit = prepare_fit(capture, options)
-    found = weigh_rivals(fit, fit.solve(fit.signals.used, options.gamma))
+    found = weigh_rivals(fit, recover_fit(fit, fit.signals.used, options.gamma))
     return {"gains": np.array([rival.gain for rival in found]).reshape(len(capture.shots), -1)}
 
 
@@ -634,10 +635,10 @@ def _light(given: dict[str, Any], engine: str) -> dict[str, Any]:
     """The stage `light`: curves and light for unnamed lamps, and the verdict, even if it refuses."""
     capture, options = _capture(given, engine)
     free_fit = prepare_fit(capture, options)
-    ssf = free_fit.solve(free_fit.signals.used, options.gamma)
+    ssf = recover_fit(free_fit, free_fit.signals.used, options.gamma)
     fit = free_fit.conditioned_on(ssf)
-    verdict = weigh(free_fit, ssf, fit.solve_alone())
-    scores = score(fit, ssf, cross_validate(fit, ssf, fit.bands(free_fit.signals.used, ssf)), None)
+    verdict = weigh(free_fit, ssf, recover_each_shot(fit))
+    scores = score(fit, ssf, cross_validate(fit, ssf, prediction_bands(fit, free_fit.signals.used, ssf)), None)
     curves, std = ssf.peak()
     assert std is not None
     lights = [light for light in ssf.light.lights if light is not None]

@@ -20,6 +20,7 @@ from camssf.documents.result_json import check_document
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.shot import Shot
@@ -313,7 +314,7 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
             solve(given)
         assert "writes the phone's maker" in caught.value.advice
         fit = prepare_fit(given, Options())
-        ssf = fit.solve(fit.signals.used, None)
+        ssf = recover_fit(fit, fit.signals.used, None)
         odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
         assert odds > 1.0
         assert caught.value.value == pytest.approx(odds / (odds + 20.0))

@@ -392,10 +392,8 @@ def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], wo
 
 def test_every_option_is_one_that_the_product_uses() -> None:
     """A misspelt or forgotten one would be taken and do nothing."""
-    source = "".join(
-        (ROOT / path).read_text("utf-8")
-        for path in ("reference/camssf/photo/capture.py", "reference/camssf/fit/capture_fit.py")
-    ) + (ROOT / "reference/camssf/calibration.py").read_text("utf-8")
+    files = ("photo/capture.py", "fit/capture_fit.py", "fit/solutions.py", "calibration.py")
+    source = "".join((ROOT / "reference" / "camssf" / path).read_text("utf-8") for path in files)
     assert all(f"options.{each.name}" in source for each in fields(Options))
 
 

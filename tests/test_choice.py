@@ -15,6 +15,7 @@ from camssf.calibration import solve
 from camssf.documents.basis_choice import choice_of, odds_in_words
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit, prior_odds
+from camssf.fit.solutions import recover_fit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
@@ -338,10 +339,10 @@ def test_what_follows_stands_on_the_basis_that_answered() -> None:
     """Folds and single shots are solved on it: no second choice, whose answers would not compare."""
     shot = capture(resolve(PHONE), ["D55", "A"])
     fit = prepare_fit(shot, Options())
-    whole = fit.solve(fit.signals.used, None)
+    whole = recover_fit(fit, fit.signals.used, None)
     settled = fit.conditioned_on(whole)
     assert (fit.basis, settled.basis, settled.prior_scale) == ("auto", "phones", 1.0)
-    part = settled.solve(fit.signals.used & (np.arange(24) % 4 > 0), None)
+    part = recover_fit(settled, fit.signals.used & (np.arange(24) % 4 > 0), None)
     assert (part.settings.basis, part.settings.prior_scale, part.choice) == ("phones", 1.0, ())
 
 
@@ -386,7 +387,7 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
     """Each by hand: the evidence of the same signals under the other lamp less that under the named one."""
     shot = capture(resolve(PHONE), ["D55"], ["D65"])
     fit = prepare_fit(shot, Options(basis="phones"))
-    found = weigh_rivals(fit, fit.solve(fit.signals.used, None))
+    found = weigh_rivals(fit, recover_fit(fit, fit.signals.used, None))
     assert [(rival.shot, rival.lamp) for rival in found] == [(0, name) for name in RIVALS]
     narrow = rules().number("verdict.narrow")
 
@@ -409,7 +410,7 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
     """By hand: phones and cameras under each lamp, by the maker's odds; so the basis cannot follow the wrong name."""
     shot = capture(resolve(PHONE), ["A"], ["D55"], make=make)
     fit = prepare_fit(shot, Options())
-    ssf = fit.solve(fit.signals.used, None)
+    ssf = recover_fit(fit, fit.signals.used, None)
     found = weigh_rivals(fit, ssf)
     narrow, odds = rules().number("verdict.narrow") * ssf.settings.prior_scale, prior_odds(make, "")
 
@@ -435,7 +436,7 @@ def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
     """Blue sky called noon: the signals are a camera's, for whom noon it was. The phones' basis sees better."""
     shot = capture(resolve(PHONE), ["D:15000"], ["D55"])
     fit = prepare_fit(shot, Options())
-    ssf = fit.solve(fit.signals.used, None)
+    ssf = recover_fit(fit, fit.signals.used, None)
     assert ssf.settings.basis == "cameras"
     narrower = max(rival.gain for rival in weigh_rivals(fit.conditioned_on(ssf), ssf))
     assert max(rival.gain for rival in weigh_rivals(fit, ssf)) > narrower + 1.0

@@ -8,6 +8,7 @@ from typing import TypeVar
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.cross_validation import cross_validate, score
+from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
 from camssf.fit.uncertainty import uncertainty_budget
 from camssf.options import DEFAULTS, Options
 from camssf.photo.capture import Capture, Progress, Record, measure
@@ -112,19 +113,29 @@ def solve(
     tell("solving", 0.9)
     fit = prepare_fit(capture, options)
     signals = fit.signals
-    ssf = fit.solve(signals.used, options.gamma)
+    ssf = recover_fit(fit, signals.used, options.gamma)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
-    predicted_std = fit.bands(signals.used, ssf)
+    predicted_std = prediction_bands(fit, signals.used, ssf)
     unseen = cross_validate(fit, ssf, predicted_std)
     scores = score(fit, ssf, unseen, known)
-    alone = fit.solve_alone()
+    alone = recover_each_shot(fit)
     uncertainty = uncertainty_budget(fit, ssf, alone)
     verdict = weigh(free_fit, ssf, alone)
     if verdict.status == "refused":
         raise refusal(verdict)
     level = fit.level(ssf)
     return Calibration(
-        capture, signals, ssf, level, predicted_std, unseen.values, unseen.std, scores, verdict, known,
-        signals.assumptions + assume(capture, ssf, level), uncertainty,
-    )  # fmt: skip
+        capture=capture,
+        signals=signals,
+        ssf=ssf,
+        level=level,
+        predicted_std=predicted_std,
+        unseen=unseen.values,
+        unseen_std=unseen.std,
+        scores=scores,
+        verdict=verdict,
+        truth=known,
+        assumptions=signals.assumptions + assume(capture, ssf, level),
+        uncertainty=uncertainty,
+    )

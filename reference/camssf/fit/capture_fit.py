@@ -1,15 +1,14 @@
-"""Turns a capture and options into calls of `recover`, for the whole capture and for parts of it."""
+"""Poses the fit of a capture: the observation that `recover` takes, of all its patches or of some."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from numbers import Integral
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.fit.gain_modes import gain_modes
@@ -18,19 +17,15 @@ from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis
-from camssf.recovery.hypotheses import AUTO, CLEAR, recover
+from camssf.recovery.hypotheses import AUTO, CLEAR
 from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
-from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import SolverSettings, Ssf, predict_signals
-from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
+from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""
-MOST_UNNAMED = rules().whole("lamp.most")
-"""Largest number of shots whose light is not named."""
 WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
 """Relative error of a white frame's reflectance."""
 
@@ -116,54 +111,6 @@ class CaptureFit:
             return table.values[table.white], float(table.tolerance[table.white])
         share = 1.0 if self.capture.white_reflectance is None else self.capture.white_reflectance
         return np.full(WAVELENGTHS.size, share), WHITE_TOLERANCE
-
-    def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
-        """`recover` on the used patches (k, n); the result predicts all n patches."""
-        settings = SolverSettings(
-            l2=self.options.l2, gamma=gamma, nonnegative=self.options.nonnegative, engine=self.options.engine
-        )
-        table, (rho, _) = self.capture.chart.values, self.white_reference()
-        if any(self.unnamed):
-            return recover_in_any_light(
-                self._guesses(used), basis=self.basis, prior=self.prior_odds, prior_scale=self.prior_scale,
-                of=table, settings=settings,
-            )  # fmt: skip
-        ssf = recover(
-            self.given(used), basis=self.basis, prior=self.prior_odds, prior_scale=self.prior_scale, settings=settings
-        )
-        return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.light.lamp, rho))
-
-    def _guesses(self, used: NDArray[np.bool_]) -> list[LampGuess]:
-        """All combinations of kinds for the unnamed lights."""
-        if sum(self.unnamed) > MOST_UNNAMED:
-            raise InvalidArgument(
-                f"The light of {sum(self.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
-                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
-            )
-        kinds = product(*(
-            [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
-            for shot in self.capture.shots
-        ))  # fmt: skip
-        return [LampGuess(each, self.with_kinds(each).given(used)) for each in kinds]
-
-    def solve_alone(self) -> list[Ssf]:
-        """The solution of each shot alone; empty if there is only one shot."""
-        k = len(self.capture.shots)
-        shots = np.eye(k, dtype=bool)[:, :, None] if k > 1 else ()
-        return [self.solve(self.signals.used & shot, self.options.gamma) for shot in shots]
-
-    def bands(self, used: NDArray[np.bool_], ssf: Ssf) -> Floats | None:
-        """(k, n, 3) standard deviation of each true signal minus its prediction by a fit to the used patches."""
-        if ssf.std is None:
-            return None
-        table, taken = self.capture.chart, used.any(axis=0)
-        others, tolerance = table.values[~taken], table.tolerance[~taken]
-        given = self.given(used)
-        modes = self.gains[0][:, :, ~taken]
-        found = predict(ssf, given, of=others, of_tolerance=tolerance, of_gains=modes, basis=self.basis).std
-        std = np.empty_like(self.signals.values)
-        std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
-        return std
 
     @property
     def exact(self) -> bool:

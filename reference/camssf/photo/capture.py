@@ -211,11 +211,22 @@ def photo_of(mosaic: Mosaic) -> Photo:
     """Metadata of a photo, without its samples."""
     height, width = mosaic.samples.shape
     return Photo(
-        Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
-        mosaic.make, mosaic.model, mosaic.sha256,
-        tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
-        mosaic.unit, mosaic.active_area, mosaic.levels, mosaic.unique_model,
-    )  # fmt: skip
+        name=Path(mosaic.path).name,
+        width=width,
+        height=height,
+        orientation=mosaic.orientation,
+        exposure=mosaic.exposure,
+        iso=mosaic.iso,
+        gain_map=mosaic.gain_map,
+        make=mosaic.make,
+        model=mosaic.model,
+        sha256=mosaic.sha256,
+        neutrals=tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
+        unit=mosaic.unit,
+        active_area=mosaic.active_area,
+        levels=mosaic.levels,
+        unique_model=mosaic.unique_model,
+    )
 
 
 def thumbnail(mosaic: Mosaic) -> NDArray[np.uint16]:
