@@ -10,7 +10,7 @@ import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.dng import Mosaic, read_dng
@@ -106,7 +106,7 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
     )  # fmt: skip
     unnamed = given.get("unnamed", ())
     shots = tuple(
-        Shot(
+        MeasuredShot(
             lamp=Unnamed() if j in unnamed else build_lamp(values, tolerance, modes),
             photo=photo,
             white=photo if shot["white"] else None,

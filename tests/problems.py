@@ -12,6 +12,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, Prediction, Ssf, explain, predict, recover
 from camssf.recovery.basis import read_basis
 from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
@@ -122,7 +123,10 @@ def told(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
 def recovered(*positional: Any, **named: Any) -> Ssf:
     """`recover` of signals, reflectance, lamp and the rest by name."""
     evidence, rest = told(*positional, **named)
-    return recover(evidence, **rest)
+    settings = SolverSettings(
+        **{name: rest.pop(name) for name in SolverSettings.__dataclass_fields__ if name in rest}
+    )
+    return recover(evidence, **rest, settings=settings)
 
 
 def explained(*positional: Any, **named: Any) -> dict[str, Floats]:

@@ -114,15 +114,17 @@ def test_scores_are_counted_by_hand() -> None:
     lights, table = lamp("D55")[None], chart()
     y = ((lights[:, None, :] * table) @ camera) / (lights @ camera)[:, None, :]
     answer = recovered(y, table, lights, standard_error=1e-3 * y)
-    assert answer.std is not None
-    perfect = replace(answer, values=7.0 * camera, std=np.zeros_like(camera))
+    band = answer.posterior
+    assert band is not None
+    perfect = replace(answer, values=7.0 * camera, posterior=replace(band, std=np.zeros_like(camera)))
     rmse, covered = accuracy.score(perfect, camera)
     assert covered is not None
     assert rmse == pytest.approx(np.zeros(3), abs=1e-15)
     shifted = camera / camera.max(axis=0)
     at = int(np.argmin(np.abs(WAVELENGTHS - 410)))
     shifted[at] += 0.1
-    rmse, covered = accuracy.score(replace(answer, values=shifted, std=np.full_like(camera, 0.01)), camera)
+    even = replace(band, std=np.full_like(camera, 0.01))
+    rmse, covered = accuracy.score(replace(answer, values=shifted, posterior=even), camera)
     assert covered is not None
     assert rmse == pytest.approx(np.full(3, 0.1 / np.sqrt(601)))
     assert (covered[:, SEEN].sum(axis=1) == 600).all()

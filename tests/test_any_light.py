@@ -20,12 +20,14 @@ from camssf.documents.result_json import check_document
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.options import Options
 from camssf.photo.capture import Capture
+from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Hypothesis, answer
+from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer
 from camssf.recovery.unnamed_light import (
     BELIEFS,
     SOLVED,
@@ -97,11 +99,11 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     """By hand from the single answers: 2 kinds, 2 bases, 2 widths."""
     given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
     two = guesses(given, ("daylight", "bulb"))
-    ssf = recover_in_any_light(two, prior={"phones": 5.0}, engine="reference")
+    ssf = recover_in_any_light(two, prior={"phones": 5.0}, settings=SolverSettings(engine="reference"))
     nats = {
         (guess.kinds, basis, scale): answer(
-            guess.observation, basis, prior_scale=scale, engine="reference"
-        ).log_evidence
+            guess.observation, basis, prior_scale=scale, settings=SolverSettings(engine="reference")
+        ).posterior.log_evidence
         for basis in FAMILIES
         for scale in SCALES
         for guess in two
@@ -118,7 +120,7 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
         key = weight.kinds, weight.basis, weight.prior_scale
         assert weight.log_evidence == pytest.approx(nats[key], abs=1e-9)
         assert weight.probability == pytest.approx(raw[key] / sum(raw.values()), rel=1e-9)
-    (light,) = ssf.lights
+    (light,) = ssf.light.lights
     assert light is not None
     by_kind = {kind: sum(w.probability for w in ssf.choice if w.kinds == (kind,)) for kind in ("daylight", "bulb")}
     assert light.kinds == pytest.approx({**dict.fromkeys(LAMP_KINDS, 0.0), **by_kind})
@@ -129,24 +131,24 @@ def test_one_kind_alone_is_that_kind_told() -> None:
     given = told(resolve(PHONE), "D55")
     (guess,) = guesses(given, ("daylight",))
     ssf, single = (
-        recover_in_any_light([guess], basis="phones", engine="reference"),
-        answer(guess.observation, "phones", engine="reference"),
+        recover_in_any_light([guess], basis="phones", settings=SolverSettings(engine="reference")),
+        answer(guess.observation, "phones", settings=SolverSettings(engine="reference")),
     )
     assert ssf.values == pytest.approx(single.values, rel=1e-12)
     assert single.std is not None
     assert ssf.std == pytest.approx(single.std, rel=1e-9, abs=1e-15)
-    assert ssf.between == pytest.approx(0.0, abs=1e-12)
-    assert ssf.kinds == ("daylight",)
+    assert ssf.light.between == pytest.approx(0.0, abs=1e-12)
+    assert ssf.light.kinds == ("daylight",)
 
 
 def test_mixtures_have_the_total_variance() -> None:
     """By hand from two answers whose weights are known; curves, their bands, and the signals."""
     given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
     two = guesses(given, ("daylight", "fluorescent"))
-    ssf = recover_in_any_light(two, basis="phones", engine="reference")
+    ssf = recover_in_any_light(two, basis="phones", settings=SolverSettings(engine="reference"))
     p = np.array([weight.probability for weight in ssf.choice])
     assert p.min() > SOLVED
-    pair = [answer(guess.observation, "phones", engine="reference") for guess in two]
+    pair = [answer(guess.observation, "phones", settings=SolverSettings(engine="reference")) for guess in two]
     (s1, d1), (s2, d2) = (each.peak() for each in pair)
     assert d1 is not None
     assert d2 is not None
@@ -158,9 +160,9 @@ def test_mixtures_have_the_total_variance() -> None:
     assert std is not None
     assert curves == pytest.approx(mean / top, rel=1e-12)
     assert std == pytest.approx(np.sqrt(variance) / top, rel=1e-12)
-    assert ssf.between == pytest.approx(between.sum(axis=0) / variance.sum(axis=0), rel=1e-9)
+    assert ssf.light.between == pytest.approx(between.sum(axis=0) / variance.sum(axis=0), rel=1e-9)
     assert ssf.predicted == pytest.approx(p[0] * pair[0].predicted + p[1] * pair[1].predicted, rel=1e-12)
-    (light,) = ssf.lights
+    (light,) = ssf.light.lights
     assert light is not None
     own = [light_of(guess.observation, read_basis("phones"))[0] for guess in two]
     power = p[0] * own[0].power + p[1] * own[1].power
@@ -238,14 +240,14 @@ def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
     """Nothing named: curves within their bands, the light within its own, and no kelvin is invented."""
     done = found((lamp,))
     assert done.verdict.status == "accepted"
-    assert done.ssf.basis == "phones"
+    assert done.ssf.settings.basis == "phones"
     truth = resolve(PHONE)
     curves, std = done.ssf.peak()
     assert std is not None
     off = np.abs(curves - truth / truth.max(axis=0))[SEEN]
     assert (off <= 1.96 * std[SEEN]).mean() >= 0.93
     assert np.sqrt(np.mean(off**2)) < 0.03
-    (light,) = done.ssf.lights
+    (light,) = done.ssf.light.lights
     assert light is not None
     assert max(light.kinds, key=lambda name: light.kinds[name]) == kind
     true = read_lamp(lamp).values
@@ -265,10 +267,10 @@ def test_two_shots_join_what_each_knows() -> None:
     """Daylight and a bulb, neither named: less is left open than by either alone."""
     done = found(("D:6500", "2700K"))
     assert done.verdict.status == "accepted"
-    assert done.ssf.kinds == ("daylight", "bulb")
+    assert done.ssf.light.kinds == ("daylight", "bulb")
     assert done.uncertainty is not None
     assert done.uncertainty["half_width"] < min(done.uncertainty["alone"])
-    day, bulb = done.ssf.lights
+    day, bulb = done.ssf.light.lights
     assert day is not None
     assert bulb is not None
     assert day.kinds["daylight"] > 0.9
@@ -280,7 +282,7 @@ def test_one_of_two_lamps_may_be_named() -> None:
     given = unnamed(capture(resolve(PHONE), ["D55", "A"], make="Apple"), 1)
     done = solve(given)
     assert done.verdict.status == "accepted"
-    first, second = done.ssf.lights
+    first, second = done.ssf.light.lights
     assert first is None
     assert second is not None
     assert second.kinds["bulb"] > 0.9
@@ -289,7 +291,7 @@ def test_one_of_two_lamps_may_be_named() -> None:
     assert {rival.shot for rival in rivals} == {0}
     assert len(rivals) == len(RIVALS)
     nobody = prepare_fit(unnamed(given), Options())
-    assert weigh_rivals(nobody, replace(done.ssf, kinds=("daylight", "bulb"))) == ()
+    assert weigh_rivals(nobody, replace(done.ssf, light=replace(done.ssf.light, kinds=("daylight", "bulb")))) == ()
 
 
 def test_three_lights_without_a_name_are_too_many() -> None:
@@ -312,7 +314,7 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
             solve(given)
         assert "writes the phone's maker" in caught.value.advice
         fit = prepare_fit(given, Options())
-        ssf = fit.solve(fit.signals.used, None)
+        ssf = recover_fit(fit, fit.signals.used, None)
         odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
         assert odds > 1.0
         assert caught.value.value == pytest.approx(odds / (odds + 20.0))
@@ -354,7 +356,7 @@ def test_who_names_the_basis_says_that_it_is_a_phone() -> None:
 def test_a_named_lamp_is_solved_as_ever() -> None:
     """Nothing of the result tells that lights may be unnamed."""
     done = solve(capture(resolve(PHONE), ["D55"], make="Apple"))
-    assert (done.ssf.lights, done.ssf.kinds, done.ssf.between) == ((), (), None)
+    assert (done.ssf.light.lights, done.ssf.light.kinds, done.ssf.light.between) == ((), (), None)
     document = done.document()
     assert not any("kinds" in each for each in document["choice"])
     assert "light" not in document["shots"][0]
@@ -434,4 +436,4 @@ def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
     check_document(document, "test")
     assert document["verdict"]["status"] == "refused"
     with pytest.raises(InvalidArgument, match="has no tolerance"):
-        attempt(tmp_path / "none.dng", options=Options(lamp_tolerance=["2%"]))
+        attempt(Shot(tmp_path / "none.dng", lamp_tolerance="2%"))

@@ -144,8 +144,8 @@ def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: p
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
     answer = recovered(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
-    assert answer.engine == "reference"
-    assert answer.basis == "mine"
+    assert answer.settings.engine == "reference"
+    assert answer.settings.basis == "mine"
     assert answer.code.shape == (6, 3)
 
 

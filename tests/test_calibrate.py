@@ -23,6 +23,7 @@ from camssf.errors import (
 )
 from camssf.options import Options
 from camssf.photo.capture import Capture, Record, measure
+from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.recovery.linear_model import anchor
 from camssf.report.build import report
@@ -55,7 +56,7 @@ def two_lamps(tmp_path_factory: pytest.TempPathFactory, camera: CameraCurves) ->
 @pytest.fixture(scope="module")
 def capture(two_lamps: Simulation) -> Capture:
     shot = two_lamps.shots[0]
-    return measure(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
+    return measure(shot.shot)
 
 
 def test_signals_match_theory_under_vignetting(capture: Capture, camera: CameraCurves) -> None:
@@ -74,7 +75,7 @@ def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, b
     assert result.scores.rmse is not None
     assert result.scores.rmse.mean() < bound
     assert (result.scores.rmsre_percent < 3.0).all()
-    assert (result.ssf.gap < 1e-9).all()
+    assert (result.ssf.proof.gap < 1e-9).all()
     assert result.verdict.status == "accepted"
     assert (result.ssf.std is None) == (basis == "gaussian")
 
@@ -82,10 +83,7 @@ def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, b
 def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurves, capture: Capture) -> None:
     shots = two_lamps.shots
     pair = calibrate(
-        [s.chart for s in shots],
-        [s.lamp for s in shots],
-        white=[s.white for s in shots],
-        dark=[s.dark for s in shots],
+        [each.shot for each in shots],
         options=Options(basis="cameras"),
         truth=camera,
     )
@@ -99,7 +97,7 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     assert pair.uncertainty["half_width"] < min(pair.uncertainty["alone"])
     assert len(pair.document()["shots"]) == 2
     with pytest.raises(InvalidArgument, match="one shot"):
-        calibrate([s.chart for s in shots], [s.lamp for s in shots], options=Options(basis="gaussian"))
+        calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
 
 
 def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
@@ -295,7 +293,7 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
     other = CameraCurves("other", toy_camera(20), "a formula")
     elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=SIZE))
     with pytest.raises(FramesDiffer, match="different cameras"):
-        calibrate([shot.chart, elsewhere.shots[0].chart], ["D55", "A"], options=Options(basis="cameras"))
+        calibrate([Shot(shot.chart, "D55"), Shot(elsewhere.shots[0].chart, "A")], options=Options(basis="cameras"))
 
 
 def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: Simulation) -> None:
@@ -322,7 +320,7 @@ def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: 
 
 def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
-    found = attempt(shot.chart, "D55", white=shot.chart)
+    found = attempt(Shot(shot.chart, "D55", white=shot.chart))
     assert isinstance(found, Refusal)
     assert found.error.exit_status in (5, 6)
     document = found.document()
@@ -333,7 +331,7 @@ def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
 
 def test_files_of_one_name_keep_their_hashes(tmp_path: Path, camera: CameraCurves) -> None:
     shots = [simulate(camera, lamp, tmp_path / lamp, scene=Scene(size=SIZE)).shots[0] for lamp in ("D55", "A")]
-    result = calibrate([s.chart for s in shots], ["D55", "A"], white=[s.white for s in shots])
+    result = calibrate([Shot(s.chart, s.lamp, white=s.white) for s in shots])
     assert len(result.document()["hashes"]["inputs"]) == 4
 
 
@@ -359,19 +357,22 @@ def test_a_patches_document_needs_no_other_file(tmp_path: Path, two_lamps: Simul
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"photos": 5}, "no list"),
-        ({"lamps": 5}, "no list"),
-        ({"white": 3}, "no list"),
-        ({"lamps": []}, "lamp"),
-        ({"lamps": ["D55", "A"]}, "2 lamp"),
-        ({"photos": []}, "photo"),
-        ({"white": ["a", "b"]}, "2 white"),
-        ({"lamps": ["nonsense"]}, "nonsense"),
+        ({"shots": 5, "lamp": None}, "5 is no shot"),
+        ({"shots": ["a.dng"], "lamp": None}, "'a.dng' is no Shot"),
+        ({"shots": Shot("a.dng")}, "in addition to shots"),
+        ({"shots": Shot(5), "lamp": None}, "5 is no path"),  # type: ignore[arg-type]
+        ({"shots": Shot("a.dng", white=3), "lamp": None}, "3 is no path"),  # type: ignore[arg-type]
+        ({"shots": [], "lamp": None}, "no photo"),
+        ({"shots": [Shot("a.dng")] * 65, "lamp": None}, "65 photos are too many"),
+        ({"lamp": 5}, "lamp"),
+        ({"lamp": []}, "lamp"),
+        ({"lamp": ["D55", "A"]}, "lamp"),
+        ({"lamp": "nonsense"}, "nonsense"),
         ({"chart": "nonsense"}, "nonsense"),
     ],
 )
 def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object], words: str) -> None:
-    arguments: dict[str, object] = {"photos": two_lamps.shots[0].chart, "lamps": "D55"}
+    arguments: dict[str, object] = {"shots": two_lamps.shots[0].chart, "lamp": "D55"}
     with pytest.raises(InvalidArgument, match=words):
         calibrate(**(arguments | change))  # type: ignore[arg-type]
 
@@ -386,7 +387,6 @@ def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object
         ({"white_reflectance": "a"}, "0.95"),
         ({"white_reflectance": 0.9}, "no white frame"),
         ({"white_reflectance": 95}, "0.95"),
-        ({"corners": [None, None]}, "2 set"),
     ],
 )
 def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], words: str) -> None:
@@ -396,17 +396,17 @@ def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], wo
 
 def test_every_option_is_one_that_the_product_uses() -> None:
     """A misspelt or forgotten one would be taken and do nothing."""
-    source = "".join(
-        (ROOT / path).read_text("utf-8")
-        for path in ("reference/camssf/photo/capture.py", "reference/camssf/fit/capture_fit.py")
-    ) + (ROOT / "reference/camssf/calibration.py").read_text("utf-8")
+    files = ("photo/capture.py", "fit/capture_fit.py", "fit/solutions.py", "calibration.py")
+    source = "".join((ROOT / "reference" / "camssf" / path).read_text("utf-8") for path in files)
     assert all(f"options.{each.name}" in source for each in fields(Options))
 
 
 def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
     """What `calibrate` raises, `attempt` gives; the record holds the shots that were measured."""
     shots = two_lamps.shots
-    found = attempt([shots[0].chart, shots[1].white], ["D55", "A"])
+    assert shots[1].white is not None
+    pair = [Shot(shots[0].chart, "D55"), Shot(shots[1].white, "A")]
+    found = attempt(pair)
     assert isinstance(found, Refusal)
     assert isinstance(found.error, ChartNotFound)
     assert [shot.lamp.name for shot in found.record.shots] == ["D55"]
@@ -414,7 +414,7 @@ def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
     assert [len(shot["patches"]) for shot in found.document()["shots"]] == [24, 0]
     assert [preview is not None for preview in found.previews] == [True, True]
     with pytest.raises(ChartNotFound):
-        calibrate([shots[0].chart, shots[1].white], ["D55", "A"])
+        calibrate(pair)
     with pytest.raises(InvalidArgument):
         attempt(shots[0].chart, "nonsense")
 
@@ -422,17 +422,14 @@ def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
 def test_white_frames_for_all_shots_or_none(two_lamps: Simulation) -> None:
     shots = two_lamps.shots
     with pytest.raises(InvalidArgument, match="for all shots"):
-        calibrate(
-            [s.chart for s in shots], ["D55", "A"], white=[shots[0].white, None], options=Options(basis="cameras")
-        )
+        calibrate([shots[0].shot, Shot(shots[1].chart, "A")], options=Options(basis="cameras"))
 
 
 def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCurves) -> None:
     """The same frame declared as an 80 % card scales what the chart must have reflected: it no longer fits."""
     shot = two_lamps.shots[0]
-    arguments = {"white": shot.white, "dark": shot.dark, "truth": camera}
-    assert calibrate(shot.chart, shot.lamp, **arguments).verdict.status == "accepted"
-    wrong = calibrate(shot.chart, shot.lamp, options=Options(white_reflectance=0.8), **arguments).verdict
+    assert calibrate(shot.shot, truth=camera).verdict.status == "accepted"
+    wrong = calibrate(shot.shot, options=Options(white_reflectance=0.8), truth=camera).verdict
     assert wrong.status == "doubtful"
     assert wrong.reasons[0].code == FramesDiffer.code
     assert "white frame" in wrong.reasons[0].message
@@ -442,9 +439,7 @@ def test_the_real_photo_tells_warm_light_from_daylight() -> None:
     """Taken under an unknown warm light: 3000 K stands, D65 is refused."""
     warm = calibrate(PHOTO, "3000K", options=Options(basis="cameras"))
     assert "lamp_unfit" not in {reason.code for reason in warm.verdict.reasons}
-    with pytest.raises(
-        LampUnfit, match=r"fits .* better than D65\. The named lamp is wrong with .* 100%"
-    ):
+    with pytest.raises(LampUnfit, match=r"fits .* better than D65\. The named lamp is wrong with .* 100%"):
         calibrate(PHOTO, "D65", options=Options(basis="cameras"))
 
 

@@ -15,16 +15,17 @@ from camssf.calibration import solve
 from camssf.documents.basis_choice import choice_of, odds_in_words
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit, prior_odds
+from camssf.fit.solutions import recover_fit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
 from camssf.recovery.hypotheses import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, probabilities, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import LARGEST_GAP, Ssf, answer
+from camssf.recovery.sensitivity import LARGEST_GAP, SolverSettings, Ssf, answer
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
 from camssf.verdict.judge import judge
@@ -79,7 +80,9 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     """By hand from four single answers: 19 : 1 for the basis's own width, odds of a family as they are told."""
     given = between()
     found = recover(given, prior={"phones": 5.0})
-    evidence = {(b, s): answer(given, b, prior_scale=s).log_evidence or 0.0 for b in FAMILIES for s in SCALES}
+    evidence = {
+        (b, s): answer(given, b, prior_scale=s).posterior.log_evidence or 0.0 for b in FAMILIES for s in SCALES
+    }
     belief = {"phones": 5.0, "cameras": 1.0}
     most = max(evidence.values())
     raw = {
@@ -95,7 +98,7 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
 def test_a_told_basis_is_no_choice() -> None:
     given = between()
     found = recover(given, basis="phones", prior_scale=2.0)
-    assert (found.basis, found.prior_scale, found.choice) == ("phones", 2.0, ())
+    assert (found.settings.basis, found.settings.prior_scale, found.choice) == ("phones", 2.0, ())
     assert (found.values == answer(given, "phones", prior_scale=2.0).values).all()
     with pytest.raises(InvalidArgument, match="wide"):
         recover(replace(given, chart_tolerance=np.zeros(12)), basis="gaussian", prior_scale=2.0)
@@ -104,11 +107,17 @@ def test_a_told_basis_is_no_choice() -> None:
 # -- who answers --------------------------------------------------------------------------------------------------
 
 
+def weighing(ssf: Ssf, log_evidence: float) -> Ssf:
+    """The answer with another evidence."""
+    assert ssf.posterior is not None
+    return replace(ssf, posterior=replace(ssf.posterior, log_evidence=log_evidence))
+
+
 def pair(apart: float) -> tuple[Observation, list[Ssf]]:
     """The answers of both bases, their evidences set `apart` nats from each other."""
     given = between()
     first, second = (answer(given, name) for name in FAMILIES)
-    return given, [replace(first, log_evidence=apart), replace(second, log_evidence=0.0)]
+    return given, [weighing(first, apart), weighing(second, 0.0)]
 
 
 def test_two_equal_evidences_are_half_and_half() -> None:
@@ -129,7 +138,7 @@ def test_two_equal_evidences_are_half_and_half() -> None:
     white = given.white_reflectance * given.lamp[0] * 0.5
     assert white @ found.values == pytest.approx(np.ones(3), rel=1e-12)
     assert found.predicted[0] == pytest.approx(theory(TABLE.values[:12], given.lamp[0], mean), rel=1e-12)
-    assert (found.gap == np.maximum(first.gap, second.gap)).all()
+    assert (found.proof.gap == np.maximum(first.proof.gap, second.proof.gap)).all()
 
 
 def test_odds_of_twenty_answer_alone() -> None:
@@ -140,7 +149,7 @@ def test_odds_of_twenty_answer_alone() -> None:
     assert alone.choice[1].probability == pytest.approx(1 / 21, rel=1e-6)  # what was weighed is told all the same
     given, (first, second) = pair(np.log(CLEAR) - 1e-3)
     mixed = choose(given, [first, second], FAIR)
-    assert mixed.basis == "phones"
+    assert mixed.settings.basis == "phones"
     assert np.abs(mixed.peak()[0] - first.peak()[0]).max() > 1e-4
     given, (first, second) = pair(-np.log(CLEAR) - 1e-9)
     assert (choose(given, [first, second], FAIR).values == second.values).all()
@@ -150,9 +159,9 @@ def test_the_widths_of_a_winner_are_mixed() -> None:
     given = between()
     own, wide, other = answer(given, "phones"), answer(given, "phones", prior_scale=2.0), answer(given, "cameras")
     evidences = (10.0, 10.0 + np.log(3.0), 0.0)
-    answers = [replace(each, log_evidence=e) for each, e in zip((own, wide, other), evidences, strict=True)]
+    answers = [weighing(each, e) for each, e in zip((own, wide, other), evidences, strict=True)]
     found = choose(given, answers, np.zeros(3))
-    assert (found.basis, found.prior_scale) == ("phones", 2.0)
+    assert (found.settings.basis, found.settings.prior_scale) == ("phones", 2.0)
     mean = 0.25 * own.peak()[0] + 0.75 * wide.peak()[0]
     assert found.peak()[0] == pytest.approx(mean / mean.max(axis=0), abs=1e-12)
 
@@ -161,7 +170,7 @@ def test_each_family_is_known_by_its_own() -> None:
     assert shares(recover(told(resolve(PHONE), "D55", "A")))["phones"] > 0.95
     assert shares(recover(told(measured_cameras()["Nikon D5100"], "D55", "A")))["cameras"] > 0.95
     odd = recover(told(resolve(ODD), "D55", "A"))
-    assert odd.prior_scale == SCALES[1]
+    assert odd.settings.prior_scale == SCALES[1]
     assert sum(weight.probability for weight in odd.choice if weight.prior_scale > 1) > 0.99
 
 
@@ -172,9 +181,15 @@ def test_the_model_chooses_as_the_reference_does(camera: str) -> None:
         "between": between(),
         "odd": told(resolve(ODD), "D55"),
     }[camera]
-    onnx, reference = (recover(given, engine=engine, prior={"cameras": 2.0}) for engine in ("onnx", "reference"))
-    assert (onnx.engine, reference.engine) == ("onnx", "reference")
-    assert (onnx.basis, onnx.prior_scale) == (reference.basis, reference.prior_scale)
+    onnx, reference = (
+        recover(given, settings=SolverSettings(engine=engine), prior={"cameras": 2.0})
+        for engine in ("onnx", "reference")
+    )
+    assert (onnx.settings.engine, reference.settings.engine) == ("onnx", "reference")
+    assert (onnx.settings.basis, onnx.settings.prior_scale) == (
+        reference.settings.basis,
+        reference.settings.prior_scale,
+    )
     for ours, theirs in zip(onnx.choice, reference.choice, strict=True):
         assert ours.log_evidence == pytest.approx(theirs.log_evidence, rel=1e-10)
         assert ours.probability == pytest.approx(theirs.probability, abs=1e-8)
@@ -185,7 +200,7 @@ def test_the_model_chooses_as_the_reference_does(camera: str) -> None:
 def test_predictions_stand_on_the_answer_s_own_basis() -> None:
     given = told(resolve(PHONE), "D55", "A")
     found = recover(given)
-    assert found.basis == "phones"
+    assert found.settings.basis == "phones"
     own, other = (predict(found, given, basis=name).std for name in ("phones", "cameras"))
     assert (predict(found, given).std == own).all()
     assert np.abs(own - other).max() > 1e-3 * own.max()
@@ -283,7 +298,7 @@ def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = N
             replace(clean, mean=clean.mean + noise), frame(np.ones((24, 3))), frame(np.zeros((24, 3))),
             np.full(3, BLACK), 16383.0,
         )  # fmt: skip
-        shots.append(Shot(read_lamp(name), photo, photo, photo, pose(), means, None))
+        shots.append(MeasuredShot(read_lamp(name), photo, photo, photo, pose(), means, None))
     return Capture(tuple(shots), TABLE, None)
 
 
@@ -292,7 +307,7 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     """Four lamps tell so clearly that the maker's 20 : 1 does not carry; the same file of a phone is accepted."""
     lamps = ["D55", "A", "LED-B3", "FL2"]
     other = solve(capture(resolve(PHONE), lamps, make="NIKON CORPORATION"))
-    assert other.ssf.basis == "phones"
+    assert other.ssf.settings.basis == "phones"
     assert other.verdict.status == "doubtful"
     (reason,) = other.verdict.reasons
     assert reason.code == "camera_unusual"
@@ -308,7 +323,7 @@ def test_a_camera_beyond_both_is_unusual() -> None:
     narrow = {"bells": [[[1.0, 622, 22]], [[1.0, 553, 27]], [[1.0, 447, 21]]]}
     found = solve(capture(resolve(narrow), ["D55"]))
     assert found.verdict.status == "doubtful"
-    assert found.ssf.prior_scale == SCALES[1]
+    assert found.ssf.settings.prior_scale == SCALES[1]
     reason = next(reason for reason in found.verdict.reasons if reason.code == "camera_unusual")
     assert reason.value == pytest.approx(sum(w.probability for w in found.ssf.choice if w.prior_scale > 1))
 
@@ -324,11 +339,11 @@ def test_what_follows_stands_on_the_basis_that_answered() -> None:
     """Folds and single shots are solved on it: no second choice, whose answers would not compare."""
     shot = capture(resolve(PHONE), ["D55", "A"])
     fit = prepare_fit(shot, Options())
-    whole = fit.solve(fit.signals.used, None)
+    whole = recover_fit(fit, fit.signals.used, None)
     settled = fit.conditioned_on(whole)
     assert (fit.basis, settled.basis, settled.prior_scale) == ("auto", "phones", 1.0)
-    part = settled.solve(fit.signals.used & (np.arange(24) % 4 > 0), None)
-    assert (part.basis, part.prior_scale, part.choice) == ("phones", 1.0, ())
+    part = recover_fit(settled, fit.signals.used & (np.arange(24) % 4 > 0), None)
+    assert (part.settings.basis, part.settings.prior_scale, part.choice) == ("phones", 1.0, ())
 
 
 # -- rivals ---------------------------------------------------------------------------------------------------------
@@ -372,7 +387,7 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
     """Each by hand: the evidence of the same signals under the other lamp less that under the named one."""
     shot = capture(resolve(PHONE), ["D55"], ["D65"])
     fit = prepare_fit(shot, Options(basis="phones"))
-    found = weigh_rivals(fit, fit.solve(fit.signals.used, None))
+    found = weigh_rivals(fit, recover_fit(fit, fit.signals.used, None))
     assert [(rival.shot, rival.lamp) for rival in found] == [(0, name) for name in RIVALS]
     narrow = rules().number("verdict.narrow")
 
@@ -380,9 +395,11 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
         lamp = read_lamp(name)
         other = Capture((replace(shot.shots[0], lamp=lamp),), TABLE, None)
         fit = prepare_fit(other, Options())
-        found = answer(fit.given(fit.signals.used), "phones", prior_scale=narrow, engine="reference")
-        assert found.log_evidence is not None
-        return found.log_evidence
+        found = answer(
+            fit.given(fit.signals.used), "phones", prior_scale=narrow, settings=SolverSettings(engine="reference")
+        )
+        assert found.posterior is not None
+        return found.posterior.log_evidence
 
     for rival in found[::5]:
         assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D65"), abs=1e-6)
@@ -393,18 +410,18 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
     """By hand: phones and cameras under each lamp, by the maker's odds; so the basis cannot follow the wrong name."""
     shot = capture(resolve(PHONE), ["A"], ["D55"], make=make)
     fit = prepare_fit(shot, Options())
-    ssf = fit.solve(fit.signals.used, None)
+    ssf = recover_fit(fit, fit.signals.used, None)
     found = weigh_rivals(fit, ssf)
-    narrow, odds = rules().number("verdict.narrow") * ssf.prior_scale, prior_odds(make, "")
+    narrow, odds = rules().number("verdict.narrow") * ssf.settings.prior_scale, prior_odds(make, "")
 
     def evidence(name: str) -> float:
         other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
         given = prepare_fit(other, Options()).given(fit.signals.used)
         parts = []
         for basis in FAMILIES:
-            found = answer(given, basis, prior_scale=narrow, engine="reference")
-            assert found.log_evidence is not None
-            parts.append(found.log_evidence + np.log(odds.get(basis, 1.0)))
+            found = answer(given, basis, prior_scale=narrow, settings=SolverSettings(engine="reference"))
+            assert found.posterior is not None
+            parts.append(found.posterior.log_evidence + np.log(odds.get(basis, 1.0)))
         return float(np.logaddexp(*parts))
 
     for rival in found[::5]:
@@ -419,8 +436,8 @@ def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
     """Blue sky called noon: the signals are a camera's, for whom noon it was. The phones' basis sees better."""
     shot = capture(resolve(PHONE), ["D:15000"], ["D55"])
     fit = prepare_fit(shot, Options())
-    ssf = fit.solve(fit.signals.used, None)
-    assert ssf.basis == "cameras"
+    ssf = recover_fit(fit, fit.signals.used, None)
+    assert ssf.settings.basis == "cameras"
     narrower = max(rival.gain for rival in weigh_rivals(fit.conditioned_on(ssf), ssf))
     assert max(rival.gain for rival in weigh_rivals(fit, ssf)) > narrower + 1.0
 

@@ -22,6 +22,7 @@ from camssf.documents.keys import key_name, read_public
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
+from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 
 ROOT = Path(__file__).parents[1]
@@ -989,8 +990,8 @@ def test_the_reasons_of_a_batch_are_those_of_jobs_without_curves(
 def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
     heard: dict[str, Any] = {}
 
-    def listen(photos: Any, lamps: Any, *, options: Options, **more: Any) -> Any:
-        heard.update(vars(options) | more, photos=photos, lamps=lamps)
+    def listen(shots: list[Shot], *, options: Options, **more: Any) -> Any:
+        heard.update(vars(options) | more, shots=shots)
         raise InvalidArgument("enough.", "")
 
     swap(monkeypatch, "attempt", listen)
@@ -1021,13 +1022,10 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
     )
     heard.pop("progress")
     assert heard == {
-        "photos": ["a", "b"],
-        "lamps": ["D55", "2856K"],
-        "lamp_tolerance": ["2%", "100K"],
-        "lens_shading": "apply",
-        "white": [None, "w"],
-        "dark": ["d1", None],
-        "corners": [None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]]],
+        "shots": [
+            Shot("a", "D55", None, "d1", None, "2%", "apply"),
+            Shot("b", "2856K", "w", None, [[1, 2], [3, 4], [5, 6.5], [-7, 8]], "100K", "apply"),
+        ],
         "white_reflectance": 0.95,
         "chart": "classic24",
         "basis": "auto",

@@ -41,6 +41,7 @@ from camssf.errors import CalibrationError, ColourOutOfReach, InvalidArgument, L
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import read_basis
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.report.nearest import nearest
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import observer, surfaces
@@ -448,14 +449,16 @@ def test_a_camera_of_an_ssf_has_its_bands() -> None:
     lamps = np.stack([power("D55"), power("A")])
     y = ((lamps[:, None] * CHART) @ toy_camera()) / (lamps @ toy_camera())[:, None]
     observation = Observation(y, CHART, lamps, standard_error=0.003 * y)
-    answer = recover(observation, basis="cameras", engine="reference")
+    answer = recover(observation, basis="cameras", settings=SolverSettings(engine="reference"))
     camera = camera_of_ssf(answer, read_basis("cameras"), lamps[0])
     curves, std = answer.peak()
     assert np.array_equal(camera.values, curves)
     assert np.abs(np.sqrt((camera.modes**2).sum(axis=0)) - std).max() < 1e-4 * std.max()
     # channels err together: what drawing the code gives
     rng = np.random.default_rng(2)
-    codes = answer.code.T.ravel() + rng.multivariate_normal(np.zeros(answer.code.size), answer.code_covariance, 3000)
+    codes = answer.code.T.ravel() + rng.multivariate_normal(
+        np.zeros(answer.code.size), answer.posterior.code_covariance, 3000
+    )
     from camssf.recovery.linear_model import anchor
 
     basis = anchor(read_basis("cameras"), lamps[0])
@@ -466,7 +469,7 @@ def test_a_camera_of_an_ssf_has_its_bands() -> None:
     ours = np.stack([camera.modes[:, m, c] for c, m in at]) @ np.stack([camera.modes[:, m, c] for c, m in at]).T
     assert np.abs(ours - np.cov(picked)).max() < 0.12 * np.abs(ours).max()
     with pytest.raises(InvalidArgument, match="prior"):
-        camera_of_ssf(replace(answer, code_covariance=None), read_basis("cameras"), lamps[0])
+        camera_of_ssf(replace(answer, posterior=None), read_basis("cameras"), lamps[0])
 
 
 def test_modes_of_bands_have_the_bands() -> None:
@@ -574,14 +577,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str
 
     folder = tmp_path_factory.mktemp("colour")
     scene = simulate("Nikon 5100 (NPL)", ["D55", "A"], folder, scene=Scene(size=(900, 675)), seed=3)
-    frames = {role: [str(getattr(shot, role)) for shot in scene.shots] for role in ("chart", "white", "dark")}
-    found = attempt(
-        frames["chart"],
-        [shot.lamp for shot in scene.shots],
-        white=frames["white"],
-        dark=frames["dark"],
-        options=Options(engine="reference"),
-    )
+    found = attempt([each.shot for each in scene.shots], options=Options(engine="reference"))
     document = found.document()
     (folder / "result.json").write_bytes(document_bytes(document))
     return folder, document

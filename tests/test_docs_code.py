@@ -21,6 +21,7 @@ from camssf.fleet.batch import run_batch
 from camssf.fleet.manifest import Manifest
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.raw import read_raw
+from camssf.photo.shot import Shot
 from camssf.report.build import report
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
@@ -42,10 +43,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.move(path, folder / f"{name}.dng")
     shutil.move(folder / "D55" / "truth.csv", folder / "truth.csv")
     found = calibrate(
-        str(folder / "photo.dng"),
-        "D55",
-        white=str(folder / "white.dng"),
-        dark=str(folder / "dark.dng"),
+        Shot(str(folder / "photo.dng"), "D55", white=str(folder / "white.dng"), dark=str(folder / "dark.dng")),
         options=Options(basis="cameras"),
     )
     report(found.document(), found.previews).save(folder / "out")
@@ -109,7 +107,7 @@ def workshop(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(field, folder, dirs_exist_ok=True)
     for old, new in (("photo", "day"), ("white", "white-day"), ("bulb-white", "white-bulb")):
         shutil.copy(folder / f"{old}.dng", folder / f"{new}.dng")
-    calibrate(folder / "photo.dng", "D55", white=folder / "white.dng").save(folder / "phone.json")
+    calibrate(Shot(folder / "photo.dng", "D55", white=folder / "white.dng")).save(folder / "phone.json")
     (folder / "manifest.csv").write_text("name,photo,lamp,white,dark\nday,photo.dng,D55,white.dng,dark.dng\n")
     nm = np.arange(400.0, 701.0, 10.0)
     rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in camera("Canon EOS 5D").T), nm**0])

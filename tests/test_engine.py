@@ -46,15 +46,16 @@ def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
         "frames": (512 + 9000 * y, 9512 + 0 * y, 512 + 0 * y),
     }
     one, other = (recovered(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
-    assert (one.engine, other.engine) == ("onnx", "reference")
-    for name in ("values", "code", "predicted", "channel_gain", "std"):
+    assert (one.settings.engine, other.settings.engine) == ("onnx", "reference")
+    for name in ("values", "code", "predicted", "std"):
         a, b = getattr(one, name), getattr(other, name)
         if name == "std" and basis == "gaussian":
             assert a is None
             assert b is None
         else:
             assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
-    assert (one.gap <= 1e-9).all()
+    assert one.light.channel_gain == pytest.approx(other.light.channel_gain, rel=1e-10)
+    assert (one.proof.gap <= 1e-9).all()
 
 
 def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.recovery import Observation, recover
+from camssf.recovery.sensitivity import SolverSettings
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 
@@ -27,9 +28,10 @@ def test_a_mask_is_the_same_as_leaving_patches_out(basis: str) -> None:
     used[0, 6:18] = True
     few = given | {name: given[name][6:18] for name in ("signals", "reflectance", "standard_error")}
     masked, left_out = (recover(Observation(**e), basis=basis) for e in (given | {"used": used}, few))
-    assert masked.gamma == pytest.approx(left_out.gamma, rel=0.02)  # the discrepancy is searched to 1 %
-    exact = {"gamma": left_out.gamma[0], "basis": basis}
-    masked, left_out = (recover(Observation(**e), **exact) for e in (given | {"used": used}, few))
+    gamma = left_out.settings.gamma
+    assert masked.settings.gamma == pytest.approx(gamma, rel=0.02)  # the discrepancy is searched to 1 %
+    exact = SolverSettings(gamma=gamma[0])
+    masked, left_out = (recover(Observation(**e), basis=basis, settings=exact) for e in (given | {"used": used}, few))
     assert masked.values == pytest.approx(left_out.values, rel=1e-5, abs=1e-7 * left_out.values.max())
 
 

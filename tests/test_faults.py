@@ -235,7 +235,7 @@ def test_only_the_last_lamp_s_shot_is_spoilt(tmp_path: Path) -> None:
 def test_the_worst_is_caught_from_real_files(tmp_path: Path, name: str, codes: set[str]) -> None:
     shot = files(tmp_path, name, 3).shots[0]
     try:
-        result = calibrate(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
+        result = calibrate(shot.shot)
         found = {reason.code for reason in result.verdict.reasons}
     except CalibrationError as error:
         found = {reason.code for reason in error.reasons} | {error.code}
@@ -263,7 +263,7 @@ def test_field_mode(tmp_path: Path) -> None:
         "Nikon 5100 (NPL)", ["D:5300"], tmp_path, scene=Scene(size=(720, 540), fill=0.4, vignetting=0.1), seed=8
     )
     shot = done.shots[0]
-    known = calibrate(shot.chart, shot.lamp, white=shot.white, dark=shot.dark, truth=done.truth)
+    known = calibrate(shot.shot, truth=done.truth)
     rough = calibrate(shot.chart, "daylight", truth=done.truth)
     assert rough.verdict.status == "accepted"
     assert {"white_from_patch", "dark_from_black_level"} <= {a.code for a in rough.assumptions}

@@ -22,7 +22,7 @@ from camssf.photo.patches import FrameMeans
 from camssf.recovery import Observation, explain, predict
 from camssf.recovery.basis import read_basis
 from camssf.recovery.linear_model import SOURCES, anchor, linear_model
-from camssf.recovery.sensitivity import Ssf, answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.report.page import page
 from camssf.report.sections.uneven import falls_of
 from camssf.result import Calibration
@@ -160,33 +160,35 @@ def test_the_answer_is_the_joint_least_squares() -> None:
     given = told(shaded(0.3, 0.15))
     basis = read_basis("cameras")
     rows = linear_model(given, basis)
-    found = answer(given, "cameras", gamma=0.0, engine="reference")
+    found = answer(given, "cameras", settings=SolverSettings(gamma=0.0, engine="reference"))
     A, D, b = rows.matrix[0], rows.gains, rows.target[0]
     root = np.linalg.cholesky(rows.covariance[0] - D @ D.T)
     both = np.linalg.solve(root, np.column_stack([A, D, b]))
     stacked = np.vstack([both[:, :-1], np.eye(A.shape[1] + D.shape[1])])
     z = np.linalg.lstsq(stacked, np.append(both[:, -1], np.zeros(stacked.shape[1])), rcond=None)[0]
     assert found.code.T.ravel() == pytest.approx(z[: A.shape[1]], abs=1e-7 * np.abs(z).max())
-    assert found.gain_code.ravel() == pytest.approx(z[A.shape[1] :], abs=1e-7 * np.abs(z).max())
+    assert found.light.gain_code.ravel() == pytest.approx(z[A.shape[1] :], abs=1e-7 * np.abs(z).max())
 
 
 @pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
 def test_both_engines_agree(lamps: tuple[str, ...]) -> None:
     for modes, own in ((None, OWN), (gain_modes(uneven(np.ones(24)), 0.08)[0][0], 0.0)):
         given = told(shaded(0.3, 0.15), lamps, modes, gain_own=own)
-        reference, model = (answer(given, "phones", engine=engine) for engine in ("reference", "onnx"))
+        reference, model = (
+            answer(given, "phones", settings=SolverSettings(engine=engine)) for engine in ("reference", "onnx")
+        )
         assert model.values == pytest.approx(reference.values, abs=1e-10 * reference.values.max())
-        assert model.gain_code == pytest.approx(reference.gain_code, abs=1e-10)
-        assert model.log_evidence == pytest.approx(reference.log_evidence, abs=1e-7)
+        assert model.light.gain_code == pytest.approx(reference.light.gain_code, abs=1e-10)
+        assert model.posterior.log_evidence == pytest.approx(reference.posterior.log_evidence, abs=1e-7)
 
 
 def test_modes_of_nothing_change_nothing() -> None:
     given = told(np.ones(24), modes=np.zeros((6, 24)))
     without = replace(given, gain_modes=np.zeros((0, 0)))
     for engine in ("reference", "onnx"):
-        same, bare = (answer(each, "cameras", engine=engine) for each in (given, without))
+        same, bare = (answer(each, "cameras", settings=SolverSettings(engine=engine)) for each in (given, without))
         assert same.values == pytest.approx(bare.values, rel=1e-12)
-        assert np.all(same.gain_code == 0.0)
+        assert np.all(same.light.gain_code == 0.0)
 
 
 def test_each_patch_free_makes_any_shading_no_matter() -> None:
@@ -323,9 +325,7 @@ def test_a_photo_without_a_white_frame(tmp_path: Path) -> None:
     camera = CameraCurves("phone", resolve(PHONE), "golden")
     shot = simulate(camera, ["D55"], tmp_path, scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10)).shots[0]
     bare = calibrate(shot.chart, "D55", options=Options(basis="phones"), truth=camera)
-    framed = calibrate(
-        shot.chart, "D55", white=shot.white, dark=shot.dark, options=Options(basis="phones"), truth=camera
-    )
+    framed = calibrate(shot.shot, options=Options(basis="phones"), truth=camera)
     assert bare.verdict.status == framed.verdict.status == "accepted"
     assert bare.scores.rmse is not None
     assert framed.scores.rmse is not None

@@ -28,6 +28,7 @@ from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.options import Options
 from camssf.photo.read.dng import read_dng
+from camssf.photo.shot import Shot
 from camssf.result import Calibration
 from camssf.simulation.frames import SimulatedShot, simulate
 from camssf.simulation.scene import Scene
@@ -116,16 +117,20 @@ def kotlin() -> Iterator[Kotlin]:
 
 def python(case: Case) -> Json:
     """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
-    said = {"corners": case.corners, **case.options}
-    chart = said.pop("chart", "classic24")
-    found = attempt(
-        [shot.chart for shot in case.shots],
-        case.lamps,
-        white=[shot.white for shot in case.shots] if case.white else None,
-        dark=[shot.dark for shot in case.shots] if case.dark else None,
-        chart=chart,
-        options=Options(**said),
-    )
+    options = dict(case.options)
+    chart, tolerance = options.pop("chart", "classic24"), options.pop("lamp_tolerance", None)
+    shots = [
+        Shot(
+            shot.chart,
+            lamp,
+            white=shot.white if case.white else None,
+            dark=shot.dark if case.dark else None,
+            corners=corners,
+            lamp_tolerance=tolerance,
+        )
+        for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
+    ]
+    found = attempt(shots, chart=chart, options=Options(**options))
     document = found.document()
     if isinstance(found, Calibration):
         return document

@@ -40,7 +40,7 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 @pytest.fixture(scope="module")
 def result(shot: Simulation) -> Calibration:
     only = shot.shots[0]
-    return calibrate(only.chart, "D55", white=only.white, dark=only.dark, options=Options(basis="cameras"))
+    return calibrate(only.shot, options=Options(basis="cameras"))
 
 
 @pytest.fixture
@@ -356,23 +356,19 @@ def test_a_camera_may_be_arrays() -> None:
 def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Calibration) -> None:
     """A pair of arrays is one lamp, not two."""
     only, lamp, chart = shot.shots[0], read_lamp("D55"), read_chart("classic24")
-    for told in ((WAVELENGTHS, lamp.values), [(WAVELENGTHS, lamp.values)]):
-        found = calibrate(
-            only.chart,
-            told,
-            white=only.white,
-            dark=only.dark,
-            chart=(WAVELENGTHS, chart.values),
-            truth=(WAVELENGTHS, read_camera("Nikon 5100 (NPL)").values),
-            options=Options(basis="cameras"),
-        )
-        assert np.abs(found.curves - result.curves).max() < 0.05
-        stated = found.document()["shots"][0]["lamp"]
-        assert {key: stated[key] for key in ("name", "tolerance", "source")} == {
-            "name": "lamp (given)",
-            "tolerance": 0.01,
-            "source": "given as arrays",
-        }
-        assert found.scores.rmse is not None
-    with pytest.raises(InvalidArgument, match=r"1 photo\(s\) but 2 lamp"):
-        calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])
+    found = calibrate(
+        replace(only.shot, lamp=(WAVELENGTHS, lamp.values)),
+        chart=(WAVELENGTHS, chart.values),
+        truth=(WAVELENGTHS, read_camera("Nikon 5100 (NPL)").values),
+        options=Options(basis="cameras"),
+    )
+    assert np.abs(found.curves - result.curves).max() < 0.05
+    stated = found.document()["shots"][0]["lamp"]
+    assert {key: stated[key] for key in ("name", "tolerance", "source")} == {
+        "name": "lamp (given)",
+        "tolerance": 0.01,
+        "source": "given as arrays",
+    }
+    assert found.scores.rmse is not None
+    with pytest.raises(InvalidArgument, match="is no lamp"):
+        calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])  # type: ignore[arg-type]

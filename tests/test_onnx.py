@@ -93,12 +93,12 @@ def both(arguments: dict[str, Any]) -> tuple[Ssf, Ssf]:
 @pytest.mark.parametrize("seed", range(60))
 def test_seeded_problems(seed: int) -> None:
     onnx, reference = both(seeded(seed))
-    assert (onnx.engine, reference.engine) == ("onnx", "reference")
-    assert onnx.gap.max() <= 1e-9
-    assert reference.gap.max() <= 1e-9
+    assert (onnx.settings.engine, reference.settings.engine) == ("onnx", "reference")
+    assert onnx.proof.gap.max() <= 1e-9
+    assert reference.proof.gap.max() <= 1e-9
     assert norm(onnx.values, reference.values) <= 1e-10
     assert norm(onnx.predicted, reference.predicted) <= 1e-10
-    assert norm(onnx.lamp, reference.lamp) <= 1e-10
+    assert norm(onnx.light.lamp, reference.light.lamp) <= 1e-10
     if reference.std is None:
         assert onnx.std is None
     else:
@@ -115,10 +115,11 @@ def test_lamps_of_a_family(seed: int) -> None:
     if seed % 4:
         modes[0, 0] = read_lamp("daylight").modes[0]
     onnx, reference = both(a | {"lamp_modes": modes})
-    for name in ("values", "predicted", "lamp", "std"):
+    for name in ("values", "predicted", "std"):
         assert norm(getattr(onnx, name), getattr(reference, name)) <= 1e-10
-    assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
-    assert norm(onnx.lamp[-1], a["lamp"][-1]) > 1e-3
+    assert norm(onnx.light.lamp, reference.light.lamp) <= 1e-10
+    assert max(onnx.proof.gap.max(), reference.proof.gap.max()) <= 1e-9
+    assert norm(onnx.light.lamp[-1], a["lamp"][-1]) > 1e-3
 
 
 def far(seed: int) -> dict[str, Any]:
@@ -144,7 +145,7 @@ def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -
         given = {name: a[name] for name in ("signals", "reflectance", "lamp")}
         moved = {name: x * (1 + 2.0**-52 * rng.integers(-1, 2, x.shape)) for name, x in given.items()}
         inherent = max(inherent, norm(recovered(**a | moved, engine="onnx").values, onnx.values))
-    assert max(onnx.gap.max(), reference.gap.max()) <= 1e-9
+    assert max(onnx.proof.gap.max(), reference.proof.gap.max()) <= 1e-9
     assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
 
@@ -349,7 +350,7 @@ def test_exposure_and_lamp_scale_change_nothing(basis: str) -> None:
     plain = recovered(**a, frames=(y, ones, 0 * ones))
     louder = recovered(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
     assert norm(louder.values, plain.values) < 1e-9
-    assert louder.channel_gain == pytest.approx([1, 1, 1])
+    assert louder.light.channel_gain == pytest.approx([1, 1, 1])
     assert norm(recovered(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
 
 

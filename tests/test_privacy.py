@@ -149,9 +149,9 @@ SIGNED_AND_KEPT = (
     ("-m", "camssf", "registry", "export", "phones", "-o", "phones/all.csv"),
 )  # fmt: skip
 LIBRARY = """
-from camssf import calibrate
+from camssf import Shot, calibrate
 from camssf.report.build import report
-result = calibrate("out/shots/chart.dng", ["D55"], white=["out/shots/white.dng"], dark=["out/shots/dark.dng"])
+result = calibrate(Shot("out/shots/chart.dng", "D55", white="out/shots/white.dng", dark="out/shots/dark.dng"))
 assert report(result.document()).ssf_png
 """
 

@@ -25,6 +25,7 @@ from camssf.photo.read.dng import CFA_ORDERS, read_dng
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.sidecar import photo_hash
 from camssf.photo.read.unit import read_unit
+from camssf.photo.shot import Shot
 from camssf.rules import rules
 from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate
@@ -76,7 +77,7 @@ SOUND: dict[str, Any] = {
 
 def solved(folder: Path, ending: str) -> Calibration:
     return calibrate(
-        folder / f"chart.{ending}", "D55", white=folder / f"white.{ending}", options=Options(basis="cameras")
+        Shot(folder / f"chart.{ending}", "D55", white=folder / f"white.{ending}"), options=Options(basis="cameras")
     )
 
 
@@ -135,7 +136,7 @@ def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Pat
 
 
 def test_patches_documents_keep_whose_word_it_was(field: Path) -> None:
-    capture = measure(field / "chart.nef", "D55", white=field / "white.nef")
+    capture = measure(Shot(field / "chart.nef", "D55", white=field / "white.nef"))
     again = read_patches(json.loads(json.dumps(patches_document(capture))))
     assert again.shots[0].photo.levels == capture.shots[0].photo.levels != ""
     plain = patches_document(measure(field / "chart.dng", "D55"))

@@ -36,7 +36,7 @@ from camssf.recovery.hypotheses import recover
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
-from camssf.recovery.sensitivity import answer
+from camssf.recovery.sensitivity import SolverSettings, answer
 from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
 
@@ -70,12 +70,13 @@ def photo(code: Floats, rng: np.random.Generator) -> Observation:
 
 def result(number: int, code: Floats, rng: np.random.Generator, **more: Any) -> Row:
     """As the registry has it."""
-    found = answer(photo(code, rng), "phones", engine="onnx")
-    assert found.code_covariance is not None
+    found = answer(photo(code, rng), "phones", settings=SolverSettings(engine="onnx"))
+    assert found.posterior is not None
     row_ = made(number, found.peak()[0][::10].T, **{"make": "Acme", "model": f"P{number % 4}", "serial": ""} | more)
     return replace(
-        row_, basis="phones", onnx=load_model("phones").sha256, l2=found.l2, gamma=float(found.gamma[0]),
-        prior_scale=(1.0,), prior_share=(1.0,), code_covariance=tuple(found.code_covariance[np.tril_indices(72)]),
+        row_, basis="phones", onnx=load_model("phones").sha256, l2=found.settings.l2,
+        gamma=float(found.settings.gamma[0]), prior_scale=(1.0,), prior_share=(1.0,),
+        code_covariance=tuple(found.posterior.code_covariance[np.tril_indices(72)]),
     )  # fmt: skip
 
 
@@ -102,10 +103,10 @@ def test_the_old_prior_is_taken_out_again() -> None:
     """J = Aᵀ Σ⁻¹ A of the rows themselves, and h = Aᵀ Σ⁻¹ b, to the first order in the code."""
     rng = np.random.default_rng(1)
     evidence, basis = photo(0.3 * rng.normal(size=(3, 24)), rng), read_basis("phones")
-    found = answer(evidence, basis, engine="reference", gamma=0.0)
-    assert found.code_covariance is not None
+    found = answer(evidence, basis, settings=SolverSettings(engine="reference", gamma=0.0))
+    assert found.posterior is not None
     curves = found.peak()[0][::10].T
-    taken = photo_likelihood(("", "", ""), curves, found.code_covariance, old(), [(1.0, 1.0)], 0.0)
+    taken = photo_likelihood(("", "", ""), curves, found.posterior.code_covariance, old(), [(1.0, 1.0)], 0.0)
     rows = linear_model(evidence, basis)
     weighed = np.linalg.solve(rows.covariance[0], np.column_stack([rows.matrix[0], rows.target[0]]))
     J, h = rows.matrix[0].T @ weighed[:, :-1], rows.matrix[0].T @ weighed[:, -1]
@@ -125,9 +126,18 @@ def test_the_old_prior_is_taken_out_again() -> None:
 def test_what_was_found_under_two_widths_says_the_same_as_under_one() -> None:
     rng = np.random.default_rng(2)
     evidence = photo(1.5 * rng.normal(size=(3, 24)), rng)
-    one, wide = (answer(evidence, "phones", engine="reference", gamma=0.0, prior_scale=s) for s in (1.0, 2.0))
-    alone = photo_likelihood(("", "", ""), one.peak()[0][::10].T, one.code_covariance, old(), [(1.0, 1.0)], 0.0)  # type: ignore[arg-type]
-    other = photo_likelihood(("", "", ""), wide.peak()[0][::10].T, wide.code_covariance, old(), [(2.0, 1.0)], 0.0)  # type: ignore[arg-type]
+    one, wide = (
+        answer(evidence, "phones", settings=SolverSettings(engine="reference", gamma=0.0), prior_scale=s)
+        for s in (1.0, 2.0)
+    )
+    assert one.posterior is not None
+    assert wide.posterior is not None
+    alone = photo_likelihood(
+        ("", "", ""), one.peak()[0][::10].T, one.posterior.code_covariance, old(), [(1.0, 1.0)], 0.0
+    )
+    other = photo_likelihood(
+        ("", "", ""), wide.peak()[0][::10].T, wide.posterior.code_covariance, old(), [(2.0, 1.0)], 0.0
+    )
     mean, spread = np.zeros(72), np.eye(72)
     J, K = (each.factor @ each.factor.T for each in (alone, other))
     assert np.trace(spread @ J) == pytest.approx(np.trace(spread @ K), rel=0.1)
@@ -213,7 +223,7 @@ def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> Non
         truth = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
         evidence = photo(code, rng)
         for name, used in (("old", basis), ("all", everybody.basis), ("own", lesson.basis)):
-            curves = answer(evidence, used, engine="reference").peak()[0]
+            curves = answer(evidence, used, settings=SolverSettings(engine="reference")).peak()[0]
             wrong[name].append(float(np.sqrt(np.mean((curves - truth / truth.max(axis=0)) ** 2))))
     old_, all_, own = (np.mean(each) for each in wrong.values())
     assert own < 0.9 * old_

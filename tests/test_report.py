@@ -1357,9 +1357,9 @@ def code_covariance(lamp: str) -> np.ndarray:
     signals = (light * chart) @ mean / (light @ mean)
     noise = np.hypot(0.003 * signals, 6e-4)
     observation = Observation(signals, chart, light, standard_error=noise, chart_tolerance=0.02, lamp_tolerance=0.01)
-    found = answer(observation, "cameras", engine="onnx").code_covariance
+    found = answer(observation, "cameras").posterior
     assert found is not None
-    return np.asarray(found)
+    return found.code_covariance
 
 
 def test_templates_escape_whatever_they_are_given() -> None:

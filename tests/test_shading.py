@@ -14,11 +14,11 @@ from camssf.calibration import calibrate
 from camssf.cli import main
 from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
-from camssf.options import Options
 from camssf.photo.capture import Capture, measure
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng, shading
+from camssf.photo.shot import Shot
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
@@ -208,7 +208,7 @@ def colours(capture: Capture) -> np.ndarray:
 def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
     truth = colours(measure(shots["even chart"], "D55"))
     stored = colours(measure(shots["shaded chart"], "D55")) / truth - 1
-    applied = colours(measure(shots["shaded chart"], "D55", options=Options(lens_shading="apply"))) / truth - 1
+    applied = colours(measure(Shot(shots["shaded chart"], "D55", lens_shading="apply"))) / truth - 1
     assert np.abs(stored).max() > 0.15
     assert np.abs(applied).max() < 0.01
     assert np.sqrt(np.mean(applied**2)) < 0.003  # photon noise of the dark patches
@@ -217,8 +217,7 @@ def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
 def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
     plain, applied = (
-        calibrate(shots["shaded chart"], "D55", **frames, options=Options(lens_shading=word))
-        for word in ("as-stored", "apply")
+        calibrate(Shot(shots["shaded chart"], "D55", **frames, lens_shading=word)) for word in ("as-stored", "apply")
     )
     assert not np.array_equal(plain.signals.chart, applied.signals.chart)
     np.testing.assert_allclose(applied.signals.values, plain.signals.values, rtol=2e-14)
@@ -238,7 +237,7 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
     assert document["shots"][0]["lens_shading"] == "apply"
     capture = read_patches(document)
     assert capture.shots[0].lens_shading == "apply"
-    applied = measure(photo, "D55", options=Options(lens_shading="apply"))
+    applied = measure(Shot(photo, "D55", lens_shading="apply"))
     assert capture.shots[0].means.chart.mean.tolist() == applied.shots[0].means.chart.mean.tolist()
     document["shots"][0]["lens_shading"] = "perhaps"
     with pytest.raises(InvalidArgument, match="lens_shading"):

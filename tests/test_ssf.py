@@ -168,15 +168,15 @@ def test_a_gamma_of_each_channel_is_the_paper_s_alone() -> None:
     told: dict[str, Any] = {"basis": "gaussian", "standard_error": 0.005 * y, "chart_tolerance": 0.0}
     gammas = [0.3, 1.0, 3.0]
     mixed = recovered(y, reflectance, lamp, gamma=gammas, **told)
-    assert mixed.gamma == pytest.approx(gammas)
-    assert mixed.layers_gap.shape == mixed.finish_steps.shape == (3,)
+    assert mixed.settings.gamma == pytest.approx(gammas)
+    assert mixed.proof.layers_gap.shape == mixed.proof.finish_steps.shape == (3,)
     for c, gamma in enumerate(gammas):
         alone = recovered(y, reflectance, lamp, gamma=gamma, **told)
         assert mixed.code[:, c] == pytest.approx(alone.code[:, c], abs=1e-12)
     with pytest.raises(InvalidArgument, match="one problem"):
         recovered(y, reflectance, lamp, gamma=gammas)
     same = recovered(y, reflectance, lamp, gamma=[0.3] * 3)
-    assert same.gamma == pytest.approx([0.3] * 3)
+    assert same.settings.gamma == pytest.approx([0.3] * 3)
     assert same.values == pytest.approx(recovered(y, reflectance, lamp, gamma=0.3).values, rel=1e-12)
 
 
@@ -221,9 +221,9 @@ def test_bands_are_the_posterior_s(shots: int) -> None:
     rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
     A, sigma = rows.matrix[0], rows.covariance[0]
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
-    assert answer.code_covariance is not None
-    assert answer.code_covariance.shape == (72, 72)
-    assert answer.code_covariance == pytest.approx(spread, abs=1e-10)
+    assert answer.posterior is not None
+    assert answer.posterior.code_covariance.shape == (72, 72)
+    assert answer.posterior.code_covariance == pytest.approx(spread, abs=1e-10)
     deviation = np.sqrt(np.diag(spread))
     between = (spread / np.outer(deviation, deviation))[:24, 24:48]
     assert np.abs(between).max() > 0.1  # one chart, one white, one lamp: what is wrong with red is with green
@@ -237,24 +237,26 @@ def test_the_evidence_is_that_of_the_rows_and_prefers_the_true_lamp() -> None:
     told = declared(2) | {"basis": "cameras"}
     answer = recovered(**told)
     rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
-    assert answer.log_evidence == pytest.approx(solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9)
+    assert answer.posterior.log_evidence == pytest.approx(
+        solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9
+    )
     wrong = recovered(**told | {"lamp": np.stack([told["lamp"][0], chart_and_lamp("FL2")[1]])})
-    assert answer.log_evidence is not None
-    assert wrong.log_evidence is not None
-    assert answer.log_evidence > wrong.log_evidence + 10
+    assert answer.posterior is not None
+    assert wrong.posterior is not None
+    assert answer.posterior.log_evidence > wrong.posterior.log_evidence + 10
     paper = recovered(**declared(1) | {"basis": "gaussian", "chart_tolerance": 0.0, "gamma": 1.0})
-    assert paper.log_evidence is None
-    assert paper.code_covariance is None
+    assert paper.posterior is None
+    assert paper.posterior is None
 
 
 def test_the_product_s_answer_is_the_layers() -> None:
     """One problem: one gap of the layers, no step of the finish, and the same proof for the three channels."""
     answer = recovered(**declared(2))
-    assert answer.layers_gap.shape == answer.finish_steps.shape == (1,)
-    assert answer.layers_gap[0] <= 1e-10
-    assert answer.finish_steps[0] == 0
-    assert answer.gap.shape == answer.gamma.shape == (3,)
-    assert (answer.gap == answer.layers_gap[0]).all()
+    assert answer.proof.layers_gap.shape == answer.proof.finish_steps.shape == (1,)
+    assert answer.proof.layers_gap[0] <= 1e-10
+    assert answer.proof.finish_steps[0] == 0
+    assert answer.proof.gap.shape == answer.settings.gamma.shape == (3,)
+    assert (answer.proof.gap == answer.proof.layers_gap[0]).all()
 
 
 @pytest.mark.parametrize("shots", [1, 2])
@@ -264,11 +266,11 @@ def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     told = declared(shots)
     shares = explained(**told)
     answer = recovered(**told, basis="cameras", gamma=0.0)
-    assert answer.code_covariance is not None
+    assert answer.posterior is not None
     std = answer.peak()[1]
     assert std is not None
     rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
-    gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
+    gain = answer.posterior.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
     slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
     band = np.sum(std**2, axis=0)
     assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen"}

@@ -12,11 +12,11 @@ import pytest
 
 from camssf.documents.patches_json import patches_document, read_patches
 from camssf.errors import CalibrationError, UnitDiffers
-from camssf.options import Options
-from camssf.photo.capture import Capture, check_shots, measure
+from camssf.photo.capture import Capture, check_alike, measure
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import read_dng
 from camssf.photo.read.unit import Unit, check_unit
+from camssf.photo.shot import Shot
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 
@@ -57,19 +57,18 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, list[Pa
     made = simulate(
         "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("unit"), scene=Scene(size=(600, 450))
     )  # fmt: skip
-    options = Options(corners=[made.pose.corners, made.pose.corners])
-    photos = [shot.chart for shot in made.shots]
-    return measure(photos, ["D55", "A"], options=options), photos
+    shots = [Shot(shot.chart, shot.lamp, corners=made.pose.corners) for shot in made.shots]
+    return measure(shots), [shot.chart for shot in made.shots]
 
 
 def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -> None:
     found, photos = measured
     one, two = found.shots
-    check_shots([one, two])
+    check_alike([one, two])
     other = replace(two, photo=replace(two.photo, unit=replace(two.photo.unit, camera_id="3", focal_length=9.0)))
-    check_shots([one, other])  # the first says nothing of either
+    check_alike([one, other])  # the first says nothing of either
     with pytest.raises(UnitDiffers, match=r"camera '3' against '1'"):
-        check_shots([replace(one, photo=replace(one.photo, unit=Unit(camera_id="1"))), other])
+        check_alike([replace(one, photo=replace(one.photo, unit=Unit(camera_id="1"))), other])
     photo = read_dng(photos[0])
     assert photo.active_area == (0, 0, *photo.samples.shape)
     tele = replace(photo, path="w.dng", unit=Unit(lens="tele"))

@@ -21,7 +21,7 @@ from camssf.recovery.covariance import CHANNEL_SHARE, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.linear_model import anchor, linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from camssf.verdict.checks import Check, Checks
@@ -82,7 +82,9 @@ class Scene:
         for j, lamp in enumerate(self.lamps):
             only = Scene(self.signals.values[j], lamps=(lamp.name,))
             predicted = np.repeat(only.ssf.predicted, len(self.shots), axis=0)
-            found.append(replace(only.ssf, predicted=predicted, lamp=self.ssf.lamp))
+            found.append(
+                replace(only.ssf, predicted=predicted, light=replace(only.ssf.light, lamp=self.ssf.light.lamp))
+            )
         return found
 
     def evidence(self, lamps: list[Lamp]) -> Observation:
@@ -100,7 +102,7 @@ class Scene:
     def answer(self, lamps: list[Lamp]) -> Ssf:
         ssf = recover(self.evidence(lamps))
         return replace(
-            ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.lamp])
+            ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.light.lamp])
         )
 
     def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> GoodnessOfFit:
@@ -317,7 +319,7 @@ def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
     z = []
     for _ in range(80):
         scene = drawn(rng)
-        found = recover(scene.evidence(scene.lamps), basis="cameras", engine="reference")
+        found = recover(scene.evidence(scene.lamps), basis="cameras", settings=SolverSettings(engine="reference"))
         z.append(strangeness(found))
     # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.25, three standard errors each.
     assert abs(np.mean(z)) < 0.34
@@ -325,13 +327,15 @@ def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
     # Ten directions fully known, none of the others: χ² of ten degrees of freedom.
     K = np.diag(np.repeat([1.0, 0.0], [10, 62]))
     code = np.zeros(72)
+    known = found.posterior
+    assert known is not None
     for chance in (0.5, 0.02, 0.001):
         code[0] = chi2.isf(chance, 10) ** 0.5
-        exact = replace(found, code=code.reshape(24, 3), code_covariance=np.eye(72) - K)
+        exact = replace(found, code=code.reshape(24, 3), posterior=replace(known, code_covariance=np.eye(72) - K))
         assert strangeness(exact) == pytest.approx(norm.isf(chance), abs=0.03)
-    assert strangeness(replace(found, code_covariance=np.eye(72))) is None  # nothing was learned
-    assert strangeness(replace(found, code_covariance=None)) is None
-    assert strangeness(replace(found, std=None)) is None
+    nothing = replace(known, code_covariance=np.eye(72))
+    assert strangeness(replace(found, posterior=nothing)) is None  # nothing was learned
+    assert strangeness(replace(found, posterior=None)) is None
 
 
 def drawn(rng: np.random.Generator) -> Scene:
@@ -486,13 +490,18 @@ def test_curves_that_no_camera_has() -> None:
 # rules 4 and 5: the lamp
 
 
+def nats(ssf: Ssf) -> float:
+    assert ssf.posterior is not None
+    return ssf.posterior.log_evidence
+
+
 def rivalled(told: str, rivals: tuple[str, ...]) -> Scene:
     """A photo under A, named otherwise; gains by the evidence of the answers themselves."""
     scene = Scene(clean("A"), lamps=(told,))
-    own = scene.ssf.log_evidence or 0.0
+    own = nats(scene.ssf)
     lamps = [read_lamp(name) for name in rivals]
     scene.rivals = tuple(
-        Rival(0, lamp.name, (scene.answer([lamp]).log_evidence or 0.0) - own) for lamp in lamps
+        Rival(0, lamp.name, nats(scene.answer([lamp])) - own) for lamp in lamps
     )  # fmt: skip
     return scene
 
@@ -639,8 +648,10 @@ def test_poor_pose_and_wide_bands() -> None:
     verdict = scene.judged(signals=mixed, ssf=replace(scene.ssf, predicted=values))
     assert codes(verdict) == ["chart_unfit"]
     assert "the chart's own colours" in first(verdict).message
-    assert scene.ssf.std is not None
-    assert codes(scene.judged(ssf=replace(scene.ssf, std=scene.ssf.std * 5))) == ["underexposed"]
+    band = scene.ssf.posterior
+    assert band is not None
+    wide = replace(scene.ssf, posterior=replace(band, std=band.std * 5))
+    assert codes(scene.judged(ssf=wide)) == ["underexposed"]
 
 
 @pytest.mark.parametrize("lamp", ["2000K", "D:10000"])
@@ -649,7 +660,7 @@ def test_colours_are_compared_under_the_lamp(lamp: str) -> None:
     scene = Scene(clean(lamp), lamps=(lamp,))
     scene.poses = [replace(pose(), score=0.8)]
     (check,) = (check for check in scene.judged().checks if check.name == "poor_pose")
-    assert check.value == agreement(scene.signals.values[0], plain_signals(TABLE, scene.ssf.lamp[0]))
+    assert check.value == agreement(scene.signals.values[0], plain_signals(TABLE, scene.ssf.light.lamp[0]))
     flat = agreement(scene.signals.values[0], plain_signals(TABLE))
     assert check.value > flat if lamp == "2000K" else check.value > 0.95
     assert scene.judged().status == "accepted"
@@ -663,7 +674,7 @@ def test_few_patches() -> None:
 
 def test_a_basis_without_a_prior_is_judged_by_its_residual_alone() -> None:
     scene = Scene(clean())
-    bare = scene.surprise(replace(scene.ssf, std=None))
+    bare = scene.surprise(replace(scene.ssf, posterior=None))
     assert bare.prior == 0.0
     assert bare.residual == pytest.approx(scene.surprise().residual)
 

@@ -204,7 +204,7 @@ def _demo() -> dict[str, bytes]:
 
     with tempfile.TemporaryDirectory() as folder:
         shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
-        capture = measure(shot.chart, shot.lamp, white=shot.white, dark=shot.dark)
+        capture = measure(shot.shot)
         result = solve(capture)
     documents = {"patches": patches_document(capture), "result": result.document()}
     return {name: json.dumps(_short(document)).encode() for name, document in documents.items()}

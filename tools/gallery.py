@@ -27,10 +27,7 @@ SIZE = (1200, 900)
 def _solved(made: Simulation, count: int, **told: Any) -> Calibration:
     shots = made.shots[:count]
     return calibrate(
-        [shot.chart for shot in shots],
-        [shot.lamp for shot in shots],
-        white=[shot.white for shot in shots],
-        dark=[shot.dark for shot in shots],
+        [shot.shot for shot in shots],
         options=Options(basis="cameras"),
         **told,
     )

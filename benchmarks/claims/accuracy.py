@@ -64,7 +64,7 @@ from camssf.recovery.hypotheses import recover
 from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
-from camssf.recovery.sensitivity import Ssf, moves_of_peak_one, own_blocks
+from camssf.recovery.sensitivity import SolverSettings, Ssf, moves_of_peak_one, own_blocks
 from camssf.recovery.solve import solve as solve_code
 from camssf.spectra import read_chart, read_lamp
 
@@ -228,7 +228,7 @@ def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis)
     if method == APART:
         return answer_of(apart(linear_model(evidence, basis)), evidence, basis)
     l2, gamma = {PRODUCT: (None, None), MEAN: (1.0, 0.0), SPARSE: (0.0, 1.4)}[method]
-    return recover(evidence, basis=basis, l2=l2, gamma=gamma, engine="reference").peak()
+    return recover(evidence, basis=basis, settings=SolverSettings(l2=l2, gamma=gamma, engine="reference")).peak()
 
 
 def left_out() -> tuple[dict[str, Floats], dict[str, Basis]]:

@@ -39,10 +39,11 @@ from benchmarks.shared import (
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.grid import Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
@@ -131,7 +132,7 @@ def capture(device: Device, lamps: Sequence[str], told: Sequence[Light], maker: 
         photo = Photo(f"{number}.dng", 600, 400, 1, None, None, False, maker, model, f"{number:064d}")
         white, dark = frame(np.ones_like(y), 1e-5 * np.ones_like(y)), frame(np.zeros_like(y), np.zeros_like(y))
         means = PatchMeans(frame(y + noise, error), white, dark, np.full(3, BLACK), 16383.0)
-        shots.append(Shot(light, photo, photo, photo, pose(), means, None))
+        shots.append(MeasuredShot(light, photo, photo, photo, pose(), means, None))
     return Capture(tuple(shots), read_chart("classic24"), None)
 
 
@@ -144,7 +145,7 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     except CalibrationError as error:
         fit = prepare_fit(asked, options)
         status, codes = "refused", tuple(each.code for each in error.reasons) or (error.code,)
-        ssf = fit.solve(fit.signals.used, None)
+        ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     assert std is not None  # both bases have bands
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]
@@ -157,7 +158,7 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
 
 def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
     """The first shot's light beside the true one."""
-    found = ssf.lights[0] if ssf.lights else None
+    found = ssf.light.lights[0] if ssf.light.lights else None
     if found is None:
         return {}, None, None
     true = read_lamp(lamp).values / read_lamp(lamp).values.mean()

@@ -41,7 +41,7 @@ from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
-from camssf.photo.capture import Capture, Shot
+from camssf.photo.capture import Capture, MeasuredShot
 from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import Light, read_chart, read_lamp
 from camssf.verdict.checks import Check
@@ -78,7 +78,7 @@ class Judged:
     broken: tuple[str, ...]
 
 
-def judged(shot: Shot, light: Light, maker: str, model: str, half: str) -> Judged:
+def judged(shot: MeasuredShot, light: Light, maker: str, model: str, half: str) -> Judged:
     """The product's verdict."""
     shot = replace(shot, lamp=light, photo=replace(shot.photo, make=maker, model=model))
     capture = Capture((shot,), read_chart("classic24"), None)

@@ -50,6 +50,7 @@ from camssf.recovery.basis import Basis, interpolate
 from camssf.recovery.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import colour_science, read_chart, read_lamp
 from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
@@ -108,7 +109,7 @@ def calibrate(case: Case, names: tuple[str, ...], rng: np.random.Generator, *, o
         y + error * rng.normal(size=y.shape), chart(), lamps, standard_error=error, chart_tolerance=CHART,
         white_tolerance=WHITE, lamp_tolerance=0.02 if off else 0.0,
     )  # fmt: skip
-    answer = recover(observation, basis=case.basis, engine="reference")
+    answer = recover(observation, basis=case.basis, settings=SolverSettings(engine="reference"))
     raw = true[0] @ case.curves
     own = OwnWhite(raw / raw[1], read_lamp(names[0]))
     return camera_of_ssf(answer, case.basis, lamps[0], own)

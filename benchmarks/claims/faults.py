@@ -37,10 +37,11 @@ from camssf.calibration import calibrate as from_files
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.grid import STEP, Floats
 from camssf.learning.training import HANDFUL, maker_of, read_curves
 from camssf.options import Options
-from camssf.photo.capture import Capture, Shot, photo_of
+from camssf.photo.capture import Capture, MeasuredShot, photo_of
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.find.search import agreement, plain_signals
 from camssf.photo.patches import measure_patches
@@ -207,7 +208,7 @@ def mosaic(plan: ShotPlan, frames: dict[str, Any], role: str, frame: str, number
     )  # fmt: skip
 
 
-def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> Shot:
+def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> MeasuredShot:
     """Take it and measure it; refusals of the stages leave as errors."""
     taken = take(plan, (staged.number,))
     frames = {"chart": taken.chart, "white": taken.white, "dark": taken.dark}
@@ -231,10 +232,10 @@ def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> Shot:
     facts = {role: None if each is None else photo_of(each) for role, each in photos.items()}
     assert facts["chart"] is not None
     lamp = read_lamp(plan.stated_lamp)
-    return Shot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
+    return MeasuredShot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
 
 
-def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
+def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outcome:
     """Status, codes, RMSE and coverage; the curves of a refused verdict are judged all the same."""
     capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(engine="reference")
     with standing_in(basis):
@@ -246,7 +247,7 @@ def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
                 return Outcome("refused", (error.code,), None, None, (error.message,))
             verdict = Verdict("refused", error.reasons)
             fit = prepare_fit(capture, options)
-            ssf = fit.solve(fit.signals.used, None)
+            ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     off = curves - camera / camera.max(axis=0)
     assert std is not None
@@ -259,7 +260,7 @@ def solved(shots: Sequence[Shot], basis: Basis, camera: Floats) -> Outcome:
     )
 
 
-def tried(shoot_it: Callable[[], Sequence[Shot]], basis: Basis, camera: Floats) -> Outcome:
+def tried(shoot_it: Callable[[], Sequence[MeasuredShot]], basis: Basis, camera: Floats) -> Outcome:
     """An outcome whatever stage refuses."""
     try:
         shots = shoot_it()
@@ -305,7 +306,7 @@ def clean_and_faulty(
     return good, tallies
 
 
-def partial_shot(staged: Staged, plan: ShotPlan, *, search: bool) -> Callable[[], Sequence[Shot]]:
+def partial_shot(staged: Staged, plan: ShotPlan, *, search: bool) -> Callable[[], Sequence[MeasuredShot]]:
     return lambda: [shoot(staged, plan, search=search)]
 
 
@@ -325,7 +326,7 @@ def without_matrix(
                 staged, known = good[(41 * f + 17 * severity + 23 * j) % len(good)]
                 setup = apply_fault(name, severity)(staged.setup)
 
-                def shots(staged: Staged = staged, plan: ShotPlan = setup) -> list[Shot]:
+                def shots(staged: Staged = staged, plan: ShotPlan = setup) -> list[MeasuredShot]:
                     shot = shoot(staged, plan, search=False)
                     return [replace(shot, photo=replace(shot.photo, neutrals=()))]
 
@@ -392,11 +393,11 @@ def two_shots(
 
 
 def tried_pair(
-    pair: Sequence[Staged], which: int, plan: ShotPlan, shots: Sequence[Shot], basis: Basis, camera: Floats
+    pair: Sequence[Staged], which: int, plan: ShotPlan, shots: Sequence[MeasuredShot], basis: Basis, camera: Floats
 ) -> Outcome:
     """The pair with one shot taken again, spoilt."""
 
-    def again() -> list[Shot]:
+    def again() -> list[MeasuredShot]:
         return [shoot(pair[j], plan, search=False) if j == which else shots[j] for j in range(2)]
 
     return tried(again, basis, camera)
@@ -453,9 +454,7 @@ def through_files(
             shot = done.shots[0]
             try:
                 with standing_in(basis):
-                    result = from_files(
-                        shot.chart, shot.lamp, white=shot.white, dark=shot.dark, options=Options(engine="reference")
-                    )
+                    result = from_files(shot.shot, options=Options(engine="reference"))
                 status = result.verdict.status
             except CalibrationError:
                 status = "refused"

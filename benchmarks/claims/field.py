@@ -51,7 +51,7 @@ from benchmarks.shared import (
 )
 from camssf.grid import Floats
 from camssf.learning.training import maker_of
-from camssf.photo.capture import Capture, Photo, Shot
+from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
 from camssf.simulation.scene import Scene, true_pose
@@ -127,7 +127,7 @@ def photographed(device: Device, lamp: str, told: Light, at: Place, row: str, ma
         frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), 16383.0
     )
     other = photo if framed else None
-    return Capture((Shot(told, photo, other, other, at.pose, means, None),), read_chart("classic24"), None)
+    return Capture((MeasuredShot(told, photo, other, other, at.pose, means, None),), read_chart("classic24"), None)
 
 
 @contextmanager

@@ -27,6 +27,7 @@ from camssf.recovery.basis import interpolate
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 
@@ -165,7 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
                                 lamp_modes=modes_,
                             ),
                             basis=bases[name],
-                            engine="reference",
+                            settings=SolverSettings(engine="reference"),
                         )
                         runs[how].append(score(answer, cameras[name]))
                     bar.advance(task)

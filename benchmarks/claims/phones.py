@@ -53,7 +53,7 @@ from camssf.recovery.hypotheses import SCALES, UNUSUAL
 from camssf.recovery.hypotheses import choose as chosen
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.spectra import read_chart
 
 _ACCURACY = {setting.name: setting for setting in SETTINGS}
@@ -165,15 +165,27 @@ def auto(basis: str) -> str:
     return f"auto: {basis}"
 
 
+def renamed(ssf: Ssf, basis: str) -> Ssf:
+    """The answer with another name of its basis."""
+    return replace(ssf, settings=replace(ssf.settings, basis=basis))
+
+
+def nats(ssf: Ssf) -> float:
+    """The answer's evidence."""
+    assert ssf.posterior is not None
+    return ssf.posterior.log_evidence
+
+
 def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, float]]:
     """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
     scaled = {
         name: [
-            replace(answer(observation, basis, prior_scale=scale, engine="reference"), basis=name) for scale in SCALES
+            renamed(answer(observation, basis, prior_scale=scale, settings=SolverSettings(engine="reference")), name)
+            for scale in SCALES
         ]
         for name, basis in device.bases.items()
     }
-    found = {name: (each[0].peak(), float(each[0].log_evidence or 0.0)) for name, each in scaled.items()}
+    found = {name: (each[0].peak(), nats(each[0])) for name, each in scaled.items()}
     if CAMERAS not in device.bases:  # where enlargements are compared nothing is chosen
         return found
     beliefs = np.log([1.0 - UNUSUAL, UNUSUAL] * 2)
@@ -206,12 +218,15 @@ def doubted_lamp(devices: Sequence[Device], draws: int, bar: Progress) -> dict[s
             exact = declared(setting, y, error)
             told = {"doubted": replace(exact, lamp_modes=step[None, None]), "exact": exact}
             for name, basis in device.bases.items():
-                found = {word: answer(each, basis, engine="reference") for word, each in told.items()}
+                found = {
+                    word: answer(each, basis, settings=SolverSettings(engine="reference"))
+                    for word, each in told.items()
+                }
                 for word, each in found.items():
                     rmse, covered = against(each.peak(), device.curves)
                     assert covered is not None  # a learned basis has bands
                     scores[name][word].append((float(rmse.mean()), float(covered[:, SEEN].mean())))
-                change = np.log(found["doubted"].lamp[0] / exact.lamp[0])
+                change = np.log(found["doubted"].light.lamp[0] / exact.lamp[0])
                 kelvin = DOUBT * float((change - change.mean()) @ bend / (bend @ bend))
                 off[name].setdefault(device.name, []).append(kelvin)
             bar.advance(task)

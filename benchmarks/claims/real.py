@@ -41,7 +41,7 @@ from camssf.photo.signals import Signals
 from camssf.recovery.basis import Basis, interpolate
 from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL, choose, recover
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Ssf, answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.spectra import ChartTable, Lamp, read_chart
 from camssf.spectra.lamps import MEASURED_LAMP
 from camssf.verdict.goodness_of_fit import VerdictInputs
@@ -182,7 +182,11 @@ def without(maker: str) -> Basis:
 def automatic(given: Observation, left_out: Basis) -> Ssf:
     """`recover(basis="auto")` with another basis in the place of `cameras`."""
     bases = [left_out if name == SHIPPED else name for name in FAMILIES]
-    answers = [answer(given, basis, prior_scale=scale, engine="reference") for basis in bases for scale in SCALES]
+    answers = [
+        answer(given, basis, prior_scale=scale, settings=SolverSettings(engine="reference"))
+        for basis in bases
+        for scale in SCALES
+    ]
     return choose(given, answers, np.log(np.tile([1.0 - UNUSUAL, UNUSUAL], len(bases))))
 
 
@@ -197,7 +201,7 @@ def solve(
     if basis == CLAIM:
         return told, automatic(told, without("nikon"))
     if basis == LEFT_OUT:
-        return told, recover(told, basis=without("nikon"), engine="reference")
+        return told, recover(told, basis=without("nikon"), settings=SolverSettings(engine="reference"))
     return told, recover(told, basis=basis)
 
 
@@ -245,7 +249,7 @@ def attempt(
     curves, std = found.peak()
     row: dict[str, Any] = {"chart": name, "tolerance": tolerance, "light": light_per_patch, "basis": basis}
     row["passes"] = judged(curves, std)
-    row["log_evidence"] = found.log_evidence
+    row["log_evidence"] = None if found.posterior is None else found.posterior.log_evidence
     row["z"] = None if std is None else z_of(told, found, name)
     row["cameras"] = sum(each.probability for each in found.choice if each.basis == SHIPPED) if found.choice else None
     at = d70().at
@@ -301,7 +305,7 @@ def redraw(count: int = DRAWS, seed: int = 8) -> dict[str, list[float]]:
         y = exact * gains
         y = (y / y[capture.white])[capture.used]
         told = replace(evidence(MEASURED, TOLERANCES[1]), signals=y[None], standard_error=NOISE * y[None])
-        answered = recover(told, basis=without("nikon"), engine="reference")
+        answered = recover(told, basis=without("nikon"), settings=SolverSettings(engine="reference"))
         rmse, held = score(*answered.peak(), truth)
         assert held is not None
         found.append([rmse.mean(), held])

@@ -76,7 +76,7 @@ from camssf.recovery.covariance import (
 )
 from camssf.recovery.hypotheses import CLEAR, recover
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import answer
+from camssf.recovery.sensitivity import SolverSettings, answer
 from camssf.spectra import read_chart
 
 SEED = 19
@@ -171,15 +171,17 @@ def result_of(phone: Phone, number: int) -> Result | None:
     """As the registry has it: float32; None where `phones` did not answer alone."""
     found = recover(phone.evidence, basis=AUTO, prior=WORD)
     choice = [vars(each) for each in found.choice]
-    widths = widths_of({"basis": found.basis, "choice": choice, "prior_scale": found.prior_scale})
-    if found.basis != PHONES or not widths:
+    widths = widths_of({"basis": found.settings.basis, "choice": choice, "prior_scale": found.settings.prior_scale})
+    if found.settings.basis != PHONES or not widths:
         return None
-    assert found.code_covariance is not None
+    assert found.posterior is not None
     curves = found.peak()[0][::10].T.astype(np.float32).astype(np.float64)
-    spread = found.code_covariance.astype(np.float32).astype(np.float64)
+    spread = found.posterior.code_covariance.astype(np.float32).astype(np.float64)
     member: Member = (f"maker {phone.model % 4}", f"model {phone.model}", str(number))
     truth = phone.curves[::10].T
-    return Result(photo_likelihood(member, curves, spread, _old(), widths, float(found.gamma[0])), curves, truth)
+    return Result(
+        photo_likelihood(member, curves, spread, _old(), widths, float(found.settings.gamma[0])), curves, truth
+    )
 
 
 @cache
@@ -215,7 +217,11 @@ def rmse(pairs: Sequence[tuple[Phone, Basis | str]]) -> Floats:
         if basis == AUTO:
             curves = recover(phone.evidence, basis=AUTO, prior=WORD).peak()
         else:
-            curves = answer(phone.evidence, basis, engine="onnx" if isinstance(basis, str) else "reference").peak()
+            curves = answer(
+                phone.evidence,
+                basis,
+                settings=SolverSettings(engine="onnx" if isinstance(basis, str) else "reference"),
+            ).peak()
         wrong, covered = judge(curves, phone.curves)
         assert covered is not None
         found.append((wrong.mean(), covered[:, SEEN].mean()))

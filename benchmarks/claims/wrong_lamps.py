@@ -33,7 +33,7 @@ from benchmarks.claims.phones import phones_left_out as phones_of
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, take_tables, versions
 from camssf.errors import CalibrationError
 from camssf.learning.training import maker_of, read_curves
-from camssf.photo.capture import Shot
+from camssf.photo.capture import MeasuredShot
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_chart, read_lamp
 
@@ -72,7 +72,7 @@ class Told:
     harm: float
 
 
-def taken(device: Device, light: str, chart: str, number: int) -> Shot:
+def taken(device: Device, light: str, chart: str, number: int) -> MeasuredShot:
     """The chart under that light, measured; its file holds no colour matrix."""
     staged = stage(number, device.name, device.curves, light)
     setup = replace(
@@ -82,7 +82,7 @@ def taken(device: Device, light: str, chart: str, number: int) -> Shot:
     return replace(shot, photo=replace(shot.photo, neutrals=()))
 
 
-def judged(shot: Shot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:
+def judged(shot: MeasuredShot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:
     """The verdict of the shot under that name of its lamp; a maker's file names the model, too, as phones do."""
     model = device.name[len(maker) :].strip() if maker else ""
     told = replace(shot, lamp=read_lamp(lamp), photo=replace(shot.photo, make=maker, model=model))

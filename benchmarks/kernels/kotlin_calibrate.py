@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ import numpy as np
 
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.calibration import calibrate
-from camssf.options import Options
 from camssf.simulation.frames import Simulation, simulate
 
 BAR = 1.5
@@ -90,15 +90,8 @@ def words(made: Simulation, k: int, out: Path) -> list[str]:
 
 def python(made: Simulation, k: int) -> tuple[float, dict[str, Any]]:
     """Seconds, and the document."""
-    shots = made.shots[:k]
     start = time.perf_counter()
-    document = calibrate(
-        [shot.chart for shot in shots],
-        [shot.lamp for shot in shots],
-        white=[shot.white for shot in shots],
-        dark=[shot.dark for shot in shots],
-        options=Options(corners=[made.pose.corners] * k),
-    ).document()
+    document = calibrate([replace(shot.shot, corners=made.pose.corners) for shot in made.shots[:k]]).document()
     text = json.dumps(document)
     return time.perf_counter() - start, json.loads(text)
 

@@ -38,6 +38,7 @@ from camssf.grid import Floats
 from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.onnx_model import load_model
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_camera
 
 ONNX, REFERENCE = "ONNX model, from raw patch means", "NumPy reference, from signals"
@@ -81,10 +82,8 @@ def problem_of(basis: str, patches: int, shots: int = 1, share: float = 1e-3, bo
 def engines(problem: Problem, book: Basis, session: Callable[[dict[str, Floats]], Mapping[str, Floats]]) -> Runs:
     """Our two; codes as the problems have them, (p, r)."""
     given, evidence, p = problem.inputs, problem.evidence, 1 if book.prior else 3
-    reference = partial(
-        recover, evidence, basis=book, l2=problem.l2, gamma=problem.gamma, nonnegative=problem.nonnegative,
-        engine="reference",
-    )  # fmt: skip
+    settings = SolverSettings(problem.l2, problem.gamma, problem.nonnegative, "reference")
+    reference = partial(recover, evidence, basis=book, settings=settings)
     return {
         ONNX: lambda: session(given)["code"].T.reshape(p, -1),
         REFERENCE: lambda: reference().code.T.reshape(p, -1),

@@ -93,14 +93,7 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                 seed=seed + 10 + number,
             )
             (shot,), (other,) = small.shots, wide.shots
-            capture = measure(
-                other.chart,
-                "D55",
-                white=other.white,
-                dark=other.dark,
-                chart=large,
-                options=Options(corners=[wide.pose.corners]),
-            )
+            capture = measure(replace(other.shot, lamp="D55", corners=wide.pose.corners), chart=large)
             signals = normalise([each.means for each in capture.shots], large)
             told = capture.shots[0].lamp
             unseen = np.zeros((1, 140), dtype=bool)
@@ -109,9 +102,9 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
             for method in ("gaussian", "cameras"):
                 try:
                     answer = calibrate(
-                        shot.chart, "D55", white=shot.white, dark=shot.dark, chart=table,
+                        replace(shot.shot, lamp="D55", lamp_tolerance=scene["tolerance"]), chart=table,
                         options=Options(
-                            lamp_tolerance=scene["tolerance"], basis=basis if method == "cameras" else "gaussian",
+                            basis=basis if method == "cameras" else "gaussian",
                             engine="reference", fit=range(7, 19) if method == "gaussian" else None,
                         ), truth=camera,
                     )  # fmt: skip
@@ -119,7 +112,7 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                     world_found[method] = {"refused": error.code}
                     continue
                 s = answer.ssf.values
-                seen_by = answer.ssf.lamp[0]
+                seen_by = answer.ssf.light.lamp[0]
                 predicted = ((large.values * seen_by) @ s) / (seen_by @ s)
                 scores = validate(signals, predicted[None], large, [told], s, camera, unseen)
                 floor = ((large.values * light.values) @ curves) / (light.values @ curves)

@@ -28,6 +28,7 @@ from camssf.recovery.hypotheses import recover
 from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.recovery.solve import solve
 from camssf.spectra import colour_science, read_camera, read_chart
 
@@ -204,8 +205,7 @@ def atoms(camera: Camera, index: int) -> Scores:
                             shown.signals, shown.reflectance, shown.lamp, standard_error=shown.standard_error, **PLAIN
                         ),
                         basis=gaussian_basis(count),
-                        gamma=weight,
-                        engine="reference",
+                        settings=SolverSettings(gamma=weight, engine="reference"),
                     )
                     value = score(answer.values, camera)
                 except NotConverged:
@@ -227,7 +227,9 @@ def charts(camera: Camera, index: int) -> Scores:
             key = f"{table_name}|{' + '.join(names)}"
             told = PLAIN if table_name == "same" else TOLD
             answer = recover(
-                Observation(y, chart(), lights, standard_error=error, **told), basis=camera.basis, engine="reference"
+                Observation(y, chart(), lights, standard_error=error, **told),
+                basis=camera.basis,
+                settings=SolverSettings(engine="reference"),
             )
             found[f"product|{key}"] = [score(answer.values, camera)]
             found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, told), camera)]

@@ -116,8 +116,8 @@ def run(call: Call) -> dict[str, Any]:
         "ssf": curves,
         "ssf_std": std,
         "predicted": done.ssf.predicted,
-        "gap": done.ssf.gap,
-        "channel_gain": done.ssf.channel_gain,
+        "gap": done.ssf.proof.gap,
+        "channel_gain": done.ssf.light.channel_gain,
         "rmsre_percent": done.scores.rmsre_percent,
         "codes": [reason.code for reason in done.verdict.reasons],
     }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camssf.recovery.hypotheses import recover
+from camssf.recovery.sensitivity import SolverSettings
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, each, limit, stored, words
 from golden.forms import Json
 from golden.products import CALL, build_observation
@@ -44,10 +45,9 @@ def run(call: Call) -> dict[str, Any]:
     ssf = recover(
         build_observation(given, signals, frames),
         basis=given["basis"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        nonnegative=given["nonnegative"],
-        engine=engine,
+        settings=SolverSettings(
+            l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=engine
+        ),
         prior=given["prior"],
     )
     curves, std = ssf.peak()
@@ -56,12 +56,12 @@ def run(call: Call) -> dict[str, Any]:
         "weighed": [[weight.basis, weight.prior_scale] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
-        "basis": ssf.basis,
-        "prior_scale": ssf.prior_scale,
+        "basis": ssf.settings.basis,
+        "prior_scale": ssf.settings.prior_scale,
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,
-        "gap": ssf.gap,
+        "gap": ssf.proof.gap,
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.cross_validation import cross_validate, score
+from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
 from camssf.verdict.assumptions import assume
 from camssf.verdict.rival_lamps import weigh
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, case, each, limit, stored, words
@@ -68,24 +69,24 @@ def run(call: Call) -> dict[str, Any]:
     given, engine = call.given, call.engine
     capture, options = build_capture(given, engine)
     free_fit = prepare_fit(capture, options)
-    ssf = free_fit.solve(free_fit.signals.used, options.gamma)
+    ssf = recover_fit(free_fit, free_fit.signals.used, options.gamma)
     fit = free_fit.conditioned_on(ssf)
-    verdict = weigh(free_fit, ssf, fit.solve_alone())
-    scores = score(fit, ssf, cross_validate(fit, ssf, fit.bands(free_fit.signals.used, ssf)), None)
+    verdict = weigh(free_fit, ssf, recover_each_shot(fit))
+    scores = score(fit, ssf, cross_validate(fit, ssf, prediction_bands(fit, free_fit.signals.used, ssf)), None)
     curves, std = ssf.peak()
     assert std is not None
-    lights = [light for light in ssf.lights if light is not None]
+    lights = [light for light in ssf.light.lights if light is not None]
     return {
         "weighed": [[weight.basis, weight.prior_scale, *weight.kinds] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
-        "basis": ssf.basis,
-        "prior_scale": ssf.prior_scale,
-        "likeliest": list(ssf.kinds),
+        "basis": ssf.settings.basis,
+        "prior_scale": ssf.settings.prior_scale,
+        "likeliest": list(ssf.light.kinds),
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,
-        "gap": ssf.gap,
+        "gap": ssf.proof.gap,
         "rmsre_percent": scores.rmsre_percent,
         "kinds": np.array([list(light.kinds.values()) for light in lights]),
         "power": np.stack([light.power[::10] for light in lights]),

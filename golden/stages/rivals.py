@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
 from camssf.verdict.rival_lamps import weigh_rivals
 from golden.contract import Call, Keys, Stage, against_stored, always, case, each, words
 from golden.forms import Json, resolve
@@ -47,7 +48,7 @@ def run(call: Call) -> dict[str, Any]:
     given = call.given
     capture, options = build_capture(given, "reference")
     fit = prepare_fit(capture, options)
-    found = weigh_rivals(fit, fit.solve(fit.signals.used, options.gamma))
+    found = weigh_rivals(fit, recover_fit(fit, fit.signals.used, options.gamma))
     return {"gains": np.array([rival.gain for rival in found]).reshape(len(capture.shots), -1)}
 
 

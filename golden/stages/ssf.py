@@ -10,6 +10,7 @@ import numpy as np
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.pivoting import SETTLED
+from camssf.recovery.sensitivity import SolverSettings
 from golden.contract import Call, Keys, Stage, against_oracle, against_truth, always, each, limit, stored, words
 from golden.forms import Json, resolve
 from golden.products import (
@@ -347,19 +348,23 @@ def run(call: Call) -> dict[str, Any]:
         ssf = recover(
             build_observation(given, signals, tuple(frames) if sound else None),
             basis=given["basis"],
-            l2=given["l2"],
-            gamma=given["gamma"],
-            nonnegative=given["nonnegative"],
-            engine=engine,
+            settings=SolverSettings(
+                l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=engine
+            ),
             prior_scale=prior_scale(given),
         )
-        names = ("code", "code_covariance", "predicted", "gap", "layers_gap", "finish_steps", "channel_gain")
+        names = ("code_covariance", "log_evidence")
+        posterior = dict.fromkeys(names) if ssf.posterior is None else vars(ssf.posterior)
         found = {
             "ssf": ssf.values,
             "ssf_std": ssf.std,
             "signals": np.stack(signals),
-            "evidence": ssf.log_evidence,
-        } | {name: getattr(ssf, name) for name in names}
+            "evidence": posterior["log_evidence"],
+            "code": ssf.code,
+            "code_covariance": posterior["code_covariance"],
+            "predicted": ssf.predicted,
+            "channel_gain": ssf.light.channel_gain,
+        } | vars(ssf.proof)
     return found | {"objective": objective_of(given, build_rows(given, np.stack(signals)), found["code"])}
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.signals import Signals
-from camssf.recovery.sensitivity import Hypothesis, Ssf
+from camssf.recovery.sensitivity import FitSettings, Hypothesis, Illumination, Posterior, Proof, Ssf
 from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
 from camssf.verdict.judge import judge as judge_capture
 from camssf.verdict.lamp import Neutral, Rival
@@ -387,10 +387,19 @@ def run(call: Call) -> dict[str, Any]:
 
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
-            values=curves, std=std, code=code, code_covariance=spread, predicted=predicted, gap=np.zeros(3),
-            layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64), log_evidence=None, gamma=np.zeros(3), l2=1.0,
-            channel_gain=np.ones(3), basis=basis, engine="golden", lamp=given["lamp"], choice=choice,
-        )  # fmt: skip
+            values=curves,
+            code=code,
+            posterior=None
+            if std is None
+            else Posterior(
+                std=std, code_covariance=np.eye(code.size) if spread is None else spread, log_evidence=0.0
+            ),
+            predicted=predicted,
+            light=Illumination(lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3)),
+            proof=Proof(gap=np.zeros(3), layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64)),
+            settings=FitSettings(basis=basis, prior_scale=1.0, l2=1.0, gamma=np.zeros(3), engine="golden"),
+            choice=choice,
+        )
 
     ssf = answer(given["ssf"], given["code"], given["predicted"], given["ssf_std"])
     alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]

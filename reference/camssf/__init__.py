@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from camssf.photo.find.pose import find_chart as find_chart
     from camssf.photo.patches import measure_patches as measure_patches
     from camssf.photo.read.dng import read_dng as read_dng
+    from camssf.photo.shot import Shot as Shot
     from camssf.photo.signals import normalise as normalise
     from camssf.recovery.hypotheses import recover as recover
     from camssf.recovery.observation import Observation as Observation
@@ -37,6 +38,7 @@ _HOME = {
     "Observation": "camssf.recovery.observation",
     "Options": "camssf.options",
     "Result": "camssf.result",
+    "Shot": "camssf.photo.shot",
 }
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "Observation",
     "Options",
     "Result",
+    "Shot",
     "calibrate",
     "find_chart",
     "measure_patches",

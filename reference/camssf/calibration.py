@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeVar
 
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.cross_validation import cross_validate, score
+from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
 from camssf.fit.uncertainty import uncertainty_budget
 from camssf.options import DEFAULTS, Options
-from camssf.photo.capture import Capture, PathLike, Progress, Record, measure
+from camssf.photo.capture import Capture, Progress, Record, measure
+from camssf.photo.shot import Shots
 from camssf.result import Calibration, Refusal
 from camssf.spectra import CameraLike, ChartLike, LightLike, read_camera
 from camssf.verdict.assumptions import assume
@@ -21,11 +23,9 @@ Product = TypeVar("Product")
 
 
 def calibrate(
-    photos: PathLike | Sequence[PathLike],
-    lamps: LightLike | Sequence[LightLike] | None = None,
+    shots: Shots,
+    lamp: LightLike | None = None,
     *,
-    white: PathLike | Sequence[PathLike | None] | None = None,
-    dark: PathLike | Sequence[PathLike | None] | None = None,
     chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
@@ -34,11 +34,8 @@ def calibrate(
     """Recover a camera's spectral sensitivities from RAW photos; like `attempt`, but a refusal is raised.
 
     Args:
-        photos: RAW file of each shot (`camssf.photo.read.raw.read_raw`).
-        lamps: the light of each shot, as for `read_lamp`: a name, a file, a SpectralDistribution, a pair of arrays, a
-            Lamp; "auto" (or None for all shots) if it is unknown: its kind is then estimated from the signals, for
-            phones only.
-        white, dark: RAW file of each shot's white and dark frame; None if there is none.
+        shots: the path of one RAW photo, a `Shot`, or several, each under a lamp of its own.
+        lamp: the light of one photo given by its path, as in `Shot`; "auto" (or None) if it is unknown.
         chart: as for `read_chart`: a name, a file, spectra as objects or arrays, a ChartTable.
         options: all other settings.
         truth: measured curves of this camera, as for `read_camera`, to compare with.
@@ -47,20 +44,16 @@ def calibrate(
     Raises:
         CalibrationError: refused; `attempt` returns the refusal with its document instead.
     """
-    found = attempt(
-        photos, lamps, white=white, dark=dark, chart=chart, options=options, truth=truth, progress=progress
-    )
+    found = attempt(shots, lamp, chart=chart, options=options, truth=truth, progress=progress)
     if isinstance(found, Refusal):
         raise found.error
     return found
 
 
 def attempt(
-    photos: PathLike | Sequence[PathLike],
-    lamps: LightLike | Sequence[LightLike] | None = None,
+    shots: Shots,
+    lamp: LightLike | None = None,
     *,
-    white: PathLike | Sequence[PathLike | None] | None = None,
-    dark: PathLike | Sequence[PathLike | None] | None = None,
     chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
@@ -73,9 +66,7 @@ def attempt(
     """
 
     def stages(record: Record) -> Calibration:
-        capture = measure(
-            photos, lamps, white=white, dark=dark, chart=chart, options=options, progress=progress, record=record
-        )
+        capture = measure(shots, lamp, chart=chart, options=options, progress=progress, record=record)
         return solve(capture, options=options, truth=truth, progress=progress, record=record)
 
     return recorded(stages)
@@ -122,19 +113,29 @@ def solve(
     tell("solving", 0.9)
     fit = prepare_fit(capture, options)
     signals = fit.signals
-    ssf = fit.solve(signals.used, options.gamma)
+    ssf = recover_fit(fit, signals.used, options.gamma)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
-    predicted_std = fit.bands(signals.used, ssf)
+    predicted_std = prediction_bands(fit, signals.used, ssf)
     unseen = cross_validate(fit, ssf, predicted_std)
     scores = score(fit, ssf, unseen, known)
-    alone = fit.solve_alone()
+    alone = recover_each_shot(fit)
     uncertainty = uncertainty_budget(fit, ssf, alone)
     verdict = weigh(free_fit, ssf, alone)
     if verdict.status == "refused":
         raise refusal(verdict)
     level = fit.level(ssf)
     return Calibration(
-        capture, signals, ssf, level, predicted_std, unseen.values, unseen.std, scores, verdict, known,
-        signals.assumptions + assume(capture, ssf, level), uncertainty,
-    )  # fmt: skip
+        capture=capture,
+        signals=signals,
+        ssf=ssf,
+        level=level,
+        predicted_std=predicted_std,
+        unseen=unseen.values,
+        unseen_std=unseen.std,
+        scores=scores,
+        verdict=verdict,
+        truth=known,
+        assumptions=signals.assumptions + assume(capture, ssf, level),
+        uncertainty=uncertainty,
+    )

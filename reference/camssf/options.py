@@ -1,12 +1,10 @@
-"""Settings of a calibration, other than its photos and lamps."""
+"""Settings of a calibration that hold for all its shots."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
     from camssf.recovery.basis import Basis
@@ -19,12 +17,8 @@ class Options:
     For measuring:
 
     Attributes:
-        corners: for each shot (4, 2) outer corners of the patches, px, or None to search for them; None to search in
-            all shots.
         white_reflectance: of the white frame's target, 0 to 1, the same at all wavelengths; None for a perfect
             diffuser.
-        lamp_tolerance: uncertainty of each lamp, `2%`, `300K` or both (`with_tolerance`); None for its default.
-        lens_shading: "as-stored", or "apply" for the gain maps in the photos' files (`photo.patches`, rule 6).
 
     For solving, as in `recover`:
 
@@ -38,10 +32,7 @@ class Options:
             None if they are in one photo.
     """
 
-    corners: Sequence[ArrayLike | None] | None = None
     white_reflectance: float | None = None
-    lamp_tolerance: str | Sequence[str | None] | None = None
-    lens_shading: str = "as-stored"
     basis: str | Basis = "auto"
     fit: Sequence[int] | None = None
     nonnegative: bool | None = None

@@ -253,21 +253,22 @@ class Calibration(Result):
     def document(self) -> Json:
         """The result as plain data (data/result.schema.json)."""
         curves, std = self.ssf.peak()
+        settings, light, posterior = self.ssf.settings, self.ssf.light, self.ssf.posterior
         document = head_json(record_of(self.capture), self.verdict, self.assumptions) | {
-            "basis": self.ssf.basis,
-            "engine": self.ssf.engine,
+            "basis": settings.basis,
+            "engine": settings.engine,
             "ssf": curves_json(curves),
             "ssf_std": None if std is None else curves_json(std),
-            "channel_gain": self.ssf.channel_gain.tolist(),
-            "code_covariance": None if self.ssf.code_covariance is None else triangle(self.ssf.code_covariance),
-            "gap": self.ssf.gap.tolist(),
-            "layers_gap": self.ssf.layers_gap.tolist(),
-            "finish_steps": self.ssf.finish_steps.tolist(),
-            "evidence": self.ssf.log_evidence,
-            "prior_scale": self.ssf.prior_scale,
+            "channel_gain": light.channel_gain.tolist(),
+            "code_covariance": None if posterior is None else triangle(posterior.code_covariance),
+            "gap": self.ssf.proof.gap.tolist(),
+            "layers_gap": self.ssf.proof.layers_gap.tolist(),
+            "finish_steps": self.ssf.proof.finish_steps.tolist(),
+            "evidence": None if posterior is None else posterior.log_evidence,
+            "prior_scale": settings.prior_scale,
             "choice": [weight_json(weight) for weight in self.ssf.choice],
-            "gamma": self.ssf.gamma.tolist(),
-            "l2": self.ssf.l2,
+            "gamma": settings.gamma.tolist(),
+            "l2": settings.l2,
             "uncertainty": self.uncertainty,
             "scores": {
                 "rmsre_percent": self.scores.rmsre_percent.tolist(),
@@ -278,11 +279,11 @@ class Calibration(Result):
         }
         if self.truth is not None:
             compare(document, self.truth)
-        if self.ssf.engine == "onnx":
-            document["hashes"]["model"] = load_model(self.ssf.basis).sha256
-        for entry, light in zip(document["shots"], self.ssf.lights, strict=False):  # empty if all are named
-            if light is not None:
-                entry["light"] = light_json(light)
+        if settings.engine == "onnx":
+            document["hashes"]["model"] = load_model(settings.basis).sha256
+        for entry, estimated in zip(document["shots"], light.lights, strict=False):  # empty if all are named
+            if estimated is not None:
+                entry["light"] = light_json(estimated)
         for j, entry in enumerate(document["shots"]):
             for i, patch in enumerate(entry["patches"]):
                 unseen = self.unseen[j, i]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks.paper.rivals import Given
 from camssf.grid import Floats
 from camssf.recovery.hypotheses import recover
+from camssf.recovery.sensitivity import SolverSettings
 
 NAME = "l1 on Gaussians, γ tuned"
 WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
@@ -13,4 +14,4 @@ WEIGHTS = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 
 def estimate(given: Given, weight: float) -> Floats:
     """Curves (681, 3)."""
-    return recover(given.observation(), basis="gaussian", gamma=weight).values
+    return recover(given.observation(), basis="gaussian", settings=SolverSettings(gamma=weight)).values

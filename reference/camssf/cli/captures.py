@@ -31,12 +31,10 @@ from camssf.cli.options import (
     Whites,
 )
 from camssf.cli.reading import (
-    given_frames,
-    given_paths,
-    parse_corners,
     parse_patches,
     parse_percent,
     parse_share,
+    parse_shots,
     parse_size,
 )
 from camssf.cli.terminal import BATCH_FAILED, emit, finish, literal, product_of, progress_bar, say, stderr, summarise
@@ -83,10 +81,7 @@ def demo(
         shot = scene.shots[0]
         result = product_of(
             attempt(
-                str(shot.chart),
-                [shot.lamp],
-                white=[str(shot.white)],
-                dark=[str(shot.dark)],
+                shot.shot,
                 options=Options(basis=basis),
                 truth=str(scene.truth),
                 progress=progress,
@@ -147,16 +142,18 @@ def calibrate(
     with progress_bar() as progress:
         result = product_of(
             attempt(
-                given_paths("PHOTO", photos),
-                lamp,
-                white=given_frames("--white", white),
-                dark=given_frames("--dark", dark),
-                chart=chart,
-                options=Options(
-                    corners=parse_corners(corners, photos),
-                    white_reflectance=parse_share(white_reflectance),
+                parse_shots(
+                    photos,
+                    lamp,
+                    white,
+                    dark,
+                    corners=corners,
                     lamp_tolerance=lamp_tolerance,
                     lens_shading=lens_shading,
+                ),
+                chart=chart,
+                options=Options(
+                    white_reflectance=parse_share(white_reflectance),
                     basis=basis,
                     fit=parse_patches(fit),
                     nonnegative=False if signed else None,

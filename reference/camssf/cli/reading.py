@@ -14,6 +14,7 @@ from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
 from camssf.files import check_local, local
 
 if TYPE_CHECKING:
+    from camssf.photo.shot import Shot
     from camssf.report.provenance import Signature
 
 PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
@@ -58,13 +59,60 @@ def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
     return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
 
 
-def parse_corners(texts: list[str] | None, photos: list[str]) -> list[Any] | None:
+def parse_shots(
+    photos: list[str],
+    lamps: list[str] | None,
+    white: list[str] | None,
+    dark: list[str] | None,
+    *,
+    corners: list[str] | None,
+    lamp_tolerance: list[str] | None,
+    lens_shading: str,
+) -> list[Shot]:
+    """One shot for each photo, from options that are repeated in the photos' order.
+
+    Raises:
+        InvalidArgument: another number of values than of photos.
+    """
+    from camssf.photo.shot import Shot
+    from camssf.spectra.lamps import AUTO
+
+    k = len(given_paths("PHOTO", photos))
+    if lamps and len(lamps) != k:
+        raise InvalidArgument(
+            f"{k} photo(s) but {len(lamps)} lamp(s).", "Give one --lamp a photo, in the same order, or none at all."
+        )
+    whites, darks = _frames("white", white, k), _frames("dark", dark, k)
+    found = _parse_corners(corners, photos)
+    if len(found) != k:
+        raise InvalidArgument(f"{k} photo(s) but {len(found)} set(s) of corners.", "Give one set a photo.")
+    tolerances: Sequence[str | None] = lamp_tolerance or [None] * k
+    if len(tolerances) != k:
+        raise InvalidArgument(f"{k} photo(s) but {len(tolerances)} lamp tolerance(s).", "Give one a photo, or none.")
+    return [
+        Shot(photo, lamp, whites[j], darks[j], found[j], tolerances[j], lens_shading)
+        for j, (photo, lamp) in enumerate(zip(photos, lamps or [AUTO] * k, strict=True))
+    ]
+
+
+def _frames(word: str, paths: list[str] | None, k: int) -> list[str | None]:
+    """The paths of k frames, None where there is none."""
+    frames = given_frames(f"--{word}", paths)
+    if frames and len(frames) != k:
+        raise InvalidArgument(
+            f"{k} photo(s) but {len(frames)} {word} frame(s).",
+            f"Give one --{word} a photo; write `none` for a photo without.",
+        )
+    return frames or [None] * k
+
+
+def _parse_corners(texts: list[str] | None, photos: list[str]) -> list[Any]:
     """(4, 2) corners for each photo, None for the word `none`; a single .json file applies to all photos."""
-    if texts is None:
-        return None
+    if not texts:
+        return [None] * len(photos)
     if len(texts) == 1 and _names_a_file(texts[0]):
         texts = texts * len(photos)
-    named = [*photos, *[""] * len(texts)]  # too many corners are reported elsewhere
+    named = [*photos, *[""] * len(texts)]  # too many corners are reported by `parse_shots`
     return [_corners(text, photo) for text, photo in zip(texts, named, strict=False)]
 
 

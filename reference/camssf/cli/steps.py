@@ -32,13 +32,11 @@ from camssf.cli.options import (
 from camssf.cli.reading import (
     PATCHES,
     RESULT,
-    given_frames,
-    given_paths,
     name_of,
-    parse_corners,
     parse_patches,
     parse_percent,
     parse_share,
+    parse_shots,
     read_json,
     read_previews,
     read_result,
@@ -69,17 +67,17 @@ def patches(
 
     def stage(record: Record) -> Capture:
         return measure(
-            given_paths("PHOTO", photos),
-            lamp,
-            white=given_frames("--white", white),
-            dark=given_frames("--dark", dark),
-            chart=chart,
-            options=Options(
-                corners=parse_corners(corners, photos),
-                white_reflectance=parse_share(white_reflectance),
+            parse_shots(
+                photos,
+                lamp,
+                white,
+                dark,
+                corners=corners,
                 lamp_tolerance=lamp_tolerance,
                 lens_shading=lens_shading,
             ),
+            chart=chart,
+            options=Options(white_reflectance=parse_share(white_reflectance)),
             progress=progress,
             record=record,
         )

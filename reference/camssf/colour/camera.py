@@ -110,10 +110,12 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
     Raises:
         InvalidArgument: an answer without a covariance.
     """
-    if ssf.code_covariance is None:
-        raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Take --basis cameras.")
-    values, basis = ssf.peak()[0], widened(basis, ssf.prior_scale)
-    return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
+    if ssf.posterior is None:
+        raise InvalidArgument(
+            f"The {ssf.settings.basis} basis has no prior, so no covariance.", "Take --basis cameras."
+        )
+    values, basis = ssf.peak()[0], widened(basis, ssf.settings.prior_scale)
+    return Camera(ssf.settings.basis, values, modes_of_code(values, ssf.posterior.code_covariance, basis, white), own)
 
 
 def camera_of_result(document: dict[str, Any]) -> Camera:

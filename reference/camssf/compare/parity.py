@@ -19,12 +19,13 @@ from camssf.documents.result_json import compare, photo_json
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import columns
 from camssf.options import DEFAULTS, Options
-from camssf.photo.capture import Capture, PathLike, Progress, Shot, input_hash, photo_of
+from camssf.photo.capture import Capture, MeasuredShot, Progress, input_hash, photo_of
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.patches import LENS_SHADING, measure_patches
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.sidecar import photo_hash
+from camssf.photo.shot import PathLike, Shot
 from camssf.recovery.hypotheses import AUTO
 from camssf.spectra import CameraCurves, ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
 
@@ -127,9 +128,8 @@ def parity(
     if any(shot["pose"] is None or not shot["patches"] for shot in shots):
         tell("calibrating", 0.5)
         alike = Options(white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch)
-        made = attempt(
-            files, lights, white=frames["white"], dark=frames["dark"], chart=table, options=alike
-        ).document()
+        given = [Shot(*each) for each in zip(files, lights, frames["white"], frames["dark"], strict=True)]
+        made = attempt(given, chart=table, options=alike).document()
         _rename(made, document, frames)
         sought = any(reason["code"] == "chart_not_found" for reason in document["verdict"]["reasons"])
         skip += ("/shots", "/hashes", *(UNREPEATED if sought else ()))
@@ -282,7 +282,7 @@ def _pose(shots: Sequence[Json], photos: Sequence[Mosaic], table: ChartTable) ->
     return Finding("pose", worst <= POSE, worst, POSE, f"{words} (in pitches)")
 
 
-def _measure(stated: Json, lamp: Light, photo: Mosaic, *paths: PathLike | None) -> Shot:
+def _measure(stated: Json, lamp: Light, photo: Mosaic, *paths: PathLike | None) -> MeasuredShot:
     """Measure a shot with its white and dark frame here, with the other side's pose."""
     white, dark = (None if path is None else read_raw(path) for path in paths)
     corners, patches = (np.array(stated["pose"][key], float) for key in ("corners", "patches"))
@@ -290,4 +290,4 @@ def _measure(stated: Json, lamp: Light, photo: Mosaic, *paths: PathLike | None) 
     shading = stated.get("lens_shading", LENS_SHADING[0])
     means = measure_patches(photo, pose, white=white, dark=dark, lens_shading=shading)
     of_white, of_dark = (None if frame is None else photo_of(frame) for frame in (white, dark))
-    return Shot(lamp, photo_of(photo), of_white, of_dark, pose, means, None, shading)
+    return MeasuredShot(lamp, photo_of(photo), of_white, of_dark, pose, means, None, shading)

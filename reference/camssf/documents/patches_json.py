@@ -10,11 +10,12 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.capture import LIGHT_SOURCES, MOST_SHOTS, Capture, Photo, Shot, check_shots, check_target
+from camssf.photo.capture import LIGHT_SOURCES, Capture, MeasuredShot, Photo, check_alike, check_target
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
 from camssf.photo.read.unit import Area, Unit
+from camssf.photo.shot import MOST_SHOTS
 from camssf.spectra import ChartTable, Lamp, Light, Unnamed
 from camssf.spectra.lamps import AUTO
 from camssf.version import __version__
@@ -69,7 +70,7 @@ def read_patches(document: Json) -> Capture:
         shots = tuple(_shot_from(entry, len(table.patches)) for entry in document["shots"])
         _need(0 < len(shots) <= MOST_SHOTS, "shots", f"must hold 1 to {MOST_SHOTS}")
         files = {_text(key, "files"): _text(value, "files") for key, value in document["files"].items()}
-        check_shots(shots)
+        check_alike(shots)
         return Capture(shots, table, check_target(document["white_reflectance"], shots[0].white is not None), files)
     except KeyError as error:
         raise InvalidArgument(
@@ -81,7 +82,7 @@ def read_patches(document: Json) -> Capture:
         ) from error
 
 
-def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
+def _shot_from(entry: Mapping[str, Any], n: int) -> MeasuredShot:
     """One shot of a patches document with n patches."""
     frames = {name: _means_from(entry["means"][name], name, n) for name in ("chart", "white", "dark")}
     photos = {role: _photo_from(entry[role], role) for role in ("photo", "white", "dark")}
@@ -109,7 +110,7 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> Shot:
     means = PatchMeans(chart, frames["white"], frames["dark"], black, saturation)
     shading = entry.get("lens_shading", LENS_SHADING[0])
     _need(shading in LENS_SHADING, "lens_shading", f"must be {' or '.join(LENS_SHADING)}")
-    return Shot(_light_from(lamp), photo, photos["white"], photos["dark"], place, means, None, shading)
+    return MeasuredShot(_light_from(lamp), photo, photos["white"], photos["dark"], place, means, None, shading)
 
 
 def _lamp_document(lamp: Light) -> Json:

@@ -16,7 +16,7 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import PHOTO, kind_of, local, readable
 from camssf.fit.scores import reflectance_srgb, rmse
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
-from camssf.photo.capture import Capture, Photo, Record, Shot, Unfinished
+from camssf.photo.capture import Capture, MeasuredShot, Photo, Record, Unfinished
 from camssf.photo.signals import Assumption, normalise
 from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis
 from camssf.spectra import CameraCurves, ChartTable, Lamp, Light
@@ -127,7 +127,7 @@ def photo_json(photo: Photo) -> Json:
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
 
 
-def _shot_document(shot: Shot, table: ChartTable) -> Json:
+def _shot_document(shot: MeasuredShot, table: ChartTable) -> Json:
     """One shot without predictions; signals are 0 if they cannot be formed."""
     colours = reflectance_srgb(table)
     means = shot.means

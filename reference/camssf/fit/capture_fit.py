@@ -1,37 +1,31 @@
-"""Turns a capture and options into calls of `recover`, for the whole capture and for parts of it."""
+"""Poses the fit of a capture: the observation that `recover` takes, of all its patches or of some."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from numbers import Integral
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.fit.gain_modes import gain_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, listed
+from camssf.photo.capture import Capture
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis
-from camssf.recovery.hypotheses import AUTO, CLEAR, recover
+from camssf.recovery.hypotheses import AUTO, CLEAR
 from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
-from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import Ssf, predict_signals
-from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
+from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""
-MOST_UNNAMED = rules().whole("lamp.most")
-"""Largest number of shots whose light is not named."""
 WHITE_TOLERANCE = rules().number("calibration.white_tolerance")
 """Relative error of a white frame's reflectance."""
 
@@ -67,7 +61,7 @@ class CaptureFit:
 
     def level(self, ssf: Ssf) -> Floats:
         """1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`."""
-        return levels(ssf.gain_code, self.gains[0])
+        return levels(ssf.light.gain_code, self.gains[0])
 
     def levelled(self, ssf: Ssf) -> Signals:
         """The signals corrected to even light."""
@@ -80,8 +74,9 @@ class CaptureFit:
         """The fit with the basis, width and kinds of light that `ssf` found, for fits to parts of the capture."""
         if not ssf.choice:
             return self
-        posed = self.with_kinds(ssf.kinds) if ssf.kinds else self
-        return replace(posed, basis=ssf.basis if self.basis == AUTO else self.basis, prior_scale=ssf.prior_scale)
+        posed = self.with_kinds(ssf.light.kinds) if ssf.light.kinds else self
+        basis = ssf.settings.basis if self.basis == AUTO else self.basis
+        return replace(posed, basis=basis, prior_scale=ssf.settings.prior_scale)
 
     def with_kinds(self, kinds: Sequence[str]) -> CaptureFit:
         """The fit with these kinds of light, one a shot; "" keeps a shot's lamp."""
@@ -116,51 +111,6 @@ class CaptureFit:
             return table.values[table.white], float(table.tolerance[table.white])
         share = 1.0 if self.capture.white_reflectance is None else self.capture.white_reflectance
         return np.full(WAVELENGTHS.size, share), WHITE_TOLERANCE
-
-    def solve(self, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
-        """`recover` on the used patches (k, n); the result predicts all n patches."""
-        options = self.options
-        how: dict[str, Any] = {
-            "basis": self.basis, "prior_scale": self.prior_scale, "prior": self.prior_odds,
-            "l2": options.l2, "gamma": gamma, "nonnegative": options.nonnegative, "engine": options.engine,
-        }  # fmt: skip
-        table = self.capture.chart.values
-        if any(self.unnamed):
-            return recover_in_any_light(self._guesses(used), of=table, **how)
-        ssf, (rho, _) = recover(self.given(used), **how), self.white_reference()
-        return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.lamp, rho))
-
-    def _guesses(self, used: NDArray[np.bool_]) -> list[LampGuess]:
-        """All combinations of kinds for the unnamed lights."""
-        if sum(self.unnamed) > MOST_UNNAMED:
-            raise InvalidArgument(
-                f"The light of {sum(self.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
-                "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
-            )
-        kinds = product(*(
-            [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
-            for shot in self.capture.shots
-        ))  # fmt: skip
-        return [LampGuess(each, self.with_kinds(each).given(used)) for each in kinds]
-
-    def solve_alone(self) -> list[Ssf]:
-        """The solution of each shot alone; empty if there is only one shot."""
-        k = len(self.capture.shots)
-        shots = np.eye(k, dtype=bool)[:, :, None] if k > 1 else ()
-        return [self.solve(self.signals.used & shot, self.options.gamma) for shot in shots]
-
-    def bands(self, used: NDArray[np.bool_], ssf: Ssf) -> Floats | None:
-        """(k, n, 3) standard deviation of each true signal minus its prediction by a fit to the used patches."""
-        if ssf.std is None:
-            return None
-        table, taken = self.capture.chart, used.any(axis=0)
-        others, tolerance = table.values[~taken], table.tolerance[~taken]
-        given = self.given(used)
-        modes = self.gains[0][:, :, ~taken]
-        found = predict(ssf, given, of=others, of_tolerance=tolerance, of_gains=modes, basis=self.basis).std
-        std = np.empty_like(self.signals.values)
-        std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
-        return std
 
     @property
     def exact(self) -> bool:
@@ -230,7 +180,12 @@ def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     """Mask (n,) of the patches with these 1-based numbers."""
     if fit is None:
         return np.ones(n, dtype=bool)
-    numbers = listed("fit", fit)
+    try:
+        numbers = list(fit)
+    except TypeError as error:
+        raise InvalidArgument(
+            f"{fit!r} is no list of patches.", "Give the patches' numbers, as range(7, 19)."
+        ) from error
     if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
         raise InvalidArgument(
             f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",

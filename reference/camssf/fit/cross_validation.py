@@ -8,6 +8,7 @@ import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
 from camssf.fit.scores import Scores, validate
+from camssf.fit.solutions import prediction_bands, recover_fit
 from camssf.grid import Floats
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
@@ -49,11 +50,11 @@ def cross_validate(fit: CaptureFit, ssf: Ssf, predicted_std: Floats | None) -> C
     for fold in range(FOLDS):
         left_out = np.zeros(rest.size, dtype=bool)
         left_out[taken[fold::FOLDS]] = True
-        answer = fit.solve(signals.used & ~left_out, ssf.gamma)
+        answer = recover_fit(fit, signals.used & ~left_out, ssf.settings.gamma)
         # Each fold estimates its own illumination. Its predictions are rescaled to the full fit's.
         scale = (level / fit.level(answer)[:, :, None])[:, left_out]
         values[:, left_out] = scale * answer.predicted[:, left_out]
-        band = fit.bands(signals.used & ~left_out, answer)
+        band = prediction_bands(fit, signals.used & ~left_out, answer)
         if std is not None and band is not None:
             std[:, left_out] = scale * band[:, left_out]
     values[~signals.used] = np.nan

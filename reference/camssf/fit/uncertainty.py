@@ -38,9 +38,10 @@ def uncertainty_budget(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> dict[
         "uneven light": _evenness(fit),
         "unseen": "what the prior leaves open and no patch has seen",
     }
-    if ssf.between is not None:  # `shares` are those of the most probable hypothesis only
-        inside = 1.0 - ssf.between
-        shares = {source: inside * share for source, share in shares.items()} | {"which lamp": ssf.between}
+    between = ssf.light.between
+    if between is not None:  # `shares` are those of the most probable hypothesis only
+        inside = 1.0 - between
+        shares = {source: inside * share for source, share in shares.items()} | {"which lamp": between}
         sizes["which lamp"] = "how far the answers for each kind of light differ"
     return {
         "half_width": _half_width(ssf),

@@ -115,9 +115,13 @@ def attempt_job(job: Job) -> Calibration | Refusal:
     """Run the calibration that a job describes."""
     from camssf.calibration import attempt
     from camssf.options import Options
+    from camssf.photo.shot import Shot
 
-    options = Options(basis=job.basis, engine=job.engine, lens_shading=job.lens_shading)
-    return attempt(job.photos, job.lamps, white=job.white, dark=job.dark, chart=job.chart, options=options)
+    shots = [
+        Shot(*each, lens_shading=job.lens_shading)
+        for each in zip(job.photos, job.lamps, job.white, job.dark, strict=True)
+    ]
+    return attempt(shots, chart=job.chart, options=Options(basis=job.basis, engine=job.engine))
 
 
 def calibrate_into_folder(job: Job, folder: Path) -> Outcome:

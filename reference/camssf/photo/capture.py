@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from camssf.errors import FramesDiffer, InvalidArgument
-from camssf.files import check_local
 from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options
 from camssf.photo.find.pose import Pose, find_chart
@@ -22,28 +21,15 @@ from camssf.photo.patches import PatchMeans, measure_patches
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import Area, Unit, check_unit
-from camssf.spectra import (
-    ChartLike,
-    ChartTable,
-    Lamp,
-    Light,
-    LightLike,
-    Unnamed,
-    read_chart,
-    read_light,
-    with_tolerance,
-)
-from camssf.spectra.lamps import AUTO
-from camssf.spectra.objects import is_one
+from camssf.photo.shot import Shot, Shots, check_shots, some_white
+from camssf.spectra import ChartLike, ChartTable, Light, LightLike, read_chart
 
-MOST_SHOTS = 64
 LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
 """CIE illuminants by Exif LightSource code, which DNG uses for its colour matrices."""
 PREVIEW = 1200
 """Longest side of a thumbnail, px."""
 
 Progress: TypeAlias = Callable[[str, float], None]
-PathLike: TypeAlias = str | Path
 
 
 @dataclass(frozen=True)
@@ -74,8 +60,8 @@ class Photo:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One measured shot: the chart photo under one lamp, with its frames.
+class MeasuredShot:
+    """A measured shot: the chart photo under one lamp, with its frames.
 
     Attributes:
         lamp: its light; `Unnamed` if the user named none.
@@ -107,7 +93,7 @@ class Capture:
         files: SHA-256 of the lamp and chart files, by role and name; empty if neither is a file.
     """
 
-    shots: tuple[Shot, ...]
+    shots: tuple[MeasuredShot, ...]
     chart: ChartTable
     white_reflectance: float | None
     files: dict[str, str] = field(default_factory=dict)
@@ -121,7 +107,7 @@ class Unfinished:
         lamp: its light.
         photo: metadata of its file; None until it is read.
         black, saturation: black levels (3,) and white level, DN.
-        thumbnail: as in `Shot`.
+        thumbnail: as in `MeasuredShot`.
         pose: None until the chart is found.
     """
 
@@ -148,7 +134,7 @@ class Record:
     chart: str = ""
     table: ChartTable | None = None
     files: dict[str, str] = field(default_factory=dict)
-    shots: list[Shot] = field(default_factory=list)
+    shots: list[MeasuredShot] = field(default_factory=list)
     unfinished: Unfinished | None = None
 
     def note(self, capture: Capture) -> None:
@@ -158,11 +144,9 @@ class Record:
 
 
 def measure(
-    photos: PathLike | Sequence[PathLike],
-    lamps: LightLike | Sequence[LightLike] | None = None,
+    shots: Shots,
+    lamp: LightLike | None = None,
     *,
-    white: PathLike | Sequence[PathLike | None] | None = None,
-    dark: PathLike | Sequence[PathLike | None] | None = None,
     chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     progress: Progress | None = None,
@@ -171,7 +155,7 @@ def measure(
     """Read the photos, find the chart and measure its patches.
 
     Args:
-        photos, lamps, white, dark, chart, progress: as in `calibrate`.
+        shots, lamp, chart, progress: as in `calibrate`.
         options: the options of measuring.
         record: filled step by step; it keeps its data when this raises.
 
@@ -181,100 +165,68 @@ def measure(
     tell = progress or (lambda stage, part: None)
     record = Record() if record is None else record
     record.chart = str(chart) if isinstance(chart, str | OsPath) else str(getattr(chart, "name", "chart (given)"))
-    plans = _plans(photos, lamps, white, dark, options)
-    target = check_target(options.white_reflectance, plans[0].white is not None)
-    for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", p.lamp) for j, p in enumerate(plans))]:
+    given = check_shots(shots, lamp)
+    target = check_target(options.white_reflectance, given[0].white is not None)
+    for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", s.lamp) for j, s in enumerate(given))]:
         record.files |= input_hash(role, spec)
-    lights = [_light(plan) for plan in plans]
+    lights = [shot.light() for shot in given]
     record.table = table = read_chart(chart)
     record.chart = table.name
-    k = len(plans)
-    for j, (plan, light) in enumerate(zip(plans, lights, strict=True)):
+    k = len(given)
+    for j, (shot, light) in enumerate(zip(given, lights, strict=True)):
         at = f" {j + 1} of {k}" if k > 1 else ""
         record.unfinished = Unfinished(light)
         tell(f"reading photo{at}", j / k)
-        photo = read_raw(plan.photo)
-        record.unfinished = known = Unfinished(
+        photo = read_raw(shot.photo)
+        record.unfinished = begun = Unfinished(
             light, photo_of(photo), cell_blacks(photo), photo.white, thumbnail(photo)
         )
         tell(f"looking for the chart{at}", (j + 0.4) / k)
-        known.pose = find_chart(photo, table, corners=plan.corners)
+        begun.pose = find_chart(photo, table, corners=shot.corners)
         tell(f"measuring the patches{at}", (j + 0.7) / k)
-        record.shots.append(_shot(plan, photo, known, options.lens_shading))
+        record.shots.append(_measured(shot, photo, begun))
         record.unfinished = None
-    check_shots(record.shots)
+    check_alike(record.shots)
     return Capture(tuple(record.shots), table, target, record.files)
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """The user's input for one shot."""
-
-    photo: PathLike
-    lamp: LightLike
-    white: PathLike | None
-    dark: PathLike | None
-    corners: ArrayLike | None
-    tolerance: str | None
-
-
-def _plans(photos: Any, lamps: Any, white: Any, dark: Any, options: Options) -> list[_Plan]:
-    """One plan for each shot, from one value or a sequence of each argument."""
-    files = listed("photos", photos)
-    names = [AUTO] * len(files) if lamps is None else listed("lamps", lamps)
-    if not files:
-        raise InvalidArgument("There is no photo.", "Give the DNG of at least one photo of the chart.")
-    k = len(files)
-    if len(names) != k:
-        raise InvalidArgument(
-            f"{k} photo(s) but {len(names)} lamp(s).", "Give one --lamp a photo, in the same order, or none at all."
-        )
-    if k > MOST_SHOTS:
-        raise InvalidArgument(f"{k} photos are too many.", f"Give at most {MOST_SHOTS}.")
-    whites, darks = _frames("white", white, k), _frames("dark", dark, k)
-    corners = listed("corners", options.corners) or [None] * k
-    if len(corners) != k:
-        raise InvalidArgument(f"{k} photo(s) but {len(corners)} set(s) of corners.", "Give one set a photo.")
-    if len({frame is None for frame in whites}) > 1:
-        raise _some_white()
-    for path in filter(None, (*files, *whites, *darks)):
-        check_local(path)
-    tolerances = listed("lamp_tolerance", options.lamp_tolerance) or [None] * k
-    if len(tolerances) != k:
-        raise InvalidArgument(f"{k} photo(s) but {len(tolerances)} lamp tolerance(s).", "Give one a photo, or none.")
-    return [_Plan(*each) for each in zip(files, names, whites, darks, corners, tolerances, strict=True)]
-
-
-def _light(plan: _Plan) -> Light:
-    light = read_light(plan.lamp)
-    if not plan.tolerance:
-        return light
-    if isinstance(light, Unnamed):
-        raise InvalidArgument(
-            "A light that nobody named has no tolerance.", "Leave --lamp-tolerance out, or name the lamp."
-        )
-    return with_tolerance(light, plan.tolerance)
-
-
-def _shot(plan: _Plan, photo: Mosaic, begun: Unfinished, lens_shading: str) -> Shot:
+def _measured(shot: Shot, photo: Mosaic, begun: Unfinished) -> MeasuredShot:
     """The shot measured, once its chart is found."""
     assert begun.photo is not None
     assert begun.pose is not None
-    white, dark = (None if path is None else read_raw(path) for path in (plan.white, plan.dark))
-    means = measure_patches(photo, begun.pose, white=white, dark=dark, lens_shading=lens_shading)
-    of_white, of_dark = (None if frame is None else photo_of(frame) for frame in (white, dark))
-    return Shot(begun.lamp, begun.photo, of_white, of_dark, begun.pose, means, begun.thumbnail, lens_shading)
+    white, dark = (None if path is None else read_raw(path) for path in (shot.white, shot.dark))
+    return MeasuredShot(
+        lamp=begun.lamp,
+        photo=begun.photo,
+        white=None if white is None else photo_of(white),
+        dark=None if dark is None else photo_of(dark),
+        pose=begun.pose,
+        means=measure_patches(photo, begun.pose, white=white, dark=dark, lens_shading=shot.lens_shading),
+        thumbnail=begun.thumbnail,
+        lens_shading=shot.lens_shading,
+    )
 
 
 def photo_of(mosaic: Mosaic) -> Photo:
     """Metadata of a photo, without its samples."""
     height, width = mosaic.samples.shape
     return Photo(
-        Path(mosaic.path).name, width, height, mosaic.orientation, mosaic.exposure, mosaic.iso, mosaic.gain_map,
-        mosaic.make, mosaic.model, mosaic.sha256,
-        tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
-        mosaic.unit, mosaic.active_area, mosaic.levels, mosaic.unique_model,
-    )  # fmt: skip
+        name=Path(mosaic.path).name,
+        width=width,
+        height=height,
+        orientation=mosaic.orientation,
+        exposure=mosaic.exposure,
+        iso=mosaic.iso,
+        gain_map=mosaic.gain_map,
+        make=mosaic.make,
+        model=mosaic.model,
+        sha256=mosaic.sha256,
+        neutrals=tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
+        unit=mosaic.unit,
+        active_area=mosaic.active_area,
+        levels=mosaic.levels,
+        unique_model=mosaic.unique_model,
+    )
 
 
 def thumbnail(mosaic: Mosaic) -> NDArray[np.uint16]:
@@ -294,26 +246,6 @@ def cell_blacks(mosaic: Mosaic) -> Floats:
     return np.array([mosaic.black[divmod(mosaic.cfa.index(colour), 2)] for colour in "RGB"])
 
 
-def listed(name: str, value: Any) -> list[Any]:
-    """One value or a sequence of them, as a list."""
-    if isinstance(value, str | Path | Lamp | Unnamed) or (name == "lamps" and is_one(value)):
-        return [value]
-    try:
-        return [] if value is None else list(value)
-    except TypeError as error:
-        raise InvalidArgument(f"{name} is {value!r}, no list.", "Give one a shot, in the shots' order.") from error
-
-
-def _frames(word: str, value: Any, k: int) -> list[PathLike | None]:
-    frames = listed(word, value) or [None] * k
-    if len(frames) != k:
-        raise InvalidArgument(
-            f"{k} photo(s) but {len(frames)} {word} frame(s).",
-            f"Give one --{word} a photo; write `none` for a photo without.",
-        )
-    return frames
-
-
 def check_target(share: Any, framed: bool) -> float | None:
     """Check the reflectance of the white frame's target and return it.
 
@@ -331,7 +263,7 @@ def check_target(share: Any, framed: bool) -> float | None:
     return float(share)
 
 
-def check_shots(shots: Sequence[Shot]) -> None:
+def check_alike(shots: Sequence[MeasuredShot]) -> None:
     """Raise unless the shots are different photos by one camera, and all or none have a white frame.
 
     Raises:
@@ -357,13 +289,7 @@ def check_shots(shots: Sequence[Shot]) -> None:
         photo = shot.photo
         check_unit(first.name, (first.unit, first.active_area), photo.name, (photo.unit, photo.active_area))
     if len({shot.white is None for shot in shots}) > 1:
-        raise _some_white()
-
-
-def _some_white() -> InvalidArgument:
-    return InvalidArgument(
-        "Some shots have a white frame and some have none.", "Give a white frame for all shots, or for none."
-    )
+        raise some_white()
 
 
 def input_hash(role: str, spec: Any) -> dict[str, str]:

@@ -4,6 +4,6 @@ from camssf.recovery.budget import explain
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import Prediction, predict
-from camssf.recovery.sensitivity import Ssf, predict_signals
+from camssf.recovery.sensitivity import SolverSettings, Ssf, predict_signals
 
-__all__ = ["Observation", "Prediction", "Ssf", "explain", "predict", "predict_signals", "recover"]
+__all__ = ["Observation", "Prediction", "SolverSettings", "Ssf", "explain", "predict", "predict_signals", "recover"]

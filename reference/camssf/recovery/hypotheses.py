@@ -9,15 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from camssf.grid import STEP, Floats
 from camssf.recovery.basis import Basis
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Hypothesis, Ssf, answer, predict_signals
+from camssf.recovery.sensitivity import (
+    SOLVER_DEFAULTS,
+    Hypothesis,
+    Proof,
+    SolverSettings,
+    Ssf,
+    answer,
+    predict_signals,
+)
 from camssf.rules import rules
 
 AUTO = "auto"
@@ -35,28 +41,18 @@ def recover(
     observation: Observation,
     *,
     basis: str | Basis = AUTO,
-    l2: float | None = None,
-    gamma: ArrayLike | None = None,
-    nonnegative: bool | None = None,
-    engine: str = "onnx",
     prior: Mapping[str, float] | None = None,
     prior_scale: float = 1.0,
+    settings: SolverSettings = SOLVER_DEFAULTS,
 ) -> Ssf:
     """The curves that explain the signals.
 
     Args:
         observation: the signals, and what is known of chart, white and lamps.
         basis: "auto" chooses among FAMILIES by their evidence; else a name, a file, or a Basis.
-        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, where the channels are one problem, γ is one
-            number, and the defaults are 1 and 0.05. On the paper's basis γ may be one number a channel, and the
-            defaults are 0 and the discrepancy principle: the largest γ whose residual is not above the measured
-            noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that makes x
-            zero.
-        nonnegative: whether x ≥ 0; None: only on a basis without a prior. False gives the paper's literal Eq. (10).
-        engine: "onnx", the shipped model, or "reference". A basis without a shipped model always uses the reference;
-            `Ssf.engine` names the engine used.
         prior: with "auto", prior odds of FAMILIES by name; 1 for a missing name.
         prior_scale: with a named basis, the width of its prior relative to the learned one.
+        settings: penalties, signs and engine; `SolverSettings()` for the defaults.
 
     With `basis="gaussian"`, no standard errors and zero tolerances Σ = I.
 
@@ -64,11 +60,10 @@ def recover(
         InvalidArgument: invalid values or names.
         NotConverged: a relative duality gap above 1e-9.
     """
-    how: dict[str, Any] = {"l2": l2, "gamma": gamma, "nonnegative": nonnegative, "engine": engine}
     if basis != AUTO:
-        return answer(observation, basis, prior_scale=prior_scale, **how)
+        return answer(observation, basis, prior_scale=prior_scale, settings=settings)
     candidates = hypotheses(prior or {})
-    answers = [answer(observation, name, prior_scale=scale, **how) for name, scale, _ in candidates]
+    answers = [answer(observation, name, prior_scale=scale, settings=settings) for name, scale, _ in candidates]
     return choose(observation, answers, np.array([belief for _, _, belief in candidates]))
 
 
@@ -83,14 +78,14 @@ def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
 
 def choose(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
     """Combine several solutions for the same signals; `beliefs` are the ln of their prior odds."""
-    likely = probabilities(np.array([each.log_evidence for each in answers], float) + beliefs)
+    nats = [np.nan if each.posterior is None else each.posterior.log_evidence for each in answers]
+    likely = probabilities(np.array(nats) + beliefs)
+    names = [each.settings.basis for each in answers]
     weighed = tuple(
-        Hypothesis(each.basis, each.prior_scale, float(each.log_evidence or 0.0), float(share))
-        for each, share in zip(answers, likely, strict=True)
+        Hypothesis(name, each.settings.prior_scale, size, float(share))
+        for name, each, size, share in zip(names, answers, nats, likely, strict=True)
     )
-    return replace(
-        mixed(observation, answers, posterior_weights([each.basis for each in answers], likely)), choice=weighed
-    )
+    return replace(mixed(observation, answers, posterior_weights(names, likely)), choice=weighed)
 
 
 def posterior_weights(bases: Sequence[str], likely: Floats) -> Floats:
@@ -118,20 +113,36 @@ def mixed(observation: Observation, answers: Sequence[Ssf], weights: Floats) -> 
     if len(kept) == 1:
         return best
     share = np.array([weight for _, weight in kept]) / sum(weight for _, weight in kept)
-    mean, std = of_peak_one([each for each, _ in kept], share)
-    lamp = np.einsum("a,akm->km", share, np.stack([each.lamp for each, _ in kept]))
+    answers = [each for each, _ in kept]
+    lamp = np.einsum("a,akm->km", share, np.stack([each.light.lamp for each in answers]))
+    found = mixture(observation, answers, share, lamp)
+    rho = observation.white_reflectance
+    return replace(found, predicted=predict_signals(found.values, observation.reflectance, lamp, rho))
+
+
+def mixture(observation: Observation, answers: Sequence[Ssf], share: Floats, lamp: Floats) -> Ssf:
+    """The most probable solution with curves, bands and gains mixed by `share`, and the largest gaps of all.
+
+    Args:
+        observation: that of the most probable solution; its first lamp scales the curves.
+        answers, share: a solutions and (a,) their weights, which add up to 1.
+        lamp: (k, 681) the mixed lamps.
+    """
+    best = answers[int(share.argmax())]
+    mean, std = of_peak_one(answers, share)
     scale = (observation.white_reflectance * observation.lamp[0] * STEP) @ mean  # (3,)
-    values = mean / scale
+    gains = np.einsum("a,akg->kg", share, np.stack([each.light.gain_code for each in answers]))
+    band = None if best.posterior is None or std is None else replace(best.posterior, std=std / scale)
     return replace(
         best,
-        values=values,
-        std=None if std is None else std / scale,
-        predicted=predict_signals(values, observation.reflectance, lamp, observation.white_reflectance),
-        gap=np.max([each.gap for each, _ in kept], axis=0),
-        layers_gap=np.max([each.layers_gap for each, _ in kept], axis=0),
-        finish_steps=np.max([each.finish_steps for each, _ in kept], axis=0),
-        lamp=lamp,
-        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each, _ in kept])),
+        values=mean / scale,
+        posterior=band,
+        light=replace(best.light, lamp=lamp, gain_code=gains),
+        proof=Proof(
+            gap=np.max([each.proof.gap for each in answers], axis=0),
+            layers_gap=np.max([each.proof.layers_gap for each in answers], axis=0),
+            finish_steps=np.max([each.proof.finish_steps for each in answers], axis=0),
+        ),
     )
 
 

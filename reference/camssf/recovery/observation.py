@@ -35,7 +35,7 @@ class Observation:
         gain_modes: (k, g, n), or (g, n) of one shot, modes φ of the light on the patches relative to that on the
             white, each of one standard deviation: in even light the signals would be y (1 - Σ v φ).
         gain_own: size of the additional gain errors that are independent by channel, relative to the gain modes.
-        frames: chart, white and dark (k, n, 3) DN behind the signals, for `Ssf.channel_gain`; None if unknown.
+        frames: chart, white and dark (k, n, 3) DN behind the signals, for `Ssf.light`; None if unknown.
 
     Raises:
         InvalidArgument: invalid shapes or values.

@@ -63,11 +63,11 @@ def predict(
     Raises:
         InvalidArgument: as `recover`; also for a basis without a prior, which has no bands.
     """
-    basis = basis if isinstance(basis, Basis) else read_basis(ssf.basis if basis is None else str(basis))
+    basis = basis if isinstance(basis, Basis) else read_basis(ssf.settings.basis if basis is None else str(basis))
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
     observation.check_for(basis)
-    basis = widened(basis, ssf.prior_scale)
+    basis = widened(basis, ssf.settings.prior_scale)
     others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))
     if others.shape[1:] != (WAVELENGTHS.size,):
         raise InvalidArgument(f"`of` has shape {others.shape}.", "Give reflectances (p, 681) on the grid.")
@@ -75,10 +75,12 @@ def predict(
     every = np.concatenate([observation.reflectance, others])
     g = observation.gain_modes.shape[1]
     other_gains = np.zeros((k, g, p)) if of_gains is None else array_of("of_gains", of_gains, (k, g, p))
-    values = predict_signals(ssf.values, every, ssf.lamp, observation.white_reflectance)
+    values = predict_signals(ssf.values, every, ssf.light.lamp, observation.white_reflectance)
     used = np.ones((k, n), dtype=bool) if observation.used is None else observation.used
     modes = np.concatenate([observation.gain_modes, other_gains], axis=2)
-    known = ssf.gain_code if ssf.gain_code.shape == (k, g) else np.zeros((k, 0))  # else of another observation
+    known = (
+        ssf.light.gain_code if ssf.light.gain_code.shape == (k, g) else np.zeros((k, 0))
+    )  # else of another observation
     relit = values / levels(known, modes)[:, :, None]  # as they would have been measured in this light
     extended = replace(
         observation,
@@ -93,7 +95,7 @@ def predict(
     linear = linear_model(extended, basis)
     # A row is a difference of signals times its curve's white signal over W.
     first = observation.lamp[0] * observation.white_reflectance * STEP
-    seen = (ssf.lamp * observation.white_reflectance * STEP) @ ssf.values * (basis.mean @ first)  # (k, 3)
+    seen = (ssf.light.lamp * observation.white_reflectance * STEP) @ ssf.values * (basis.mean @ first)  # (k, 3)
     shared = linear.gains @ linear.gains.T
     A = np.concatenate([linear.matrix[0], linear.gains], axis=1)
     sigma, noise = linear.covariance[0] - shared, np.diag(linear.terms["noise"][0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,58 +61,128 @@ class EstimatedLamp:
 
 
 @dataclass(frozen=True)
-class Ssf:
-    """The recovered spectral sensitivity functions. Columns are R, G, B.
+class Posterior:
+    """Uncertainty of the curves; it exists only where the basis has a prior. Columns are R, G, B.
 
     Attributes:
-        values: (681, 3) scaled so that Σ ρ_w L s dλ = 1 for the first lamp; `peak()` gives peak = 1.
-        std: (681, 3) posterior standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself;
-            None where the basis has no prior.
-        code: (r, 3) coefficients x.
-        code_covariance: (3 r, 3 r) posterior covariance of x, red's r first, then green's, then blue's, (H + I)⁻¹;
-            None where the basis has no prior.
-        predicted: (k, n, 3) signals predicted from these curves under `lamp`, 1.
+        std: (681, 3) standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself.
+        code_covariance: (3 r, 3 r) of x, red's r first, then green's, then blue's, (H + I)⁻¹.
+        log_evidence: ln of the marginal likelihood of the signals up to a constant, `Code.log_evidence`.
+    """
+
+    std: Floats
+    code_covariance: Floats
+    log_evidence: float
+
+
+@dataclass(frozen=True)
+class Proof:
+    """How near the code is to the optimum.
+
+    Attributes:
         gap: (3,) relative duality gap of each channel's problem.
         layers_gap: (p,) the same of the layers' solution: p = 1 on a basis with a mean, whose channels are one
             problem, else 3.
         finish_steps: (p,) pivots of the finish; 0 where the layers' gap was small enough.
-        log_evidence: ln of the marginal likelihood of the signals up to a constant, `Code.log_evidence`; None where
-            the basis has no prior.
-        gamma: (3,) the l1 penalty of each channel's problem.
-        l2: the quadratic penalty.
-        channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
-        basis: its name.
-        engine: "onnx" or "reference".
+    """
+
+    gap: Floats
+    layers_gap: Floats
+    finish_steps: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Illumination:
+    """The light of the shots as the fit estimates it.
+
+    Attributes:
         lamp: (k, 681) each shot's lamp: the given one, changed by the estimate of its modes.
-        gain_code: (k, g) v̂, estimated amplitudes of the gain modes φ: y (1 - Σ v̂ φ) compares with `predicted`.
-        prior_scale: width of the prior relative to the learned one, 1.
-        choice: the compared hypotheses, if basis or kind of light were chosen by their evidence; else empty.
+        gain_code: (k, g) v̂, estimated amplitudes of the gain modes φ: y (1 - Σ v̂ φ) compares with `Ssf.predicted`.
+        channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
         lights: of each shot the estimated light, None where its lamp was named; empty if all were.
         kinds: of the most probable hypothesis, as in `Hypothesis`.
         between: (3,) share of each channel's variance that is between the hypotheses; None if all lamps were named.
     """
 
-    values: Floats
-    std: Floats | None
-    code: Floats
-    code_covariance: Floats | None
-    predicted: Floats
-    gap: Floats
-    layers_gap: Floats
-    finish_steps: NDArray[np.int64]
-    log_evidence: float | None
-    gamma: Floats
-    l2: float
-    channel_gain: Floats
-    basis: str
-    engine: str
     lamp: Floats
-    gain_code: Floats = field(default_factory=lambda: np.zeros((1, 0)))
-    prior_scale: float = 1.0
-    choice: tuple[Hypothesis, ...] = ()
+    gain_code: Floats
+    channel_gain: Floats
     lights: tuple[EstimatedLamp | None, ...] = ()
     kinds: tuple[str, ...] = ()
     between: Floats | None = None
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How a basis is solved; None for the basis' default.
+
+    Attributes:
+        l2, gamma: the penalties λ₂ and γ. On a basis with a prior, where the channels are one problem, γ is one
+            number, and the defaults are 1 and 0.05. On the paper's basis γ may be one number a channel, and the
+            defaults are 0 and the discrepancy principle: the largest γ whose residual is not above the measured
+            noise, rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii (the ε form, the paper's Eq. (9)), but at least 1e-5 of the γ that makes x
+            zero.
+        nonnegative: whether x ≥ 0; None: only on a basis without a prior. False gives the paper's literal Eq. (10).
+        engine: "onnx", the shipped model, or "reference". A basis without a shipped model always uses the reference;
+            `FitSettings.engine` names the engine used.
+    """
+
+    l2: float | None = None
+    gamma: ArrayLike | None = None
+    nonnegative: bool | None = None
+    engine: str = "onnx"
+
+
+SOLVER_DEFAULTS = SolverSettings()
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """The settings that the curves were recovered with.
+
+    Attributes:
+        basis: its name.
+        prior_scale: width of the prior relative to the learned one, 1.
+        l2: the quadratic penalty.
+        gamma: (3,) the l1 penalty of each channel's problem.
+        engine: "onnx" or "reference".
+    """
+
+    basis: str
+    prior_scale: float
+    l2: float
+    gamma: Floats
+    engine: str
+
+
+@dataclass(frozen=True)
+class Ssf:
+    """The recovered spectral sensitivity functions. Columns are R, G, B.
+
+    Attributes:
+        values: (681, 3) scaled so that Σ ρ_w L s dλ = 1 for the first lamp; `peak()` gives peak = 1.
+        code: (r, 3) coefficients x.
+        posterior: bands, covariance and evidence; None where the basis has no prior.
+        predicted: (k, n, 3) signals predicted from these curves under `light.lamp`, 1.
+        light: the light of the shots.
+        proof: duality gaps.
+        settings: basis, penalties and engine.
+        choice: the compared hypotheses, if basis or kind of light were chosen by their evidence; else empty.
+    """
+
+    values: Floats
+    code: Floats
+    posterior: Posterior | None
+    predicted: Floats
+    light: Illumination
+    proof: Proof
+    settings: FitSettings
+    choice: tuple[Hypothesis, ...] = ()
+
+    @property
+    def std(self) -> Floats | None:
+        """(681, 3) one standard deviation of `values`, as `Posterior.std`; None where the basis has no prior."""
+        return None if self.posterior is None else self.posterior.std
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""
@@ -125,10 +195,7 @@ def answer(
     basis: str | Basis,
     *,
     prior_scale: float = 1.0,
-    l2: float | None = None,
-    gamma: ArrayLike | None = None,
-    nonnegative: bool | None = None,
-    engine: str = "onnx",
+    settings: SolverSettings = SOLVER_DEFAULTS,
 ) -> Ssf:
     """The curves that explain the signals on one basis: `camssf.recovery.hypotheses.recover` without its choice.
 
@@ -136,7 +203,7 @@ def answer(
         observation: the signals, and what is known of chart, white and lamps.
         basis: a name, a file, or a Basis.
         prior_scale: width of the prior relative to the learned one; 1 on the paper's basis.
-        l2, gamma, nonnegative, engine: as in `recover`.
+        settings: penalties, signs and engine.
 
     Raises:
         InvalidArgument: invalid values or names.
@@ -144,23 +211,22 @@ def answer(
     """
     known = basis if isinstance(basis, Basis) else read_basis(str(basis))
     observation.check_for(known)
+    engine = settings.engine
     if engine not in ENGINES:
         raise InvalidArgument(f"There is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
-    positive = not known.prior if nonnegative is None else nonnegative
+    positive = not known.prior if settings.nonnegative is None else settings.nonnegative
     known = widened(known, prior_scale)
-    weight, sparsity = penalties(observation, known, l2, gamma, positive)
-    if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED:
-        return _run(load_model(basis), observation, known, prior_scale, (weight, sparsity, positive))
+    l2, gamma = penalties(observation, known, settings.l2, settings.gamma, positive)
+    model = load_model(basis) if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED else None
+    fitted = FitSettings(known.name, prior_scale, l2, gamma, "reference" if model is None else "onnx")
+    if model is not None:
+        return _run(model, observation, known, fitted, positive)
     linear = linear_model(observation, known)
-    code = solve(linear, weight, sparsity[: len(linear.matrix)], nonnegative=positive)
-    return replace(
-        _curves(observation, known, linear.lamp, code, weight, sparsity),
-        gain_code=_gains(observation, linear, code),
-        prior_scale=prior_scale,
-    )
+    code = solve(linear, l2, gamma[: len(linear.matrix)], nonnegative=positive)
+    return _curves(observation, known, linear, code, fitted)
 
 
-def _curves(observation: Observation, basis: Basis, lamp: Floats, code: Code, l2: float, gamma: Floats) -> Ssf:
+def _curves(observation: Observation, basis: Basis, linear: LinearModel, code: Code, settings: FitSettings) -> Ssf:
     """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
     _check_converged(code.gap)
     basis = anchor(basis, observation.white_reflectance * observation.lamp[0])
@@ -168,23 +234,27 @@ def _curves(observation: Observation, basis: Basis, lamp: Floats, code: Code, l2
     curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, x)  # (3, m)
     scale = curves @ (observation.white_reflectance * observation.lamp[0]) * STEP
     _check_responds_to_white(scale)
-    std, spread = None, None
+    posterior = None
     if basis.prior:
         spread = np.linalg.inv(code.precision[0] + np.eye(x.size))
         moves = moves_of_peak_one(basis, curves)
         variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, own_blocks(spread), moves), 0.0)
-        std = (np.sqrt(variance) / scale[:, None]).T
+        posterior = Posterior((np.sqrt(variance) / scale[:, None]).T, spread, float(code.log_evidence[0]))
     values = (curves / scale[:, None]).T
-    predicted = predict_signals(values, observation.reflectance, lamp, observation.white_reflectance)
     gain = np.ones(3)
     if observation.frames is not None:
         _, white, dark = observation.frames
         means = (white - dark)[0].mean(axis=0)
         gain = means / means[1]
     return Ssf(
-        values, std, x.T, spread, predicted, code.gap * np.ones(3), code.layers_gap, code.finish_steps,
-        float(code.log_evidence[0]) if basis.prior else None, gamma, l2, gain, basis.name, "reference", lamp,
-    )  # fmt: skip
+        values=values,
+        code=x.T,
+        posterior=posterior,
+        predicted=predict_signals(values, observation.reflectance, linear.lamp, observation.white_reflectance),
+        light=Illumination(linear.lamp, _gains(observation, linear, code), gain),
+        proof=Proof(code.gap * np.ones(3), code.layers_gap, code.finish_steps),
+        settings=settings,
+    )
 
 
 def _gains(observation: Observation, linear: LinearModel, code: Code) -> Floats:
@@ -220,11 +290,9 @@ def moves_of_peak_one(basis: Basis, curves: Floats) -> Floats:
     return np.asarray(basis.dictionary - shape[:, :, None] * at_peak)
 
 
-def _run(
-    model: Model, observation: Observation, basis: Basis, prior_scale: float, arguments: tuple[float, Floats, bool]
-) -> Ssf:
+def _run(model: Model, observation: Observation, basis: Basis, settings: FitSettings, nonnegative: bool) -> Ssf:
     """Run the ONNX model. It takes one γ a call, so each different γ of the paper's channels is a call of its own."""
-    y, (l2, gamma, nonnegative) = observation.signals, arguments
+    y, gamma = observation.signals, settings.gamma
     chart, white, dark = observation.frames or (y, np.ones_like(y), np.zeros_like(y))
     modes = observation.lamp_modes if observation.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
     gains = observation.gain_modes if observation.gain_modes.shape[1] else np.zeros((len(y), 1, y.shape[1]))
@@ -242,9 +310,9 @@ def _run(
         "lamp_modes": modes,
         "gain_modes": gains,
         "gain_own": np.array(observation.gain_own),
-        "l2": np.array(l2),
+        "l2": np.array(settings.l2),
         "nonnegative": np.array(float(nonnegative)),
-        "prior_scale": np.array(prior_scale),
+        "prior_scale": np.array(settings.prior_scale),
     }
     answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
     order = np.searchsorted(np.unique(gamma), gamma)
@@ -254,14 +322,17 @@ def _run(
             out[name][..., c] = answers[which][name][..., c]
     _check_converged(out["gap"])
     _check_responds_to_white(out["ssf"].max(axis=0))
-    std, spread, evidence_ = (
-        (out["ssf_std"], out["code_covariance"], float(out["evidence"])) if basis.prior else (None, None, None)
-    )
+    posterior = Posterior(out["ssf_std"], out["code_covariance"], float(out["evidence"])) if basis.prior else None
+    gain_code = out["gain_code"][:, : observation.gain_modes.shape[1]]
     return Ssf(
-        out["ssf"], std, out["code"], spread, out["predicted"], out["gap"], out["layers_gap"],
-        np.rint(out["finish_steps"]).astype(np.int64), evidence_, gamma, l2, out["channel_gain"], basis.name, "onnx",
-        out["lamp_estimate"], out["gain_code"][:, : observation.gain_modes.shape[1]], prior_scale,
-    )  # fmt: skip
+        values=out["ssf"],
+        code=out["code"],
+        posterior=posterior,
+        predicted=out["predicted"],
+        light=Illumination(out["lamp_estimate"], gain_code, out["channel_gain"]),
+        proof=Proof(out["gap"], out["layers_gap"], np.rint(out["finish_steps"]).astype(np.int64)),
+        settings=settings,
+    )
 
 
 def _check_converged(gap: Floats) -> None:

@@ -9,20 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from camssf.errors import InvalidArgument
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.recovery.hypotheses import AUTO, of_peak_one, posterior_weights, probabilities
+from camssf.recovery.hypotheses import AUTO, mixture, of_peak_one, posterior_weights, probabilities
 from camssf.recovery.hypotheses import hypotheses as families
 from camssf.recovery.linear_model import DARKEST, LinearModel, linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis, Ssf, answer, predict_signals
+from camssf.recovery.sensitivity import (
+    SOLVER_DEFAULTS,
+    EstimatedLamp,
+    Hypothesis,
+    SolverSettings,
+    Ssf,
+    answer,
+    predict_signals,
+)
 from camssf.recovery.solve import log_evidence
 from camssf.rules import rules
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
@@ -84,7 +91,7 @@ def recover_in_any_light(
     prior: Mapping[str, float] | None = None,
     prior_scale: float = 1.0,
     of: Floats | None = None,
-    **options: Any,
+    settings: SolverSettings = SOLVER_DEFAULTS,
 ) -> Ssf:
     """The curves that explain the signals under lights that are not named.
 
@@ -92,7 +99,7 @@ def recover_in_any_light(
         guesses: the possible kinds of the lights.
         basis, prior, prior_scale: as in `recover`.
         of: (n, 681) reflectances whose signals are predicted; None for those of the observation.
-        options: l2, gamma, nonnegative and engine of `recover`.
+        settings: as in `recover`.
 
     Returns:
         A mixture. What depends on one basis or one lamp is that of the most probable hypothesis: codes, their
@@ -120,7 +127,7 @@ def recover_in_any_light(
     kept = np.flatnonzero(weights >= min(SOLVED, weights.max()))
     share = weights[kept] / weights[kept].sum()
     answers = [
-        answer(each.guess.observation, each.basis, prior_scale=each.scale, **options)
+        answer(each.guess.observation, each.basis, prior_scale=each.scale, settings=settings)
         for each in (hypotheses[i] for i in kept)
     ]
     seen = [light_of(each.guess.observation, each.widened_basis) for each in (hypotheses[i] for i in kept)]
@@ -135,33 +142,24 @@ def recover_in_any_light(
     # The product of curve and light is more certain than either: take means of products, not products of means.
     rho = best.observation.white_reflectance
     predicted = np.einsum(
-        "a,aknc->knc", share, np.stack([predict_signals(each.values, chart, each.lamp, rho) for each in answers])
+        "a,aknc->knc",
+        share,
+        np.stack([predict_signals(each.values, chart, each.light.lamp, rho) for each in answers]),
     )
-    return replace(
-        _mixed(answers, share, best.observation), predicted=predicted, choice=weighed, lights=lights, kinds=best.kinds
-    )
+    found = _mixed(answers, share, best.observation)
+    light = replace(found.light, lights=lights, kinds=best.kinds)
+    return replace(found, predicted=predicted, light=light, choice=weighed)
 
 
 def _mixed(answers: Sequence[Ssf], share: Floats, observation: Observation) -> Ssf:
     """The mixture of solutions under different lamps; `observation` is that of the most probable one."""
-    best = answers[int(share.argmax())]
+    lamps = np.stack([each.light.lamp / each.light.lamp.mean(axis=1, keepdims=True) for each in answers])  # (a, k, m)
+    found = mixture(observation, answers, share, np.einsum("a,akm->km", share, lamps))
+    curves = np.stack([each.peak()[0] for each in answers])
     mean, std = of_peak_one(answers, share)
     assert std is not None  # every basis has a prior
-    scale = (observation.white_reflectance * observation.lamp[0] * STEP) @ mean  # (3,)
-    lamps = np.stack([each.lamp / each.lamp.mean(axis=1, keepdims=True) for each in answers])  # (a, k, m)
-    curves = np.stack([each.peak()[0] for each in answers])
     apart = np.einsum("a,amc->c", share, (curves - mean) ** 2)
-    return replace(
-        best,
-        values=mean / scale,
-        std=std / scale,
-        gap=np.max([each.gap for each in answers], axis=0),
-        layers_gap=np.max([each.layers_gap for each in answers], axis=0),
-        finish_steps=np.max([each.finish_steps for each in answers], axis=0),
-        lamp=np.einsum("a,akm->km", share, lamps),
-        gain_code=np.einsum("a,akg->kg", share, np.stack([each.gain_code for each in answers])),
-        between=apart / np.sum(std**2, axis=0),
-    )
+    return replace(found, light=replace(found.light, between=apart / np.sum(std**2, axis=0)))
 
 
 # The light itself

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import Floats
-from camssf.photo.capture import Record, Shot, cell_blacks, thumbnail
+from camssf.photo.capture import MeasuredShot, Record, cell_blacks, thumbnail
 from camssf.photo.read.dng import Mosaic
 
 
@@ -15,7 +15,7 @@ def photo_preview(mosaic: Mosaic) -> bytes | None:
     return _encode(thumbnail(mosaic), cell_blacks(mosaic), mosaic.white)
 
 
-def shot_preview(shot: Shot) -> bytes | None:
+def shot_preview(shot: MeasuredShot) -> bytes | None:
     """A JPEG of the shot's photo; None if the shot holds no thumbnail."""
     return None if shot.thumbnail is None else _encode(shot.thumbnail, shot.means.black, shot.means.saturation)
 

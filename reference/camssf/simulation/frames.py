@@ -21,6 +21,7 @@ from camssf.files import local_folder
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.read.unit import read_unit
+from camssf.photo.shot import Shot
 from camssf.simulation.camera import Sensor, check_sensor
 from camssf.simulation.dng import MAKE, write_dng, write_truth
 from camssf.simulation.scene import (
@@ -47,6 +48,11 @@ class SimulatedShot:
     lamp: str
     stated_chart: str
     signals: Floats
+
+    @property
+    def shot(self) -> Shot:
+        """The shot as `camssf.calibrate` takes it."""
+        return Shot(self.chart, self.lamp, self.white, self.dark)
 
 
 @dataclass(frozen=True)

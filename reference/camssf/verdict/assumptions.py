@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from camssf.grid import Floats
-from camssf.photo.capture import Capture, Shot
+from camssf.photo.capture import Capture, MeasuredShot
 from camssf.photo.signals import Assumption
 from camssf.recovery.sensitivity import EstimatedLamp, Ssf
 from camssf.spectra import Lamp, Light
@@ -22,7 +22,7 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     ]
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
-        light = ssf.lights[j] if ssf.lights else None
+        light = ssf.light.lights[j] if ssf.light.lights else None
         found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
         found += _uneven(where, shot, ssf, level[j])
         told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
@@ -45,9 +45,9 @@ def _named(lamp: Light) -> str:
     )
 
 
-def _uneven(where: str, shot: Shot, ssf: Ssf, level: Floats) -> list[Assumption]:
+def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Assumption]:
     """Describes how even the light was, and how that was found."""
-    if not ssf.gain_code.size:
+    if not ssf.light.gain_code.size:
         flat = "the light was the same all over the chart."
         return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
     if shot.means.white is not None:
@@ -83,7 +83,7 @@ def _levels(name: str, whose: str) -> str:
     )
 
 
-def _shading(shot: Shot) -> str:
+def _shading(shot: MeasuredShot) -> str:
     """Describes how the lens-shading map in a shot's file was used."""
     map_of = f"{shot.photo.name} holds a lens-shading map;"
     if shot.lens_shading == "apply":

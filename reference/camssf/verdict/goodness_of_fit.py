@@ -152,7 +152,7 @@ def _covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
     """Covariance Σ of rule 1, (3 rows, 3 rows): rows of red, then green, then blue."""
     signals, table, rho = inputs.signals, inputs.table, inputs.white_reflectance
     shot, patch = np.nonzero(signals.used)
-    light = (ssf.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
+    light = (ssf.light.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
     light = light / (light @ rho)[..., None]
     light = np.moveaxis(light, 1, 0)[:, shot].reshape(-1, WAVELENGTHS.size)  # (3 rows, m) L s dλ / W
     channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
@@ -217,7 +217,8 @@ def only(signals: Signals, j: int) -> Signals:
 
 def shot_answer(answer: Ssf, j: int) -> Ssf:
     """The answer with the predictions and the lamp of shot j only."""
-    return replace(answer, predicted=answer.predicted[j : j + 1], lamp=answer.lamp[j : j + 1])
+    light = replace(answer.light, lamp=answer.light.lamp[j : j + 1])
+    return replace(answer, predicted=answer.predicted[j : j + 1], light=light)
 
 
 def strongest_explanation(one: GoodnessOfFit) -> tuple[Explanation, float]:

@@ -156,9 +156,9 @@ def strangeness(ssf: Ssf) -> float | None:
 
     Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a scaled χ² (Satterthwaite 1946).
     """
-    if ssf.std is None or ssf.code_covariance is None:
+    if ssf.posterior is None:
         return None
-    K = np.eye(len(ssf.code_covariance)) - ssf.code_covariance
+    K = np.eye(len(ssf.posterior.code_covariance)) - ssf.posterior.code_covariance
     expected = float(np.trace(K))
     if expected <= 0:  # the posterior equals the prior
         return None
@@ -184,7 +184,7 @@ def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
         checks.note("unusual", max(wide, other))
     if max(wide, other) <= UNUSUAL:
         return []
-    words = {"probability": max(wide, other), "basis": ssf.basis}
+    words = {"probability": max(wide, other), "basis": ssf.settings.basis}
     return [because("unusual", max(wide, other), words)]
 
 
@@ -210,7 +210,7 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
     """Check rule 9: the patches' colours against the chart's, for a simple camera model under the answer's lamp."""
-    score = agreement(values, plain_signals(table, answer.lamp[0]))
+    score = agreement(values, plain_signals(table, answer.light.lamp[0]))
     checks.note("poor_pose", score, j)
     return [because("pose", score, {"shot": name, "score": score})] if score < POOR_POSE else []
 

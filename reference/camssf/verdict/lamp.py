@@ -92,7 +92,7 @@ def white_balance_mismatch(
     raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
     offs = []
     for neutral in neutrals:
-        expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)
+        expected = neutral.white * (answer.light.lamp[0] @ answer.values) / (neutral.light @ answer.values)
         if not (expected > 0).all():
             continue  # the curves predict no positive white; other rules catch this
         ratio = np.log(raw / expected)

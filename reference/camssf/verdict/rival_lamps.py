@@ -26,7 +26,7 @@ NARROW = rules().number("verdict.narrow")
 
 def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each."""
-    answered = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
+    answered = fit.with_kinds(ssf.light.kinds) if any(fit.unnamed) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()
     return judge(
@@ -64,11 +64,11 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
         ssf: the answer.
     """
     named = [not each for each in fit.unnamed]
-    fit = fit if all(named) else fit.with_kinds(ssf.kinds)
+    fit = fit if all(named) else fit.with_kinds(ssf.light.kinds)
     capture, used = fit.capture, fit.signals.used
     if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
         return ()
-    scale = NARROW * ssf.prior_scale
+    scale = NARROW * ssf.settings.prior_scale
     families = FAMILIES if fit.basis == AUTO else (fit.basis,)
     bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in families]
     beliefs = [np.log(fit.prior_odds.get(basis.name, 1.0)) if len(bases) > 1 else 0.0 for basis in bases]

@@ -1,0 +1,77 @@
+"""Solves the fit of a capture, on any of its patches and on each shot alone, and gives its predictions bands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from camssf.errors import InvalidArgument
+from camssf.fit.capture_fit import CaptureFit
+from camssf.grid import Floats
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.prediction import predict
+from camssf.recovery.sensitivity import SolverSettings, Ssf, predict_signals
+from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
+from camssf.rules import rules
+from camssf.spectra import Unnamed
+
+MOST_UNNAMED = rules().whole("lamp.most")
+"""Largest number of shots whose light is not named."""
+
+
+def recover_fit(fit: CaptureFit, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
+    """`recover` on the used patches (k, n); the result predicts all n patches.
+
+    Raises:
+        InvalidArgument: the light of more than MOST_UNNAMED shots is not named; else as `recover`.
+        NotConverged: as `recover`.
+    """
+    options, table = fit.options, fit.capture.chart.values
+    settings = SolverSettings(l2=options.l2, gamma=gamma, nonnegative=options.nonnegative, engine=options.engine)
+    if any(fit.unnamed):
+        return recover_in_any_light(
+            _guesses(fit, used), basis=fit.basis, prior=fit.prior_odds, prior_scale=fit.prior_scale, of=table,
+            settings=settings,
+        )  # fmt: skip
+    ssf = recover(
+        fit.given(used), basis=fit.basis, prior=fit.prior_odds, prior_scale=fit.prior_scale, settings=settings
+    )
+    rho, _ = fit.white_reference()
+    return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.light.lamp, rho))
+
+
+def recover_each_shot(fit: CaptureFit) -> list[Ssf]:
+    """The solution of each shot alone; empty if there is only one shot."""
+    k = len(fit.capture.shots)
+    shots = np.eye(k, dtype=bool)[:, :, None] if k > 1 else ()
+    return [recover_fit(fit, fit.signals.used & shot, fit.options.gamma) for shot in shots]
+
+
+def prediction_bands(fit: CaptureFit, used: NDArray[np.bool_], ssf: Ssf) -> Floats | None:
+    """(k, n, 3) standard deviation of each true signal minus its prediction by a fit to the used patches."""
+    if ssf.std is None:
+        return None
+    table, taken = fit.capture.chart, used.any(axis=0)
+    others, tolerance = table.values[~taken], table.tolerance[~taken]
+    modes = fit.gains[0][:, :, ~taken]
+    found = predict(ssf, fit.given(used), of=others, of_tolerance=tolerance, of_gains=modes, basis=fit.basis).std
+    std = np.empty_like(fit.signals.values)
+    std[:, taken], std[:, ~taken] = found[:, : taken.sum()], found[:, taken.sum() :]
+    return std
+
+
+def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
+    """All combinations of kinds for the unnamed lights."""
+    if sum(fit.unnamed) > MOST_UNNAMED:
+        raise InvalidArgument(
+            f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
+            "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
+        )
+    kinds = product(*(
+        [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
+        for shot in fit.capture.shots
+    ))  # fmt: skip
+    return [LampGuess(each, fit.with_kinds(each).given(used)) for each in kinds]
