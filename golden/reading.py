@@ -106,6 +106,8 @@ OUTPUTS: dict[str, set[str]] = {
         "code_covariance",
         "signals",
         "predicted",
+        "predicted_std",
+        "budget",
         "gap",
         "layers_gap",
         "finish_steps",

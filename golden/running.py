@@ -26,11 +26,13 @@ from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
+from camssf.recovery.budget import explain
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.layers import DEPTH
 from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model, load_model
+from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import Hypothesis, Ssf
 from camssf.recovery.solve import solve
 from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
@@ -240,8 +242,9 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
         model = load_model(given["basis"])
         found: dict[str, Any] = model.run(model_inputs(model, given))
     else:
+        observation = _observation(given, signals, tuple(frames) if sound else None)
         ssf = recover(
-            _observation(given, signals, tuple(frames) if sound else None),
+            observation,
             basis=given["basis"],
             l2=given["l2"],
             gamma=given["gamma"],
@@ -250,7 +253,13 @@ def _ssf(given: dict[str, Any], engine: str, sound: bool) -> dict[str, Any]:
             prior_scale=_scale(given),
         )
         names = ("code", "code_covariance", "predicted", "gap", "layers_gap", "finish_steps", "channel_gain")
+        budget = std = None
+        if ssf.std is not None:
+            std = predict(ssf, observation).std
+            budget = np.array(list(explain(observation, basis=ssf.basis, prior_scale=ssf.prior_scale).values()))
         found = {
+            "predicted_std": std,
+            "budget": budget,
             "ssf": ssf.values,
             "ssf_std": ssf.std,
             "signals": np.stack(signals),
@@ -263,7 +272,8 @@ def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
     """All inputs of the model from a case's inputs; a mode of zeros if there is none, as the model needs one."""
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
-    told = none | {"prior_scale": _scale(given)} | {name: value for name, value in given.items() if np.size(value)}
+    none |= {"prior_scale": _scale(given), "explain": 1.0}
+    told = none | {name: value for name, value in given.items() if np.size(value)}
     return {each.name: np.asarray(told[each.name], float) for each in model.session.get_inputs()}
 
 

@@ -245,6 +245,7 @@ def _run(
         "l2": np.array(l2),
         "nonnegative": np.array(float(nonnegative)),
         "prior_scale": np.array(prior_scale),
+        "explain": np.array(0.0),
     }
     answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
     order = np.searchsorted(np.unique(gamma), gamma)
