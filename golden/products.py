@@ -74,9 +74,8 @@ def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
     """All inputs of the model from a case's inputs; a mode of zeros if there is none, as the model needs one."""
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
-    told = (
-        none | {"prior_scale": prior_scale(given)} | {name: value for name, value in given.items() if np.size(value)}
-    )
+    none |= {"prior_scale": prior_scale(given), "explain": 1.0}
+    told = none | {name: value for name, value in given.items() if np.size(value)}
     return {each.name: np.asarray(told[each.name], float) for each in model.session.get_inputs()}
 
 

@@ -13,10 +13,12 @@ import pytest
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis, widened
-from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.budget import explain
+from camssf.recovery.linear_model import SOURCES, LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import SHIPPED, Model, load_model, onnx_runtime
-from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.prediction import predict
+from camssf.recovery.sensitivity import Ssf, answer
 from camssf.recovery.unnamed_light import by_modes, posterior
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
@@ -149,17 +151,25 @@ def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -
     assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
 
-def modes_told(model: Model, observation: Observation, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
-    """The model's posterior of the lamps' modes, (k, q) and (k q, k q)."""
+def outputs_of(
+    model: Model, observation: Observation, prior_scale: float = 1.0, explain: float = 1.0
+) -> dict[str, Floats]:
+    """All outputs of the model for an observation without a mask."""
     y = observation.signals
     modes = observation.lamp_modes if observation.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
+    gains = observation.gain_modes if observation.gain_modes.shape[1] else np.zeros((len(y), 1, y.shape[1]))
     names = ("standard_error", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp",
-             "lamp_tolerance")  # fmt: skip
-    found = model.run({
+             "lamp_tolerance", "gain_own")  # fmt: skip
+    return model.run({
         "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "lamp_modes": modes, "l2": np.array(1.0),
-        "gain_modes": np.zeros((len(y), 1, y.shape[1])), "gain_own": np.array(0.0), "gamma": np.array(0.05),
-        "nonnegative": np.array(0.0), "prior_scale": np.array(prior_scale),
+        "gain_modes": gains, "gamma": np.array(0.05), "nonnegative": np.array(0.0),
+        "prior_scale": np.array(prior_scale), "explain": np.array(explain),
     } | {name: np.asarray(getattr(observation, name), float) for name in names})  # fmt: skip
+
+
+def modes_told(model: Model, observation: Observation, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
+    """The model's posterior of the lamps' modes, (k, q) and (k q, k q)."""
+    found = outputs_of(model, observation, prior_scale)
     return found["mode_estimate"], found["mode_covariance"]
 
 
@@ -212,6 +222,43 @@ def test_without_modes_or_a_prior_nothing_is_said_of_them() -> None:
     assert spread.shape == (2, 2)
     assert np.isnan(mean).all()
     assert np.isnan(spread).all()
+
+
+@pytest.mark.parametrize("seed", range(0, 24, 2))
+def test_budget_and_bands_are_the_reference_s(seed: int) -> None:
+    """With and without a white LED of unknown spectrum, uneven light and masked patches."""
+    a = seeded(seed) | {"l2": 1.0, "gamma": 0.05, "nonnegative": False}
+    k, n, _ = a["signals"].shape
+    model, rng = load_model(a["basis"]), np.random.default_rng(seed)
+    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes[-1] = read_lamp("white-led").modes
+    uneven = {"gain_modes": 0.1 * rng.normal(size=(k, 2, n)), "gain_own": 0.1}
+    masked = np.where(np.arange(n)[:, None] % 3 == 1, 1000.0, a["standard_error"])
+    for more in ({}, {"standard_error": masked}, {"lamp_modes": modes}, uneven,
+                 {"standard_error": masked, "lamp_modes": modes} | uneven):  # fmt: skip
+        scale = 1.0 if seed % 4 else 2.0
+        given = told(**a | more)[0]
+        found = outputs_of(model, given, scale)
+        ssf = answer(given, a["basis"], prior_scale=scale, l2=1.0, gamma=0.05, nonnegative=False, engine="reference")
+        shares = explain(given, basis=a["basis"], prior_scale=scale)
+        assert tuple(shares) == (*SOURCES, "unseen")
+        assert found["budget"] == pytest.approx(np.array(list(shares.values())), abs=1e-10)
+        assert norm(found["predicted_std"], predict(ssf, given).std) <= 1e-10
+        assert found["predicted_std"] == pytest.approx(predict(ssf, given).std, rel=1e-9)
+
+
+@pytest.mark.parametrize("basis", SHIPPED)
+def test_budget_and_bands_only_where_the_call_asks_for_them(basis: str) -> None:
+    """Without them the call is faster; every other output has the same bits. The paper's basis has neither."""
+    given = told(**seeded(SEEDED.index(basis)))[0]
+    with_, without = (outputs_of(load_model(basis), given, explain=wanted) for wanted in (1.0, 0.0))
+    for name in ("budget", "predicted_std"):
+        assert with_[name].shape == without[name].shape
+        assert np.isfinite(with_.pop(name)).all() == (basis != "gaussian")
+        assert np.isnan(without.pop(name)).all()
+    assert {name: value.tobytes() for name, value in with_.items()} == {
+        name: value.tobytes() for name, value in without.items()
+    }
 
 
 ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family", "ssf/cameras-lamp-one-of-two",
@@ -388,7 +435,7 @@ def inputs_of(basis: str) -> dict[str, Floats]:
         "white_reflectance": np.ones(681), "white_tolerance": np.array(0.01), "lamp": a["lamp"],
         "lamp_tolerance": np.zeros(k), "lamp_modes": np.zeros((k, 1, 681)), "gain_modes": np.zeros((k, 1, n)),
         "gain_own": np.array(0.0), "l2": np.array(1.0), "gamma": np.array(0.05), "nonnegative": np.array(0.0),
-        "prior_scale": np.array(1.0),
+        "prior_scale": np.array(1.0), "explain": np.array(0.0),
     }  # fmt: skip
 
 

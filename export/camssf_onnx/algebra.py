@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from onnx import TensorProto
 
@@ -17,6 +19,41 @@ D, I64, B = TensorProto.DOUBLE, TensorProto.INT64, TensorProto.BOOL
 M = WAVELENGTHS.size
 
 
+@dataclass(frozen=True)
+class Root:
+    """Σ = L Lᵀ by panels of pivots.
+
+    Attributes:
+        rows: (turns, c, panel, N' + p) of (Lᵀ | L⁻¹ columns).
+        blocks: (turns, c, panel, panel) L⁻¹ of each panel's own pivots.
+        turns, size: number of panels and N'.
+    """
+
+    rows: Value
+    blocks: Value
+    turns: Value
+    size: Value
+
+    def solve(self, columns: Value) -> Value:
+        """L⁻ᵀ columns, (c, N', p) each: substitution from the last panel to the first."""
+        g, panel = columns.graph, PANEL
+        last = self.turns.here(g) - g.constant(1, np.int64)
+        size = self.size.here(g).unsqueeze(0)
+        upper = g.op("Slice", self.rows, g.ints(0), size, g.ints(3)).transpose(1, 0, 2, 3)
+        upper = upper.like(g.op("Concat", g.ints(-1), size, size, axis=0))  # Lᵀ
+
+        def substitute(body: Graph, step: Value, state: list[Value]) -> Body:
+            (Z,) = state
+            turn = last - step
+            at = turn * body.constant(panel, np.int64) + body.constant(np.arange(panel), np.int64)
+            found = self.blocks.here(body).take(turn, 0).transpose(0, 2, 1) @ Z.take(at, 1)
+            return Body([Z - upper.here(body).take(at, 2) @ found], [found])
+
+        _, left = g.loop(substitute, [columns], [D], self.turns, "solve")  # (turns, c, panel, p), the last one first
+        back = g.op("Range", last, g.constant(-1, np.int64), g.constant(-1, np.int64))
+        return left.take(back, 0).transpose(1, 0, 2, 3).like(g.op("Shape", columns))
+
+
 def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[Value, Value]:
     """L⁻¹ columns with Σ = L Lᵀ, and ln det Σ: (c, N, N) and (c, N, p) give (c, N', p) and (c,).
 
@@ -24,6 +61,18 @@ def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[
     rows of L⁻¹ (Σ | columns), and one product of these is subtracted from the rest. N is padded to whole panels, Σ by
     the identity and columns by zeros.
     """
+    found, log_det, _ = _whiten(g, sigma, columns, panel, rooted=False)
+    return found, log_det
+
+
+def whiten_and_root(g: Graph, sigma: Value, columns: Value) -> tuple[Value, Value, Root]:
+    """`whiten`, and the root L."""
+    found, log_det, root = _whiten(g, sigma, columns, PANEL, rooted=True)
+    assert root is not None
+    return found, log_det, root
+
+
+def _whiten(g: Graph, sigma: Value, columns: Value, panel: int, *, rooted: bool) -> tuple[Value, Value, Root | None]:
     N = size_of(g, sigma, 1)
     whole = g.constant(panel, np.int64)
     turns = g.op("Div", N + g.constant(panel - 1, np.int64), whole)
@@ -43,13 +92,15 @@ def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[
         root, pivots = _root(rows.take(at, 2), panel)
         found = root @ rows
         across = body.op("Slice", found, body.ints(0), size.here(body).unsqueeze(0), body.ints(2))
-        return Body([Z - across.transpose(0, 2, 1) @ found], [found, pivots])
+        return Body([Z - across.transpose(0, 2, 1) @ found], [found, pivots, root] if rooted else [found, pivots])
 
-    _, left, pivots = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], turns, "whiten")
+    _, left, pivots, *blocks = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], turns, "whiten")
     # (turns, c, panel, N' + p)
     kept = g.op("Slice", left, size.unsqueeze(0), g.ints(2**31), g.ints(3))
-    shape = g.op("Shape", columns)
-    return kept.transpose(1, 0, 2, 3).like(shape), g.op("Log", pivots).sum(0, 2, 3)
+    found, log_det = kept.transpose(1, 0, 2, 3).like(g.op("Shape", columns)), g.op("Log", pivots).sum(0, 2, 3)
+    if not rooted:
+        return found, log_det, None
+    return found, log_det, Root(left, blocks[0], turns, size)
 
 
 def _root(matrix: Value, size: int) -> tuple[Value, Value]:
@@ -127,6 +178,11 @@ def same(g: Graph, labels: Value) -> Value:
 def outer(factors: Value) -> Value:
     """Factors (c, N, p) times their transpose, (c, N, N)."""
     return factors @ factors.transpose(0, 2, 1)
+
+
+def sum_of_squares(factors: Value) -> Value:
+    """Diagonal of `outer`, (c, N, 1)."""
+    return (factors * factors).sum(2, keep=True)
 
 
 def size_of(g: Graph, value: Value, axis: int) -> Value:

@@ -8,28 +8,31 @@ and `Folded.sparse` whitens the two separately.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camssf.grid import STEP
 from camssf.recovery.basis import Basis
-from camssf.recovery.covariance import (
-    ABSOLUTE,
-    CHANNEL_SHARE,
-    CHART_CORRELATION,
-    DRIFT,
-    EDGE,
-    FLOOR,
-    INDEPENDENT_SHARE,
-    LAMP_CORRELATION,
-    RELATIVE,
-    TABLE_CORRELATION,
-    smooth_errors,
-)
+from camssf.recovery.covariance import CHANNEL_SHARE, EDGE, FLOOR, INDEPENDENT_SHARE
 from camssf.recovery.linear_model import DARKEST
-from camssf_onnx.algebra import I64, D, M, fold, identity, outer, size_of, slope, unfold, whiten
+from camssf_onnx.algebra import (
+    I64,
+    D,
+    M,
+    fold,
+    identity,
+    outer,
+    size_of,
+    slope,
+    sum_of_squares,
+    unfold,
+    whiten,
+    whiten_and_root,
+)
+from camssf_onnx.covariance import Errors, LinearisedSignals, covariance, errors_by_source
 from camssf_onnx.graph import Body, Graph, Value, within
+from camssf_onnx.sensitivity import Answer, moves_of_peak_one, variance_of_curves
 
 EYE = np.eye(3)
 
@@ -38,25 +41,16 @@ EYE = np.eye(3)
 class Whitened:
     """p problems in rows of unit covariance: A (p, N, R), b (p, N).
 
-    With a prior (p = 1) ln det Σ (1,), and D of the lamp modes (1, N, k q) and of the gain modes (1, N, k g); else
-    None.
+    With a prior (p = 1) ln det Σ (1,), D of the lamp modes (1, N, k q) and of the gain modes (1, N, k g), and the
+    errors by source; else None.
     """
 
     A: Value
     b: Value
-    log_det: Value | None
-    modes: Value | None
-    gains: Value | None
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Curves (m, 3), their standard deviations (m, 3), predicted signals (k, n, 3), lamp (k, m)."""
-
-    ssf: Value
-    std: Value
-    predicted: Value
-    lamp: Value
+    log_det: Value | None = None
+    modes: Value | None = None
+    gains: Value | None = None
+    errors: Errors | None = None
 
 
 # From the code (3, r) and its covariance (3, r, r), one block a channel, to the curves and what follows from them.
@@ -93,16 +87,14 @@ def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     error = rows.error.slice(0, 1, 1).squeeze(1)
     tolerance = rows.given["chart_tolerance"] * b
     deviation = g.op("Sqrt", g.op("Max", error * error + tolerance * tolerance, FLOOR**2))  # (3, n)
-    whitened = Whitened(
-        ((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation, None, None, None
-    )
+    whitened = Whitened(((seen / scale) @ atoms).unsqueeze(0) / deviation.unsqueeze(2), b / deviation)
 
     def curves(x: Value, spread: Value | None) -> Answer:
         del spread  # no prior, no band
         s = atoms @ x.transpose(1, 0)  # (m, 3)
         s = s / (rows.seen_white.slice(0, 1, 0) @ s)
-        predicted = (everything @ s) / (rows.seen_white @ s).unsqueeze(1)
-        return Answer(s, s * np.nan, predicted, rows.given["lamp"])
+        response = rows.seen_white @ s
+        return Answer(s, s * np.nan, (everything @ s) / response.unsqueeze(1), rows.given["lamp"], response)
 
     return whitened, curves
 
@@ -144,38 +136,27 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
     ]
     turns = g.op("Cast", known.any_modes, to=I64) + g.constant(1, np.int64)
     left = g.loop(known.turn(turns), start, [D] * len(start), turns, "look")[len(start) :]
-    A, b, log_det, modes, lamp = (value.slice(-1, 2**31, 0).squeeze(0) for value in left)  # the last turn's
+    A, b, log_det, modes, lamp, *errors = (value.slice(-1, 2**31, 0).squeeze(0) for value in left)  # the last turn's
     gains = g.op("Slice", modes, known.K, g.ints(2**31), g.ints(2))
     modes = g.op("Slice", modes, g.ints(0), known.K, g.ints(2))
 
     def curves(x: Value, spread: Value | None) -> Answer:
         assert spread is not None
         s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
-        scale = (s @ white.slice(0, 1, 0).transpose(1, 0)).squeeze(1)  # (3,)
+        first = white.slice(0, 1, 0).transpose(1, 0)
+        scale = (s @ first).squeeze(1)  # (3,)
         s = s / scale.unsqueeze(1)
-        shape = s / s.max(1, keep=True)
-        top = g.op("ArgMax", s, axis=1, keepdims=1)
-        peak = g.op("Equal", top, g.constant(np.arange(v), np.int64)).real()  # (3, v)
-        moves = atoms - shape.unsqueeze(2) * (peak.unsqueeze(1) @ atoms)
-        reach = moves @ spread
-        here = (reach * moves).sum(2)  # (3, v)
-        next_ = (reach.slice(0, v - 1, 1) * moves.slice(1, v, 1)).sum(2)
-        left = 1.0 - np.arange(10) / 10.0
-        right = 1.0 - left
-        between = (
-            here.slice(0, v - 1, 1).unsqueeze(2) * left**2
-            + next_.unsqueeze(2) * (2.0 * left * right)
-            + here.slice(1, v, 1).unsqueeze(2) * right**2
-        ).reshape(3, M - 1)
-        variance_ = g.op("Concat", between, here.slice(v - 1, v, 1), axis=1)
-        std = g.op("Sqrt", g.op("Max", variance_, 0.0)) / scale.unsqueeze(1)
+        here, between = variance_of_curves(g, moves_of_peak_one(g, s, atoms), spread)
+        both = g.op("Concat", between.reshape(3, M - 1), here.slice(-1, 2**31, 1), axis=1)
+        std = g.op("Sqrt", g.op("Max", both, 0.0)) / scale.unsqueeze(1)
         values = unfold(g, s).transpose(1, 0)  # (m, 3)
         light = given["lamp"] * unfold(g, lamp)  # (k, m)
         seen = (light.unsqueeze(1) * given["reflectance"]) @ values
-        predicted = seen / ((light * given["white_reflectance"]) @ values).unsqueeze(1)
-        return Answer(values, std.transpose(1, 0), predicted, light)
+        response = (light * given["white_reflectance"]) @ values  # (k, 3)
+        predicted = seen / response.unsqueeze(1)
+        return Answer(values, std.transpose(1, 0), predicted, light, response * STEP * (mean @ first).squeeze(1))
 
-    return Whitened(A, b, log_det, modes, gains), curves
+    return Whitened(A, b, log_det, modes, gains, Errors(mean, atoms, *errors)), curves
 
 
 @dataclass(frozen=True)
@@ -190,7 +171,8 @@ class Folded:
         modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any. K: (1,) their number.
         gain_modes: (k, g, n). G: (1,) their number. any_modes: whether there is any, of lamps or gains.
         gains: (n, 3, k, k, g) their D. gain_own: size of each channel's own part relative to the gain modes.
-        y: (3, k, n, 1). variance: (n, 3 k) noise and the chart's independent part, in even light.
+        explain: whether the errors by source are wanted.
+        y: (3, k, n, 1). noise, independent: (n, 3 k) variance of noise and of the chart's own part.
         tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (k, 1, 1).
         share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
         own: (k, 1, k, 1), 1 where a shot is the same.
@@ -212,8 +194,10 @@ class Folded:
     any_modes: Value
     gains: Value
     gain_own: Value
+    explain: Value
     y: Value
-    variance: Value
+    noise: Value
+    independent: Value
     tolerance: Value
     white_tolerance: Value
     lamp_tolerance: Value
@@ -229,7 +213,9 @@ class Folded:
 
         def body(g: Graph, step: Value, state: list[Value]) -> Body:
             here = within(self, g)
-            looks = g.op("Less", step + g.constant(1, np.int64), turns.here(g)).real()
+            looks = g.op("Less", step + g.constant(1, np.int64), turns.here(g))
+            here = replace(here, explain=g.op("And", here.explain, g.op("Not", looks)))
+            looks = looks.real()
             rows = here.rows(state)
 
             def loose(branch: Graph) -> list[Value]:
@@ -239,8 +225,9 @@ class Folded:
             def named(branch: Graph) -> list[Value]:
                 return [*within(here, branch).sparse(within(rows, branch)), *(value.here(branch) for value in state)]
 
-            A, b, log_det, modes, *after = g.choose(here.any_modes, loose, named, "sense")
-            return Body([value * 1.0 for value in after], [A, b, log_det, modes, state[1] * 1.0])
+            A, b, log_det, modes, *errors = g.choose(here.any_modes, loose, named, "sense")
+            errors, after = errors[:4], errors[4:]
+            return Body([value * 1.0 for value in after], [A, b, log_det, modes, state[1] * 1.0, *errors])
 
         return body
 
@@ -263,11 +250,12 @@ class Folded:
         b = y - about - a @ self.mean.unsqueeze(1, 3)
         edges = EDGE * self.edges * bend / W.unsqueeze(2, 3)
         level = g.op("Expand", level, g.op("Shape", y))
-        block, common = covariance(
+        chart, common, noise = covariance(
             self, LinearisedSignals(s, expected, level, seen, edges, light, white, against_white)
         )
         rows = self.patchwise(A.transpose(2, 0, 1, 3, 4)), self.patchwise(b.transpose(2, 0, 1, 3))
-        return Rowed(*rows, block, common, against_white, white)
+        block = chart + noise * identity(g, size_of(g, chart, 1))
+        return Rowed(*rows, block, chart, common, noise, W, against_white, white)
 
     def patchwise(self, rows: Value) -> Value:
         """(n, 3, k, ...) → (n, 3 k, columns)."""
@@ -276,29 +264,44 @@ class Folded:
     def sparse(self, rows: Rowed) -> list[Value]:
         """L⁻¹ A (1, N', R), L⁻¹ b (1, N'), ln det Σ (1,) and L⁻¹ D = 0, where Σ = B + U Uᵀ with B block diagonal.
 
+        Then the errors by source.
+
         The rows are whitened by B first; then Σ is I + U Uᵀ. With S = I + Uᵀ U and V = S⁻¹ Uᵀ (A b), the rows
         (A b) - U V, with V below them, have the same products as whitened rows: those of the least squares that
         solves for U's unknowns w ~ N(0, I) together with the code. An error of V changes them in second order only.
         """
         g = rows.b.graph
         every = g.op("Concat", rows.A, rows.b, rows.common, axis=2)
-        blocks, log_blocks = whiten(g, rows.block, every, 3)
-        every = blocks.like(self.flat)
+        unit = identity(g, size_of(g, rows.block, 1)) + 0.0 * rows.block
+        blocks, log_blocks = whiten(g, rows.block, g.op("Concat", unit, every, axis=2), 3)
+        size = size_of(g, rows.block, 1).unsqueeze(0)
+        root = g.op("Slice", blocks, g.ints(0), size, g.ints(2))  # L⁻¹ of each block
+        every = g.op("Slice", blocks, size, g.ints(2**31), g.ints(2)).like(self.flat)
         own, U = every.slice(0, 3 * self.r + 1, 2), every.slice(3 * self.r + 1, 2**31, 2)
         across = U.transpose(0, 2, 1)
         count = size_of(g, U, 2)
         one = identity(g, count).unsqueeze(0)
         S = one + across @ U
-        root, log_common = whiten(g, S, g.op("Concat", across @ own, one, axis=2))
-        found, back = root.slice(0, 3 * self.r + 1, 2), root.slice(3 * self.r + 1, 2**31, 2)
+        found, log_common = whiten(g, S, g.op("Concat", across @ own, one, axis=2))
+        found, back = found.slice(0, 3 * self.r + 1, 2), found.slice(3 * self.r + 1, 2**31, 2)
         V = back.transpose(0, 2, 1) @ found
-        joined = g.op("Concat", own - U @ V, V, axis=1)
+        rest = own - U @ V
+        joined = g.op("Concat", rest, V, axis=1)
         A, b = joined.slice(0, 3 * self.r, 2), joined.slice(3 * self.r, 3 * self.r + 1, 2).squeeze(2)
         none = b.unsqueeze(2) * g.op("Expand", 0.0, self.K + self.G)  # (1, N', K + G)
-        return [A, b, log_blocks.sum(0, keep=True) + log_common, none]
+        plain = rest.slice(0, 3 * self.r, 2)
+
+        def solved(g: Graph) -> tuple[Value, Value, Value, Value]:
+            back = root.here(g).transpose(0, 2, 1)
+            E = (back @ plain.here(g).like(self.by_patch)).like(self.flat)
+            no_gains = 0.0 * self.patchwise(self.gains.here(g)).like(self.flat)
+            no_term = g.op("Expand", 0.0, g.ints(1, 3 * self.r, 3 * self.r))
+            return g.op("Concat", E, no_gains, axis=2), no_term, no_term, 0.0 * rows.noise.here(g).like(self.flat)
+
+        return [A, b, log_blocks.sum(0, keep=True) + log_common, none, *errors_by_source(self, rows, solved)]
 
     def dense(self, rows: Rowed, state: Sequence[Value], looks: Value) -> list[Value]:
-        """The whitened rows where there are modes, from the whole Σ, and the next point: `_first_pass`.
+        """As `sparse` where there are modes, from the whole Σ, and the next point: `_first_pass`.
 
         Σ contains D Dᵀ, but in a first pass A Aᵀ instead.
         """
@@ -316,15 +319,29 @@ class Folded:
         gains = self.patchwise(self.gains).like(self.flat)
         own = self.gain_own * self.patchwise(self.gains.unsqueeze(3) * EYE[:, None, :, None, None]).like(self.flat)
         b = b + modes @ offset + gains @ gained
-        modes = g.op("Concat", modes, gains, axis=2)
+        by_lamps, modes = modes, g.op("Concat", modes, gains, axis=2)
         sigma = sigma + outer(own) + (1.0 - looks) * outer(modes) + looks * outer(A)
-        columns, log_det = whiten(g, sigma, g.op("Concat", A, b, modes, axis=2))
+        columns, log_det, root = whiten_and_root(g, sigma, g.op("Concat", A, b, modes, axis=2))
+        whitened = columns
         A, b, modes = (
             columns.slice(0, 3 * r, 2),
             columns.slice(3 * r, 3 * r + 1, 2),
             columns.slice(3 * r + 1, 2**31, 2),
         )
-        return [A, b.squeeze(2), log_det, modes, *self.after(A, b, modes)]
+
+        def solved(g: Graph) -> tuple[Value, Value, Value, Value]:
+            E = g.op("Slice", root.solve(whitened.here(g)), g.ints(0), N, g.ints(1))  # Σ⁻¹ (A, b, D)
+            of_code = E.slice(0, 3 * r, 2)
+            of_gains = g.op("Slice", E, self.K.here(g) + g.ints(3 * r + 1), g.ints(2**31), g.ints(2))
+            across = of_code.transpose(0, 2, 1)
+            half = bent.here(g).like(self.flat)
+            lamps = outer(across @ by_lamps) + (across @ spread) @ (half.transpose(0, 2, 1) @ of_code)
+            variance = sum_of_squares(g.op("Concat", by_lamps, own, axis=2)) + (spread * half).sum(2, keep=True)
+            uneven = outer(across @ gains) + outer(across @ own)
+            return g.op("Concat", of_code, of_gains, axis=2), lamps, uneven, variance
+
+        errors = errors_by_source(self, rows, solved)
+        return [A, b.squeeze(2), log_det, modes, *errors, *self.after(A, b, modes)]
 
     def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
         """D and B of `camssf.recovery.linear_model`, patch by patch: (n, 3, k, K) and (n, 3, k, K, 3, r)."""
@@ -371,58 +388,20 @@ class Rowed:
 
     Attributes:
         A, b: (n, 3 k, R) and (n, 3 k, 1).
-        block: (n, 3 k, 3 k) covariance within a patch. common: (n, 3 k, u) U of the errors common to the patches.
+        block: (n, 3 k, 3 k) covariance within a patch, `chart` plus `noise`. chart: (n, 3 k, 3 k).
+        common: (n, 3 k, u) U of the errors common to the patches. noise: (n, 3 k, 1). white_signal: (3, k) W.
         against_white, white: (3, k, n, v) and (3, k, 1, v), for the modes.
     """
 
     A: Value
     b: Value
     block: Value
+    chart: Value
     common: Value
+    noise: Value
+    white_signal: Value
     against_white: Value
     white: Value
-
-
-@dataclass(frozen=True)
-class LinearisedSignals:
-    """`LinearisedSignals` of `camssf.recovery.covariance`, with the curve as a separate factor.
-
-    Attributes:
-        curve: (3, 1, v, 1) s. predicted, level: (3, k, n, 1) ŷ and 1 - ĥ.
-        patches, edges: (3, k, n, v). light, white: (3, k, 1, v). against_white: (3, k, n, v).
-    """
-
-    curve: Value
-    predicted: Value
-    level: Value
-    patches: Value
-    edges: Value
-    light: Value
-    white: Value
-    against_white: Value
-
-
-def covariance(known: Folded, signals_at: LinearisedSignals) -> tuple[Value, Value]:
-    """Blocks (n, 3 k, 3 k) and U (n, 3 k, u) of Σ without modes: `camssf.recovery.covariance.covariance`."""
-    over_chart, over_lamp, over_table = (
-        signals_at.curve * smooth_errors(length)
-        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
-    )
-    edges = signals_at.edges @ over_table
-    g = edges.graph
-    floor = ABSOLUTE * (signals_at.light @ over_table) + 0.0 * edges
-    chart = g.op("Concat", RELATIVE * (signals_at.patches @ over_chart), floor, edges, axis=3)
-    rows = known.patchwise((known.tolerance * chart).transpose(2, 0, 1, 3))
-    white = known.white_tolerance * signals_at.predicted * (signals_at.white @ over_chart)
-    lamp = known.lamp_tolerance * (signals_at.against_white @ over_lamp)
-    lamp = g.op("Concat", lamp, DRIFT * signals_at.predicted, axis=3)
-    lamp = lamp.unsqueeze(3) * known.own  # (3, k, n, k, p)
-    common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
-    block = outer(rows) * known.share
-    one = identity(g, size_of(g, block, 1))
-    level = known.patchwise(signals_at.level.transpose(2, 0, 1, 3))  # (n, 3 k, 1)
-    variance = g.op("Max", level * level * known.variance.unsqueeze(2), FLOOR**2)
-    return block + variance * one, g.op("Concat", *common, axis=2)
 
 
 def fold_observation(
@@ -438,8 +417,9 @@ def fold_observation(
     sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
     K = k * g.op("Shape", modes).slice(1, 2, 0)
     independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
-    variance = rows.error * rows.error + independent * independent  # (3, k, n)
     three_k = k * g.constant([3], np.int64)
+    by_row = g.op("Concat", n, three_k, axis=0)
+    noise, own_chart = ((each * each).transpose(2, 0, 1).like(by_row) for each in (rows.error, independent))
     share = g.op("Expand", CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * EYE[:, None, :, None],
                  g.op("Concat", g.ints(3), k, g.ints(3), k, axis=0))  # fmt: skip
     patches, edges, white, light = scenes
@@ -454,8 +434,10 @@ def fold_observation(
         gain_modes, k * g.op("Shape", gain_modes).slice(1, 2, 0),
         g.op("Or", g.op("Greater", sizes.max(0, 1, 2), 0.0), uneven),
         gains.transpose(2, 0, 1, 3, 4), given["gain_own"],
+        g.op("Greater", given["explain"], 0.5),
         rows.y.unsqueeze(3),
-        variance.transpose(2, 0, 1).like(g.op("Concat", n, three_k, axis=0)),
+        noise,
+        own_chart,
         given["chart_tolerance"].unsqueeze(1),
         given["white_tolerance"],
         given["lamp_tolerance"].unsqueeze(1, 2),

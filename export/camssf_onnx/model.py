@@ -24,12 +24,14 @@ from camssf.recovery.basis import Basis
 from camssf.recovery.layers import DEPTH, LAYERS
 from camssf.recovery.pivoting import finish_steps
 from camssf_onnx.algebra import D, M, inverse
+from camssf_onnx.budget import explain
 from camssf_onnx.duality_gap import duality_gap as gap_of
 from camssf_onnx.elastic_net import mode_posterior, pose
 from camssf_onnx.graph import Graph, Value
 from camssf_onnx.layers import ista, splitting, splitting_weight, unroll
 from camssf_onnx.linear_model import Rows, learned_rows, paper_rows
 from camssf_onnx.pivoting import pivot_to_optimum as walk
+from camssf_onnx.sensitivity import own_blocks
 
 __all__ = ["INPUTS", "IR", "OPSET", "build"]
 
@@ -52,6 +54,7 @@ INPUTS: dict[str, list[str | int]] = {
     "gamma": [],
     "nonnegative": [],
     "prior_scale": [],
+    "explain": [],
 }
 """Shapes of the inputs. All are required: an input with a default cannot be set from Java."""
 
@@ -106,8 +109,7 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         assert whitened.log_det is not None
         assert whitened.modes is not None
         spread = inverses.slice(0, 1, 0).squeeze(0)
-        own = g.op("Concat", *(spread.slice(c * r, c * r + r, 0).slice(c * r, c * r + r, 1).unsqueeze(0)
-                               for c in range(3)), axis=0)  # fmt: skip
+        own = own_blocks(spread, r)
         mean = (spread @ problem.g).squeeze(2)  # (1, R) the posterior mean
         rest = problem.rest(mean)
         loose, of_modes = mode_posterior(problem, whitened.modes, spread.unsqueeze(0), rest)
@@ -124,6 +126,11 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         gain_code = g.op("Expand", 0.0, gained)
     code = x.reshape(3, r)
     answer = curves(code, own)
+    if whitened.errors is not None:
+        signals = g.op("Shape", rows.signals)
+        explained = explain(given["explain"], whitened.errors, (mean, spread), answer, (signals, r))
+    else:
+        explained = [g.op("Expand", np.nan, g.ints(7, 3)), answer.predicted * np.nan]
     outputs = {
         "ssf": answer.ssf,
         "ssf_std": answer.std,
@@ -131,6 +138,8 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         "code_covariance": spread,
         "signals": rows.signals,
         "predicted": answer.predicted,
+        "predicted_std": explained[1],
+        "budget": explained[0],
         "gap": gap * np.ones(3),
         "layers_gap": before,
         "finish_steps": steps,
@@ -149,6 +158,8 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         "code_covariance": [3 * r, 3 * r],
         "signals": ["k", "n", 3],
         "predicted": ["k", "n", 3],
+        "predicted_std": ["k", "n", 3],
+        "budget": [7, 3],
         "gap": [3],
         "layers_gap": [p],
         "finish_steps": [p],

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from camssf.recovery.budget import explain
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.pivoting import SETTLED
+from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import SolverSettings
 from golden.contract import Call, Keys, Stage, against_oracle, against_truth, always, each, limit, stored, words
 from golden.forms import Json, resolve
@@ -345,17 +347,25 @@ def run(call: Call) -> dict[str, Any]:
         model = load_model(given["basis"])
         found: dict[str, Any] = model.run(model_inputs(model, given))
     else:
+        observation = build_observation(given, signals, tuple(frames) if sound else None)
         ssf = recover(
-            build_observation(given, signals, tuple(frames) if sound else None),
+            observation,
             basis=given["basis"],
             settings=SolverSettings(
                 l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=engine
             ),
             prior_scale=prior_scale(given),
         )
+        budget = std = None
+        if ssf.posterior is not None:
+            std = predict(ssf, observation).std
+            shares = explain(observation, basis=ssf.settings.basis, prior_scale=ssf.settings.prior_scale)
+            budget = np.array(list(shares.values()))
         names = ("code_covariance", "log_evidence")
         posterior = dict.fromkeys(names) if ssf.posterior is None else vars(ssf.posterior)
         found = {
+            "predicted_std": std,
+            "budget": budget,
             "ssf": ssf.values,
             "ssf_std": ssf.std,
             "signals": np.stack(signals),
@@ -372,7 +382,7 @@ LIMITS = (
     *each("norm", 1e-10, "ssf ssf_std"),
     *each("sums", 1e-10, "code_covariance"),
     *each("norm", 1e-15, "signals"),
-    *each("norm", 1e-10, "predicted"),
+    *each("norm", 1e-10, "predicted predicted_std budget"),
     *each("relative", 1e-10, "evidence"),
     *each("norm", 1e-14, "channel_gain"),
 )
@@ -390,7 +400,10 @@ STAGE = Stage(
     name="ssf",
     keys=Keys(
         CALL,
-        words("signals code gap layers_gap finish_steps evidence ssf ssf_std code_covariance predicted channel_gain"),
+        words(
+            "signals code gap layers_gap finish_steps evidence ssf ssf_std code_covariance predicted channel_gain "
+            "predicted_std budget"
+        ),
         words("prior_scale gain_modes gain_own"),
     ),
     requires=always("model"),

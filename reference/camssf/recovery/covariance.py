@@ -142,8 +142,9 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
         [tolerances.lamp[:, None] * (signals_at.against_white @ over_lamp), DRIFT * signals_at.predicted]
     )
     noise = np.maximum(signals_at.standard_error**2, FLOOR**2)
-    own = signals_at.standard_error**2 + (INDEPENDENT_SHARE * tolerances.chart * signals_at.signal) ** 2
-    independent = np.maximum(own, FLOOR**2) - noise
+    own = (INDEPENDENT_SHARE * tolerances.chart * signals_at.signal) ** 2
+    # max(se² + own, floor²) - noise, without a difference of two large numbers where a signal is masked.
+    independent = np.maximum(own - np.maximum(FLOOR**2 - signals_at.standard_error**2, 0.0), 0.0)
     same_channel, same_shot, same_patch = (
         label[:, None] == label for label in (signals_at.channel, signals_at.shot, signals_at.patch)
     )

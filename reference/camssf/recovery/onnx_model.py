@@ -22,8 +22,9 @@ LAST_SILENT = (1, 28)
 SWITCH = "ORT_DISABLE_TELEMETRY"
 """Environment variable that disables the telemetry; ONNX Runtime reads it once, when it is loaded."""
 OUTPUTS = (
-    "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
-    "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code", "gain_estimate",
+    "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "predicted_std", "budget", "gap",
+    "layers_gap", "finish_steps", "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance",
+    "gain_code", "gain_estimate",
 )  # fmt: skip
 
 

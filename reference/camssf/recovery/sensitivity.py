@@ -313,6 +313,7 @@ def _run(model: Model, observation: Observation, basis: Basis, settings: FitSett
         "l2": np.array(settings.l2),
         "nonnegative": np.array(float(nonnegative)),
         "prior_scale": np.array(settings.prior_scale),
+        "explain": np.array(0.0),
     }
     answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
     order = np.searchsorted(np.unique(gamma), gamma)

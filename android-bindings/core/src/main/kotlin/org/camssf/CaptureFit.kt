@@ -4,8 +4,6 @@ import org.camssf.fit.GainModes
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Signals
 import org.camssf.recovery.AnyLight
-import org.camssf.recovery.Atoms
-import org.camssf.recovery.Budget
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.Frames
@@ -44,7 +42,7 @@ internal class CaptureFit(
     val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
 
     /** Prior odds by basis, from maker and model in the photo's metadata. */
-    val believed: Map<String, Double> = capture.shots[0].photo.let { Choice.believed(it.make, it.model) }
+    val priorOdds: Map<String, Double> = capture.shots[0].photo.let { Choice.priorOdds(it.make, it.model) }
 
     /** Gain modes of the light on the patches; none on the paper's basis. */
     val gains: Gains = if (paper) GainModes.none(capture) else GainModes.of(capture, settings.lightPerPatch)
@@ -73,19 +71,19 @@ internal class CaptureFit(
      * This fit with the basis, prior width and kinds of light that `ssf` found, for fits to parts of the capture. If
      * `ssf` was not chosen among hypotheses, it is this fit itself.
      */
-    fun settled(ssf: Ssf): CaptureFit {
+    fun conditionedOn(ssf: Ssf): CaptureFit {
         if (ssf.choice.isEmpty()) return this
-        val lit = if (ssf.kinds.isEmpty()) capture else lit(ssf.kinds)
-        return CaptureFit(engines.filter { it.basis == ssf.basis }, lit, signals, settings, ssf.priorScale)
+        val ofKinds = if (ssf.kinds.isEmpty()) capture else ofKinds(ssf.kinds)
+        return CaptureFit(engines.filter { it.basis == ssf.basis }, ofKinds, signals, settings, ssf.priorScale)
     }
 
     /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */
     fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
 
     /** This fit with these kinds of light, one a shot; "" keeps the shot's lamp. */
-    fun under(kinds: List<String>): CaptureFit = CaptureFit(engines, lit(kinds), signals, settings, priorScale)
+    fun under(kinds: List<String>): CaptureFit = CaptureFit(engines, ofKinds(kinds), signals, settings, priorScale)
 
-    private fun lit(kinds: List<String>): MeasuredCapture {
+    private fun ofKinds(kinds: List<String>): MeasuredCapture {
         val shots = capture.shots.mapIndexed { j, shot -> shot.under(light(shot.lamp, kinds[j])) }
         return MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
     }
@@ -111,13 +109,13 @@ internal class CaptureFit(
         val shown = Frames(frames[0], frames[1], frames[2])
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
-            val asked = engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
-                ?: Choice.asked(engines, believed)
-            return AnyLight(asked, shown, penalties, tell).recover(guesses(used), table.sharedValues)
+            val families = engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
+                ?: Choice.families(engines, priorOdds)
+            return AnyLight(families, shown, penalties, tell).recover(guesses(used), table.sharedValues)
         }
         val given = observation(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
-            ?: Choice.recover(engines, given, shown, penalties, believed)
+            ?: Choice.recover(engines, given, shown, penalties, priorOdds)
         return found.predicting(predictSignals(found.sharedValues, table.sharedValues, found.sharedLamp, white))
     }
 
@@ -148,7 +146,7 @@ internal class CaptureFit(
         val given = observation(used, lamps)
         val each = engines.map { Recover.logEvidence(it, given, scale) }
         if (each.size == 1) return each[0]
-        val weighed = engines.mapIndexed { i, engine -> each[i] + ln(believed[engine.basis] ?: 1.0) }
+        val weighed = engines.mapIndexed { i, engine -> each[i] + ln(priorOdds[engine.basis] ?: 1.0) }
         val most = weighed.max()
         return most + ln(weighed.sumOf { exp(it - most) })
     }
@@ -157,26 +155,25 @@ internal class CaptureFit(
      * Uncertainty budget of an answer to the `used` (k, n) patches: each source's share (3) of the variance; null
      * without a prior.
      */
-    fun shares(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
-        atoms(ssf)?.let { Budget.explain(observation(used, lamps), it) }
+    fun budget(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
+        ssf.sharedStd?.let { Recover.budget(engines.single(), observation(used, lamps), ssf.priorScale) }
 
     /**
      * (k, n, 3) one standard deviation of each true signal minus its prediction by a fit to the `used` (k, n)
      * patches; null without a prior.
      */
-    fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? = atoms(ssf)?.let {
-        val all = BooleanArray(k * n) { true }
+    fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? {
+        if (ssf.sharedStd == null) return null
         val level = level(ssf)
         val shown = DoubleArray(3 * k * n) { at ->
             // A masked signal is replaced by its prediction, in the uneven light of its shot.
             if (used[at / 3]) signals.sharedValues[at] else ssf.sharedPredicted[at] / level[at / 3]
         }
         val errors = DoubleArray(3 * k * n) { at -> if (used[at / 3]) signals.sharedError[at] else HIDDEN }
-        val known = observation(all, lamps).known
-        Budget.bands(Observation(Tensor(shown, k, n, 3), Tensor(errors, k, n, 3), known), ssf, it)
+        val known = observation(BooleanArray(k * n) { true }, lamps).known
+        val all = Observation(Tensor(shown, k, n, 3), Tensor(errors, k, n, 3), known)
+        return Recover.predictedStd(engines.single(), all, ssf)
     }
-
-    private fun atoms(ssf: Ssf): Atoms? = if (ssf.sharedStd == null) null else Atoms.of(ssf.basis, ssf.priorScale)
 
     /** Selects the `taken` patches from values (k, n, 3). */
     private fun rows(values: DoubleArray, taken: IntArray): Tensor {

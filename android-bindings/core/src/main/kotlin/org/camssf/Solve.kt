@@ -10,8 +10,8 @@ import org.camssf.photo.Normalise
 import org.camssf.photo.Signals
 import org.camssf.recovery.Engine
 import org.camssf.recovery.Ssf
+import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
-import org.camssf.verdict.Foretold
 import org.camssf.verdict.Judge
 import org.camssf.verdict.VerdictInputs
 import kotlin.math.max
@@ -33,33 +33,33 @@ internal class Solve(
      * @throws CalibrationException a stage refuses, or the settings are invalid.
      */
     fun run(): Solution {
-        val asked = asked()
+        val allowed = allowed()
         val signals =
-            Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(asked)
-        val asking = CaptureFit(engines, capture, signals, settings)
-        if (asking.paper && settings.lightPerPatch != null) {
+            Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(allowed)
+        val freeFit = CaptureFit(engines, capture, signals, settings)
+        if (freeFit.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
                 "the basis has no prior, so it has no place for light that differs from patch to patch.",
                 "Take the basis auto, phones or cameras.",
             )
         }
-        checkEnough(asking.taken(signals.sharedUsed).size)
+        checkEnough(freeFit.taken(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
-        val ssf = curves(asking, SOLVING, signals.sharedUsed, gamma)
-        val fit = asking.settled(ssf)
+        val ssf = curves(freeFit, SOLVING, signals.sharedUsed, gamma)
+        val fit = freeFit.conditionedOn(ssf)
         val predictedStd = fit.bands(signals.sharedUsed, ssf)
-        val unseen = unseen(fit, signals, asked, ssf, predictedStd)
+        val unseen = crossValidate(fit, signals, allowed, ssf, predictedStd)
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }.map { shot ->
             val own = BooleanArray(k * n) { signals.sharedUsed[it] && it / n == shot }
             curves(fit, VALIDATING, own, gamma)
         }
-        val told = VerdictInputs(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
-        val family = asking.believed.keys.firstOrNull().takeIf { engines.size > 1 }
-        val unnamed = asking.lamps.map { it.unnamed }
+        val inputs = VerdictInputs(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
+        val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
+        val unnamed = freeFit.lamps.map { it.unnamed }
         val verdict = Judge.judge(
-            Case(told, capture.shots, alone, foretold(), family, unnamed) {
-                Rivals.of(asking, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+            Case(inputs, capture.shots, alone, neutrals(), family, unnamed) {
+                Rivals.of(freeFit, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
             },
         )
         val level = fit.level(ssf)
@@ -74,7 +74,7 @@ internal class Solve(
      * band.
      */
     private fun uncertainty(fit: CaptureFit, signals: Signals, ssf: Ssf, alone: List<Ssf>): Uncertainty? {
-        val shares = fit.shares(signals.sharedUsed, ssf) ?: return null
+        val shares = fit.budget(signals.sharedUsed, ssf) ?: return null
         val used = signals.sharedUsed
         val noise = (0 until 3 * k * n).filter { used[it / 3] }.map {
             signals.sharedError[it] / max(signals.sharedValues[it], FAINTEST)
@@ -109,7 +109,7 @@ internal class Solve(
     }
 
     /** Mask (n) of the patches that may enter the fit. */
-    private fun asked(): BooleanArray {
+    private fun allowed(): BooleanArray {
         val numbers = settings.fit ?: return BooleanArray(n) { true }
         if (numbers.isEmpty() || numbers.any { it !in 1..n }) {
             throw InvalidArgument(
@@ -143,15 +143,15 @@ internal class Solve(
      * Predictions (k, n, 3) of patches by fits that did not use them, NaN elsewhere; one standard deviation of the
      * true signals minus these, null without a prior; and the method in words.
      */
-    private class Unseen(val values: DoubleArray, val std: DoubleArray?, val how: String)
+    private class CrossValidation(val values: DoubleArray, val std: DoubleArray?, val method: String)
 
-    private fun unseen(
+    private fun crossValidate(
         fit: CaptureFit,
         signals: Signals,
-        asked: BooleanArray,
+        allowed: BooleanArray,
         ssf: Ssf,
         bands: DoubleArray?,
-    ): Unseen {
+    ): CrossValidation {
         val values = DoubleArray(3 * k * n) { Double.NaN }
         val std = bands?.let { DoubleArray(3 * k * n) { Double.NaN } }
         fun take(from: Ssf, band: DoubleArray?, shot: Int, patch: Int) {
@@ -160,10 +160,10 @@ internal class Solve(
             if (std != null) band?.copyInto(std, at, at, at + 3)
         }
         // Without a white frame the white patch is the reference: its signal is 1 for any curves.
-        val rest = (0 until n).filter { !asked[it] && (fit.framed || it != table.white) }
+        val rest = (0 until n).filter { !allowed[it] && (fit.framed || it != table.white) }
         if (rest.isNotEmpty()) {
             for (j in 0 until k) for (i in rest) take(ssf, bands, j, i)
-            return Unseen(values, std, "${rest.size} patches that did not enter the fit")
+            return CrossValidation(values, std, "${rest.size} patches that did not enter the fit")
         }
         val used = signals.sharedUsed
         val taken = fit.taken(used)
@@ -188,19 +188,20 @@ internal class Solve(
                 }
             }
         }
-        return Unseen(values, std, "each of ${taken.size} patches, by a fit that left its quarter of the chart out")
+        val method = "each of ${taken.size} patches, by a fit that left its quarter of the chart out"
+        return CrossValidation(values, std, method)
     }
 
-    private fun scores(fit: CaptureFit, signals: Signals, ssf: Ssf, unseen: Unseen): Scores {
+    private fun scores(fit: CaptureFit, signals: Signals, ssf: Ssf, unseen: CrossValidation): Scores {
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen.values[3 * i + it].isFinite() } }
         val predicted =
             DoubleArray(unseen.values.size) { if (counts[it / 3]) unseen.values[it] else ssf.sharedPredicted[it] }
-        return Scores.of(signals.levelled(fit.level(ssf)), predicted, table, fit.lamps, counts, unseen.how)
+        return Scores.of(signals.levelled(fit.level(ssf)), predicted, table, fit.lamps, counts, unseen.method)
     }
 
     /** The camera's white points from each shot's file. */
-    private fun foretold(): List<List<Foretold>> = capture.shots.map { shot ->
-        shot.photo.neutrals.map { Foretold(Rivals.lamp(it.light).sharedValues, it.white) }
+    private fun neutrals(): List<List<CameraWhite>> = capture.shots.map { shot ->
+        shot.photo.neutrals.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
     private companion object {

@@ -26,11 +26,11 @@ internal class LampGuess(val kinds: List<String>, val observation: Observation) 
  * evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
  * (docs/maths.md, "A light that nobody named").
  *
- * @param asked bases and widths of their priors, with their prior odds.
+ * @param families bases and widths of their priors, with their prior odds.
  * @param tell called before each run of a model.
  */
 internal class AnyLight(
-    private val asked: List<Choice.Family>,
+    private val families: List<Choice.Family>,
     private val frames: Frames,
     private val penalties: Penalties,
     private val tell: () -> Unit,
@@ -46,13 +46,13 @@ internal class AnyLight(
      * @throws org.camssf.NotConverged as [Recover.recover], for a hypothesis of enough weight.
      */
     fun recover(guesses: List<LampGuess>, of: DoubleArray): Ssf {
-        if (asked.any { it.engine.basis == OnnxEngine.PAPER }) {
+        if (families.any { it.engine.basis == OnnxEngine.PAPER }) {
             throw InvalidArgument(
                 "The ${OnnxEngine.PAPER} basis has no prior, so it cannot tell one light from another.",
                 "Name the lamp, or take the basis phones.",
             )
         }
-        val hypotheses = asked.flatMap { family -> guesses.map { LampHypothesis(it, family) } }
+        val hypotheses = families.flatMap { family -> guesses.map { LampHypothesis(it, family) } }
         val attempts = hypotheses.map { each ->
             tell()
             Recover.attempt(each.family.engine, each.guess.observation, frames, penalties, each.family.scale)
@@ -61,17 +61,17 @@ internal class AnyLight(
         val likely = Choice.probabilities(
             hypotheses.mapIndexed { i, each -> nats[i] + (each.guess.belief + each.family.belief) },
         )
-        val told = hypotheses.mapIndexed { i, each ->
+        val compared = hypotheses.mapIndexed { i, each ->
             Hypothesis(each.family.engine.basis, each.family.scale, nats[i], likely[i], each.guess.kinds)
         }
-        val weights = Choice.posteriorWeights(told)
+        val weights = Choice.posteriorWeights(compared)
         val least = min(SOLVED, weights.max())
         val kept = weights.indices.filter { weights[it] >= least }
         val answers = kept.map { attempts[it].checkConverged() }
         val mixture = Mixture(answers, kept.map { weights[it] })
         val seen = kept.map { light(hypotheses[it]) }
         val lights = guesses[0].kinds.indices.map { j ->
-            if (guesses[0].kinds[j].isEmpty()) null else found(seen.map { it[j] }, mixture.shares, told, j)
+            if (guesses[0].kinds[j].isEmpty()) null else found(seen.map { it[j] }, mixture.shares, compared, j)
         }
         val best = hypotheses[kept[mixture.best]].guess
         val white = best.observation.known.whiteReflectance.values
@@ -80,21 +80,21 @@ internal class AnyLight(
         val predicted = mixture.mean { predictSignals(it.sharedValues, of, it.sharedLamp, white) }
         val lamp = mixture.mean { levelled(it.sharedLamp) }
         val ssf = mixture.ssf(best.observation.known, lamp, predicted)
-        return ssf.chosen(told, lights, best.kinds, mixture.between())
+        return ssf.chosen(compared, lights, best.kinds, mixture.between())
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
     private fun light(of: LampHypothesis): List<LampPosterior> {
         tell()
-        val asked = LampPosterior.byModes(of.guess.observation)
-        return LampPosterior.of(asked.known, Recover.modes(of.family.engine, asked, of.family.scale))
+        val byModes = LampPosterior.byModes(of.guess.observation)
+        return LampPosterior.of(byModes.known, Recover.modes(of.family.engine, byModes, of.family.scale))
     }
 
     /** Shot j's light: the mixture of the solved hypotheses' posteriors; `kinds` sums over all hypotheses. */
     private fun found(
         seen: List<LampPosterior>,
         shares: List<Double>,
-        told: List<Hypothesis>,
+        compared: List<Hypothesis>,
         j: Int,
     ): EstimatedLamp {
         val mean = DoubleArray(Grid.SIZE) { at -> seen.indices.sumOf { shares[it] * seen[it].power[at] } }
@@ -111,7 +111,7 @@ internal class AnyLight(
             val off = seen[i].kelvin - kelvin
             shares[i] * (seen[i].kelvinVariance + off * off)
         }
-        val kinds = told.groupBy { it.kinds[j] }.mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
+        val kinds = compared.groupBy { it.kinds[j] }.mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
         return EstimatedLamp(kinds, mean, std, kelvin, sqrt(spread))
     }
 

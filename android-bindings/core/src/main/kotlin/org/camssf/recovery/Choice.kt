@@ -34,7 +34,7 @@ internal object Choice {
      * Prior odds by basis: [CLEAR] if maker and model start with one of its entries in the rules' `makers`. The model
      * separates makers that build both phones and cameras.
      */
-    fun believed(make: String, model: String): Map<String, Double> {
+    fun priorOdds(make: String, model: String): Map<String, Double> {
         val name = "$make $model".lowercase()
         return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { CLEAR }
     }
@@ -46,7 +46,7 @@ internal object Choice {
      * The hypotheses of `auto`: each basis with each of [SCALES]; `prior` holds the prior odds by basis, 1 if
      * missing.
      */
-    fun asked(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
+    fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
         val odds = prior[engine.basis] ?: 1.0
         SCALES.zip(listOf(1.0 - UNUSUAL, UNUSUAL)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
     }
@@ -65,30 +65,30 @@ internal object Choice {
         penalties: Penalties,
         prior: Map<String, Double>,
     ): Ssf {
-        val asked = asked(engines, prior)
-        val answers = asked.map { Recover.recover(it.engine, observation, frames, penalties, it.scale) }
-        return choose(observation.known, answers, asked.map { it.belief })
+        val families = families(engines, prior)
+        val answers = families.map { Recover.recover(it.engine, observation, frames, penalties, it.scale) }
+        return choose(observation.known, answers, families.map { it.belief })
     }
 
     /** Combines several solutions for the same signals; `beliefs` are the ln of their prior odds. */
     fun choose(known: Known, answers: List<Ssf>, beliefs: List<Double>): Ssf {
         val likely = probabilities(answers.mapIndexed { i, each -> each.logEvidence!! + beliefs[i] })
-        val told = answers.mapIndexed { i, each ->
+        val compared = answers.mapIndexed { i, each ->
             Hypothesis(each.basis, each.priorScale, each.logEvidence!!, likely[i])
         }
-        val weights = posteriorWeights(told)
+        val weights = posteriorWeights(compared)
         val kept = answers.indices.filter { weights[it] > NEGLIGIBLE }
-        if (kept.size == 1) return answers[kept[0]].chosen(told)
+        if (kept.size == 1) return answers[kept[0]].chosen(compared)
         val mixture = Mixture(kept.map { answers[it] }, kept.map { weights[it] })
-        return mixture.ssf(known, mixture.mean { it.sharedLamp }).chosen(told)
+        return mixture.ssf(known, mixture.mean { it.sharedLamp }).chosen(compared)
     }
 
     /** Mixture weights: if the posterior odds of one basis reach [CLEAR], the other bases get weight 0. */
-    fun posteriorWeights(told: List<Hypothesis>): List<Double> {
-        val share = told.groupBy { it.basis }.mapValues { (_, own) -> own.sumOf { it.probability } }
+    fun posteriorWeights(compared: List<Hypothesis>): List<Double> {
+        val share = compared.groupBy { it.basis }.mapValues { (_, own) -> own.sumOf { it.probability } }
         val winner = share.maxByOrNull { it.value }!!
         val clear = winner.value >= CLEAR * (1.0 - winner.value)
-        val weights = told.map { if (clear && it.basis != winner.key) 0.0 else it.probability }
+        val weights = compared.map { if (clear && it.basis != winner.key) 0.0 else it.probability }
         return weights.map { it / weights.sum() }
     }
 

@@ -76,6 +76,7 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             "gamma" to Tensor.scalar(inputs.gamma),
             "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
             "prior_scale" to Tensor.scalar(inputs.priorScale),
+            "explain" to Tensor.scalar(if (inputs.explain) 1.0 else 0.0),
         )
         val tensors = LinkedHashMap<String, OnnxTensor>()
         try {

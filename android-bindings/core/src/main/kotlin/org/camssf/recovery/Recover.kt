@@ -63,6 +63,9 @@ internal object Recover {
     val L2 get() = Rules.shipped.number("calibration.l2")
     val GAMMA get() = Rules.shipped.number("calibration.gamma")
 
+    /** Sources of the uncertainty budget, in the order of the model and of the result document. */
+    val SOURCES = listOf("noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen")
+
     /** Relative duality gap above which [NotConverged] is thrown. */
     const val LARGEST_GAP = 1e-9
 
@@ -164,12 +167,50 @@ internal object Recover {
         return found["mode_estimate"] to found["mode_covariance"]
     }
 
-    private fun plain(engine: Engine, observation: Observation, priorScale: Double): ModelOutputs {
+    /**
+     * Uncertainty budget, on a basis with a prior: for each source the share (3) in the variance of each channel's
+     * curve of peak 1; the shares add up to 1.
+     *
+     * @throws InvalidArgument invalid shapes or values.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     */
+    fun budget(engine: Engine, observation: Observation, priorScale: Double): Map<String, DoubleArray> {
+        val shares = plain(engine, observation, priorScale, explain = true)["budget"]
+        return SOURCES.withIndex().associate { (at, source) -> source to shares.copyOfRange(3 * at, 3 * at + 3) }
+    }
+
+    /**
+     * (k, n, 3) one standard deviation of each true signal minus its prediction by `ssf`, on a basis with a prior.
+     *
+     * @param observation that the answer came from, with all n patches; a masked signal has its predicted value and a
+     *   standard error too large to matter.
+     * @throws InvalidArgument invalid shapes or values.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     */
+    fun predictedStd(engine: Engine, observation: Observation, ssf: Ssf): DoubleArray {
+        val found = plain(engine, observation, ssf.priorScale, explain = true)
+        // The model divides by the white signal of its own curves; `ssf` may be a mixture, or have other penalties.
+        val white = observation.known.whiteReflectance.values
+        val model = whiteSignals(found["ssf"], found["lamp_estimate"], white)
+        val answer = whiteSignals(ssf.sharedValues, ssf.sharedLamp, white)
+        val n = observation.signals.shape[1]
+        return DoubleArray(found["predicted_std"].size) {
+            val at = it / (3 * n) * 3 + it % 3
+            found["predicted_std"][it] * model[at] / answer[at]
+        }
+    }
+
+    private fun plain(
+        engine: Engine,
+        observation: Observation,
+        priorScale: Double,
+        explain: Boolean = false,
+    ): ModelOutputs {
         check(observation, engine.basis)
         checkScale(priorScale, engine.basis)
         val shown = bare(observation.signals)
         val known = observation.known
-        return engine.run(ModelInputs(shown, observation.standardError, known, L2, GAMMA, false, priorScale))
+        return engine.run(ModelInputs(shown, observation.standardError, known, L2, GAMMA, false, priorScale, explain))
     }
 
     /** Frames with black level 0 and white 1. */

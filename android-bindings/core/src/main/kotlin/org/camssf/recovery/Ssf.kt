@@ -244,17 +244,24 @@ internal fun predictSignals(
     white: DoubleArray,
 ): DoubleArray {
     val n = reflectance.size / Grid.SIZE
+    val level = whiteSignals(values, lamp, white)
     val predicted = DoubleArray(3 * n * (lamp.size / Grid.SIZE))
     for (j in 0 until lamp.size / Grid.SIZE) {
         for (c in 0..2) {
             val seen = DoubleArray(Grid.SIZE) { lamp[j * Grid.SIZE + it] * values[3 * it + c] }
-            val level = (0 until Grid.SIZE).sumOf { white[it] * seen[it] }
             for (i in 0 until n) {
                 val from = i * Grid.SIZE
                 predicted[3 * (j * n + i) + c] =
-                    (0 until Grid.SIZE).sumOf { reflectance[from + it] * seen[it] } / level
+                    (0 until Grid.SIZE).sumOf { reflectance[from + it] * seen[it] } / level[3 * j + c]
             }
         }
     }
     return predicted
 }
+
+/** Signals (k, 3) of the white reference (681) under lamps (k, 681), from curves (681, 3) of any scale. */
+internal fun whiteSignals(values: DoubleArray, lamp: DoubleArray, white: DoubleArray): DoubleArray =
+    DoubleArray(lamp.size / Grid.SIZE * 3) { at ->
+        val from = at / 3 * Grid.SIZE
+        (0 until Grid.SIZE).sumOf { white[it] * (lamp[from + it] * values[3 * it + at % 3]) }
+    }

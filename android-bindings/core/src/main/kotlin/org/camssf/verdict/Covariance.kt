@@ -46,11 +46,11 @@ internal class Rows(signals: Signals) {
  * error that many rows share: errors of the white, of each lamp, and of the light on the patches. [Precision] applies
  * the inverse of Σ in this form.
  */
-internal class Covariance(private val told: VerdictInputs, private val rows: Rows) {
-    private val white = told.whiteReflectance
-    private val tolerance = told.table.sharedTolerance
-    private val signal = rows.of(told.signals.sharedValues)
-    private val predicted = rows.of(told.ssf.sharedPredicted)
+internal class Covariance(private val inputs: VerdictInputs, private val rows: Rows) {
+    private val white = inputs.whiteReflectance
+    private val tolerance = inputs.table.sharedTolerance
+    private val signal = rows.of(inputs.signals.sharedValues)
+    private val predicted = rows.of(inputs.ssf.sharedPredicted)
     private val long = Directions.of(number("chart_correlation"))
     private val short = Directions.of(number("table_correlation"))
     private val smooth = Directions.of(number("lamp_correlation"))
@@ -70,7 +70,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
     private val slopes = Spectra(patches + 1) { at, m -> if (at < patches) slope(rows.patches[at], m) else 1.0 }
 
     /** Of each shot and channel. */
-    private val seen = List(told.lamps.size) { shot -> List(3) { channel -> Seen(shot, channel) } }
+    private val seen = List(inputs.lamps.size) { shot -> List(3) { channel -> Seen(shot, channel) } }
 
     /**
      * Integrals of spectra with a channel's curve and a shot's lamp: for each spectrum a row, along the directions of
@@ -79,7 +79,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
     private inner class Seen(shot: Int, channel: Int) {
         /** L s dλ / W. */
         private val light = DoubleArray(Grid.SIZE) {
-            told.ssf.sharedLamp[shot * Grid.SIZE + it] * told.ssf.sharedValues[3 * it + channel] * Grid.STEP
+            inputs.ssf.sharedLamp[shot * Grid.SIZE + it] * inputs.ssf.sharedValues[3 * it + channel] * Grid.STEP
         }
 
         init {
@@ -90,7 +90,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         val relative = reflectances.along(long.columns, light)
         val edges = slopes.along(short.columns, light)
         val bends = reflectances.along(smooth.columns, light)
-        val modes = reflectances.along(told.lamps[shot].sharedModes, light)
+        val modes = reflectances.along(inputs.lamps[shot].sharedModes, light)
     }
 
     /** The blocks of D, one for each patch. */
@@ -103,10 +103,10 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
     val shared: Array<DoubleArray>
 
     init {
-        val widths = told.lamps.map { smooth.columns.size + 1 + it.sharedModes.size }
+        val widths = inputs.lamps.map { smooth.columns.size + 1 + it.sharedModes.size }
         val starts = widths.runningFold(long.columns.size) { from, width -> from + width }
         val lightFrom = starts.last()
-        val light = told.gains?.modes?.let { 4 * it.shape[0] * it.shape[1] } ?: 0
+        val light = inputs.gains?.modes?.let { 4 * it.shape[0] * it.shape[1] } ?: 0
         shared = Array(rows.size) { row ->
             DoubleArray(lightFrom + light).also {
                 fill(it, row, starts[rows.shot(row)])
@@ -117,7 +117,7 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
 
     /** y φ of each gain mode of the row's shot: the part common to the channels, and the part independent in each. */
     private fun uneven(factors: DoubleArray, row: Int, from: Int) {
-        val gains = told.gains ?: return
+        val gains = inputs.gains ?: return
         val (_, g, n) = gains.modes.shape
         val shot = rows.shot(row)
         for (q in 0 until g) {
@@ -132,13 +132,13 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
         val own = seen[rows.shot(row)][rows.channel(row)]
         val patch = rows.patches.binarySearch(rows.patch(row))
         own.relative[patches].forEachIndexed { q, answer ->
-            factors[q] = told.whiteTolerance * predicted[row] * answer
+            factors[q] = inputs.whiteTolerance * predicted[row] * answer
         }
 
         // A relative change of the lamp changes the signals of patch and white: (R - ŷ ρ_w) L s dλ / W.
         fun change(along: Array<DoubleArray>, q: Int) = along[patch][q] - predicted[row] * along[patches][q]
         val bends = smooth.columns.size
-        val width = told.lamps[rows.shot(row)].tolerance
+        val width = inputs.lamps[rows.shot(row)].tolerance
         for (q in 0 until bends) factors[lampFrom + q] = width * change(own.bends, q)
         factors[lampFrom + bends] = drift * predicted[row]
         for (q in own.modes[patches].indices) factors[lampFrom + bends + 1 + q] = change(own.modes, q)
@@ -178,14 +178,14 @@ internal class Covariance(private val told: VerdictInputs, private val rows: Row
 
     /** Variance of a row that is independent of all others. */
     private fun independent(row: Int): Double {
-        val noise = told.signals.sharedError[rows.at[row]]
+        val noise = inputs.signals.sharedError[rows.at[row]]
         val own = independentShare * tolerance[rows.patch(row)] * signal[row]
         return max(noise * noise + own * own, floor * floor)
     }
 
     private fun number(word: String): Double = Rules.shipped.number("covariance.$word")
 
-    private fun reflectance(patch: Int, at: Int): Double = told.table.sharedValues[patch * Grid.SIZE + at]
+    private fun reflectance(patch: Int, at: Int): Double = inputs.table.sharedValues[patch * Grid.SIZE + at]
 
     /** Central difference of R per nm, one-sided at the ends. */
     private fun slope(patch: Int, at: Int): Double {

@@ -136,19 +136,19 @@ internal class VerdictInputs(
     )
 
     /** Rules 1 and 2; with `shot`, for inputs of this shot only, also the explanations of rule 3. */
-    fun surprise(shot: MeasuredShot? = null): GoodnessOfFit {
+    fun goodnessOfFit(shot: MeasuredShot? = null): GoodnessOfFit {
         val covariance = Covariance(this, rows)
         val precision = Precision(covariance.blocks, covariance.shared)
         val off = rows.of(signals.sharedValues)
         for (row in off.indices) off[row] -= ssf.sharedPredicted[rows.at[row]]
         val residual = precision.weighed(off)
         val prior = if (ssf.sharedStd != null) ssf.sharedCode.sumOf { it * it } else 0.0
-        val explanations = shot?.let { Questioning(precision, residual, it).explanations() }.orEmpty()
+        val explanations = shot?.let { ExplainedParts(precision, residual, it).explanations() }.orEmpty()
         return GoodnessOfFit(dot(residual, residual), prior, rows.size, explanations)
     }
 
     /** Computes the explanations of rule 3 from Σ⁻¹ and the weighted residual. */
-    private inner class Questioning(
+    private inner class ExplainedParts(
         private val precision: Precision,
         private val residual: DoubleArray,
         private val shot: MeasuredShot,

@@ -20,16 +20,16 @@ import kotlin.math.sqrt
  * @property rivals computes the gains of other lamps; not called if the capture is already refused.
  */
 internal class Case(
-    val told: VerdictInputs,
+    val inputs: VerdictInputs,
     val shots: List<MeasuredShot>,
     val alone: List<Ssf>,
-    val foretold: List<List<Foretold>>,
+    val neutrals: List<List<CameraWhite>>,
     val family: String?,
     val unnamed: List<Boolean> = emptyList(),
     val rivals: () -> List<Rival>,
 ) {
     /** The inputs of each shot alone, with the answer to it. */
-    val single: List<VerdictInputs> = shots.indices.map { j -> told.only(j, alone.getOrNull(j) ?: told.ssf) }
+    val single: List<VerdictInputs> = shots.indices.map { j -> inputs.only(j, alone.getOrNull(j) ?: inputs.ssf) }
 
     /**
      * Rules 1 to 3 for each shot alone. With fewer than `verdict.fewest` used patches T is 0 and there are no
@@ -41,7 +41,7 @@ internal class Case(
             if (single[j].signals.sharedUsed.count { it } < fewest) {
                 GoodnessOfFit(0.0, 0.0, fewest, emptyList())
             } else {
-                single[j].surprise(shot)
+                single[j].goodnessOfFit(shot)
             }
         }
     }
@@ -64,33 +64,33 @@ internal object Judge {
     private val UNUSUAL get() = Rules.shipped.number("verdict.unusual")
 
     fun judge(case: Case): Verdict {
-        val told = case.told
-        val found = told.surprise()
+        val inputs = case.inputs
+        val found = inputs.goodnessOfFit()
         val each = case.each()
         val checks = Checks()
         val reasons = ArrayList<Reason>()
-        reasons += surprised(found, each, told.table, checks)
-        reasons += strange(told.ssf, checks)
+        reasons += explanations(found, each, inputs.table, checks)
+        reasons += strange(inputs.ssf, checks)
         case.shots.forEachIndexed { j, shot ->
-            reasons += ExposureAndNoise(told.signals, j, shot.means, told.table, checks).reasons()
+            reasons += ExposureAndNoise(inputs.signals, j, shot.means, inputs.table, checks).reasons()
             reasons += disagreeing(j, case.single[j], checks)
         }
         val whites = case.shots.indices.map { j ->
-            Light.tinted(j, case.unnamed.getOrElse(j) { false }, case.foretold[j], case.single[j], checks)
+            Light.tinted(j, case.unnamed.getOrElse(j) { false }, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
-        reasons += vague(told.ssf, checks)
-        reasons += unusual(told.ssf, case.family, checks)
-        if (case.unnamed.any { it }) reasons += Light.unnamed(told.ssf.choice, case.family, checks)
+        reasons += vague(inputs.ssf, checks)
+        reasons += unusual(inputs.ssf, case.family, checks)
+        if (case.unnamed.any { it }) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
-            reasons += Light.rivalLamp(case.rivals(), told.lamps.map { it.name }, doubted, checks)
+            reasons += Light.rivalLamp(case.rivals(), inputs.lamps.map { it.name }, doubted, checks)
         }
         return Verdict(Status.of(reasons), reasons, checks.all)
     }
 
     /** Applies the thresholds of rules 2 and 3: reports each shot's best explanation, or that there is none. */
-    private fun surprised(
+    private fun explanations(
         found: GoodnessOfFit,
         each: List<GoodnessOfFit>,
         table: ChartTable,
@@ -173,9 +173,9 @@ internal object Judge {
     /**
      * Checks the patches' colours against the chart's, for a simple camera model under the answer's lamp (rule 9).
      */
-    private fun disagreeing(j: Int, told: VerdictInputs, checks: Checks): List<Reason> {
-        val power = told.ssf.sharedLamp
-        val score = Agreement.of(told.signals.sharedValues, Agreement.expected(told.table, power))
+    private fun disagreeing(j: Int, inputs: VerdictInputs, checks: Checks): List<Reason> {
+        val power = inputs.ssf.sharedLamp
+        val score = Agreement.of(inputs.signals.sharedValues, Agreement.expected(inputs.table, power))
         checks.note("poor_pose", score, j)
         if (score >= POOR_POSE) return emptyList()
         return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))

@@ -20,7 +20,7 @@ import kotlin.math.max
 internal class Rival(val shot: Int, val lamp: String, val gain: Double)
 
 /** The camera's white (3) under a light of power (681), from a file's colour matrix. */
-internal class Foretold(val light: DoubleArray, val white: DoubleArray)
+internal class CameraWhite(val light: DoubleArray, val white: DoubleArray)
 
 /**
  * Checks the named lamp against rival lamps and against the raw white, and an unnamed light against the camera's
@@ -108,21 +108,21 @@ internal object Light {
     fun tinted(
         j: Int,
         unnamed: Boolean,
-        foretold: List<Foretold>,
-        told: VerdictInputs,
+        neutrals: List<CameraWhite>,
+        inputs: VerdictInputs,
         checks: Checks,
     ): List<Reason> {
         val limit = if (unnamed) TINTED_UNNAMED else TINTED
-        val signals = told.signals
+        val signals = inputs.signals
         val patches = used(signals, 0)
-        val curves = told.ssf
+        val curves = inputs.ssf
         val raw = DoubleArray(3) { channel ->
             patches.sumOf { signals.sharedWhite[3 * it + channel] - signals.sharedDark[3 * it + channel] } /
                 patches.size
         }
         fun seen(light: DoubleArray, channel: Int) =
             (0 until Grid.SIZE).sumOf { light[it] * curves.sharedValues[3 * it + channel] }
-        val off = foretold.mapNotNull { neutral ->
+        val off = neutrals.mapNotNull { neutral ->
             val expected = DoubleArray(3) { channel ->
                 neutral.white[channel] * seen(curves.sharedLamp, channel) / seen(neutral.light, channel)
             }
@@ -133,7 +133,7 @@ internal object Light {
         }.minOrNull()
         if (off != null) checks.note("tinted", off, j, limit)
         if (off == null || off <= limit) return emptyList()
-        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to told.lamps[0].name)
+        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to inputs.lamps[0].name)
         return listOf(Reasons.because("tint", off, words, threshold = limit))
     }
 }

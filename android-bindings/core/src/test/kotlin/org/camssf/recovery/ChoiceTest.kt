@@ -149,20 +149,20 @@ class ChoiceTest {
     fun `a maker's name is a belief`() {
         val clear = Rules.shipped.number("choice.clear")
         for (name in listOf("Apple", "Google", "motorola", "HUAWEI", "LG Electronics", "OnePlus")) {
-            assertEquals(mapOf("phones" to clear), Choice.believed(name, ""), name)
+            assertEquals(mapOf("phones" to clear), Choice.priorOdds(name, ""), name)
         }
         for (name in listOf("NIKON CORPORATION", "Canon", "OM Digital Solutions")) {
-            assertEquals(mapOf("cameras" to clear), Choice.believed(name, ""), name)
+            assertEquals(mapOf("cameras" to clear), Choice.priorOdds(name, ""), name)
         }
         for (name in listOf("", "samsung", "SONY", "My Apple")) {
-            assertEquals(emptyMap<String, Double>(), Choice.believed(name, ""), name)
+            assertEquals(emptyMap<String, Double>(), Choice.priorOdds(name, ""), name)
         }
         // Who makes both is told by the model.
         for ((make, model) in listOf("samsung" to "SM-G991B", "Sony" to "XQ-DQ72")) {
-            assertEquals(mapOf("phones" to clear), Choice.believed(make, model), model)
+            assertEquals(mapOf("phones" to clear), Choice.priorOdds(make, model), model)
         }
         for ((make, model) in listOf("SAMSUNG" to "NX500", "SONY" to "ILCE-7M3")) {
-            assertEquals(mapOf("cameras" to clear), Choice.believed(make, model), model)
+            assertEquals(mapOf("cameras" to clear), Choice.priorOdds(make, model), model)
         }
     }
 

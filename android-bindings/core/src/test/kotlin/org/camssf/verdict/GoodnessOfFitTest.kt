@@ -37,7 +37,7 @@ class SurpriseTest {
     private fun integral(channel: Int, lamp: Lamp, of: (Int) -> Double): Double =
         (0 until Grid.SIZE).sumOf { curves[3 * it + channel] * lamp.sharedValues[it] * of(it) } * Grid.STEP
 
-    private fun told(
+    private fun inputs(
         lamps: List<Lamp>,
         used: BooleanArray,
         prior: Boolean = true,
@@ -73,7 +73,7 @@ class SurpriseTest {
     private val used = BooleanArray(48) { it % 24 != 5 && it != 3 && it != 24 + 11 }
 
     /** Rule 1 as docs/verdict.md has it, entry by entry. */
-    private inner class Definition(private val told: VerdictInputs) {
+    private inner class Definition(private val inputs: VerdictInputs) {
         private fun number(word: String) = Rules.shipped.number("covariance.$word")
 
         private fun directions(length: Double): List<DoubleArray> {
@@ -92,7 +92,7 @@ class SurpriseTest {
 
         /** Σ f φ L s dλ / W of a row, along each direction φ. */
         private fun along(directions: List<DoubleArray>, row: Int, f: (Int) -> Double): DoubleArray {
-            val (c, lamp) = row % 3 to told.lamps[row / (3 * n)]
+            val (c, lamp) = row % 3 to inputs.lamps[row / (3 * n)]
             val whole = integral(c, lamp) { white[it] }
             return DoubleArray(directions.size) { q -> integral(c, lamp) { f(it) * directions[q][it] } / whole }
         }
@@ -104,7 +104,7 @@ class SurpriseTest {
             return (reflectance(row, to) - reflectance(row, from)) / (grid[to] - grid[from])
         }
 
-        private fun answer(row: Int, m: Int) = reflectance(row, m) - told.ssf.sharedPredicted[row] * white[m]
+        private fun answer(row: Int, m: Int) = reflectance(row, m) - inputs.ssf.sharedPredicted[row] * white[m]
 
         private val chart = HashMap<Int, DoubleArray>()
         private val whites = HashMap<Int, DoubleArray>()
@@ -119,13 +119,13 @@ class SurpriseTest {
         }
 
         private fun white(row: Int) = whites.getOrPut(row) {
-            along(long, row) { told.whiteTolerance * told.ssf.sharedPredicted[row] * white[it] }
+            along(long, row) { inputs.whiteTolerance * inputs.ssf.sharedPredicted[row] * white[it] }
         }
 
         private fun lamp(row: Int) = bends.getOrPut(row) {
-            val lamp = told.lamps[row / (3 * n)]
+            val lamp = inputs.lamps[row / (3 * n)]
             along(smooth, row) { lamp.tolerance * answer(row, it) } +
-                along(lamp.sharedModes, row) { answer(row, it) } + number("drift") * told.ssf.sharedPredicted[row]
+                along(lamp.sharedModes, row) { answer(row, it) } + number("drift") * inputs.ssf.sharedPredicted[row]
         }
 
         fun entry(a: Int, b: Int): Double {
@@ -137,8 +137,8 @@ class SurpriseTest {
             if (shots) value += dot(lamp(a), lamp(b))
             if (a == b) {
                 val own =
-                    number("independent_share") * table.sharedTolerance[a / 3 % n] * told.signals.sharedValues[a]
-                val noise = told.signals.sharedError[a]
+                    number("independent_share") * table.sharedTolerance[a / 3 % n] * inputs.signals.sharedValues[a]
+                val noise = inputs.signals.sharedError[a]
                 value += max(noise * noise + own * own, number("floor") * number("floor"))
             }
             return value
@@ -147,11 +147,11 @@ class SurpriseTest {
 
     @Test
     fun `the covariance is rule 1's, over channels and shots`() {
-        val told = told(lamps, used)
-        val rows = Rows(told.signals)
+        val inputs = inputs(lamps, used)
+        val rows = Rows(inputs.signals)
         assertEquals(3 * used.count { it }, rows.size)
-        val found = Covariance(told, rows)
-        val wanted = Definition(told)
+        val found = Covariance(inputs, rows)
+        val wanted = Definition(inputs)
         val block = IntArray(rows.size) { row -> rows.starts.indexOfLast { it <= row } }
         for (a in 0 until rows.size step 5) {
             for (b in 0..a) {
@@ -189,26 +189,26 @@ class SurpriseTest {
     fun `a patch explains what is lost without it`() {
         val lamp = lamps.take(1)
         val all = BooleanArray(24) { it != 5 }
-        val whole = told(lamp, all).surprise(shot())
+        val whole = inputs(lamp, all).goodnessOfFit(shot())
         assertEquals(3 * 23, whole.count)
         val patches = whole.explanations.filter { it.cause == Cause.PATCH }
         assertEquals((0 until n).filter { all[it] }, patches.map { it.patch })
         for (suspect in patches) {
-            val without = told(lamp, BooleanArray(24) { all[it] && it != suspect.patch }).surprise()
+            val without = inputs(lamp, BooleanArray(24) { all[it] && it != suspect.patch }).goodnessOfFit()
             assertEquals(whole.residual - without.residual, suspect.gain, 1e-8 * whole.residual)
         }
     }
 
     @Test
     fun `a suspect that is put in is found with its size`() {
-        val clean = told(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
+        val clean = inputs(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
         fun spoiled(dark: Boolean = true, value: (Int, Double) -> Double): GoodnessOfFit {
             val old = clean.signals
             val y = DoubleArray(72) { value(it, old.values[it]) }
             val signals = Signals(
                 1, n, y, old.standardError, old.chart, old.white, old.dark, old.used, emptyList(),
             )
-            return VerdictInputs(signals, table, clean.lamps, clean.ssf, white, 0.01).surprise(shot(dark))
+            return VerdictInputs(signals, table, clean.lamps, clean.ssf, white, 0.01).goodnessOfFit(shot(dark))
         }
         val veiled = spoiled { _, y -> y + 0.05 * (1 - y) }.bestExplanation()!!
         assertEquals(Cause.VEIL, veiled.cause)
@@ -231,8 +231,8 @@ class SurpriseTest {
 
     @Test
     fun `the code counts where there is a prior`() {
-        assertEquals(0.72, told(lamps, used).surprise().prior, 1e-12)
-        assertEquals(0.0, told(lamps, used, prior = false).surprise().prior)
-        assertTrue(told(lamps, used).surprise().explanations.isEmpty())
+        assertEquals(0.72, inputs(lamps, used).goodnessOfFit().prior, 1e-12)
+        assertEquals(0.0, inputs(lamps, used, prior = false).goodnessOfFit().prior)
+        assertTrue(inputs(lamps, used).goodnessOfFit().explanations.isEmpty())
     }
 }

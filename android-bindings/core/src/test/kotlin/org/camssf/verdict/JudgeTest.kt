@@ -67,8 +67,8 @@ class JudgeTest {
         val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
         val means = PatchMeans(chart, flat, dark, DoubleArray(3) { 500.0 }, 16000.0)
         val shot = MeasuredShot(lamp, photo, photo, photo, pose, means, LensShading.AS_STORED)
-        val told = VerdictInputs(signals, table, listOf(lamp), ssf, white, 0.01)
-        val case = Case(told, listOf(shot), emptyList(), listOf(emptyList()), family) {
+        val inputs = VerdictInputs(signals, table, listOf(lamp), ssf, white, 0.01)
+        val case = Case(inputs, listOf(shot), emptyList(), listOf(emptyList()), family) {
             asked++
             rivals.toList()
         }

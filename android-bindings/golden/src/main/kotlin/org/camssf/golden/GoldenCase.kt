@@ -188,8 +188,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "weights" to setOf("rho", "W", "z"),
             "solve" to setOf("code", "objective", "gap", "layers_gap", "finish_steps", "evidence"),
             "ssf" to setOf(
-                "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap",
-                "finish_steps", "evidence", "channel_gain",
+                "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "predicted_std", "budget", "gap",
+                "layers_gap", "finish_steps", "evidence", "channel_gain",
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "choice" to setOf(

@@ -201,6 +201,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
                 given("gamma").values[0],
                 case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
                 priorScale(case),
+                explain = true,
             ),
         )
         val r = found["code"].size / 3
@@ -211,6 +212,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "code_covariance" to intArrayOf(3 * r, 3 * r),
             "signals" to frames.chart.shape,
             "predicted" to frames.chart.shape,
+            "predicted_std" to frames.chart.shape,
+            "budget" to intArrayOf(7, 3),
             "evidence" to intArrayOf(),
         )
         return (ModelOutputs.NAMES - setOf("lamp_estimate", "gain_code")).associateWith { name ->

@@ -24,8 +24,8 @@ import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
-import org.camssf.verdict.Foretold
 import org.camssf.verdict.Judge
 import org.camssf.verdict.Rival
 import org.camssf.verdict.VerdictInputs
@@ -78,11 +78,11 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             DoubleArray(own.size * own.size) { if (it / own.size == it % own.size) own[it % own.size] else 0.0 }
         }
         fun answer(of: JsonObject): Ssf {
-            fun told(name: String) = forms.resolve(of.getValue(name)).values
-            val curves = Ssf.Curves(told("ssf"), std, told("code"), spread, told("predicted"), lamp.values)
+            fun value(name: String) = forms.resolve(of.getValue(name)).values
+            val curves = Ssf.Curves(value("ssf"), std, value("code"), spread, value("predicted"), lamp.values)
             return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
         }
-        val told = VerdictInputs(
+        val verdictInputs = VerdictInputs(
             signals,
             table,
             lamps,
@@ -92,10 +92,10 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             gains(inputs, forms),
         )
         val weighed = Case(
-            told,
+            verdictInputs,
             shots(inputs, lamps, n),
             inputs.getValue("alone").jsonArray.map { answer(it.jsonObject) },
-            inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { foretold(it) } },
+            inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { neutral(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
             List(k) { inputs["unnamed"]?.jsonPrimitive?.boolean ?: false },
         ) {
@@ -119,14 +119,14 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         }
     }
 
-    private fun foretold(entry: JsonElement): Foretold {
+    private fun neutral(entry: JsonElement): CameraWhite {
         val (light, white) = entry.jsonArray
-        return Foretold(forms.resolve(light).values, forms.resolve(white).values)
+        return CameraWhite(forms.resolve(light).values, forms.resolve(white).values)
     }
 
     private fun outputs(case: Case): Map<String, Any?> {
         val verdict = Judge.judge(case)
-        val joint = case.told.surprise()
+        val joint = case.inputs.goodnessOfFit()
         val each = case.each()
         fun numbers(of: List<Double>) = if (of.isEmpty()) null else Tensor(of.toDoubleArray(), of.size)
         return mapOf(
