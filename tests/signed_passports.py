@@ -45,7 +45,7 @@ SNIPPETS: dict[str, bytes] = {
     "1e": b'"x":1e', "1e+": b'"x":1e+', "0x1": b'"x":0x1', "1e999": b'"x":1e999', "-0.0E+5": b'"x":-0.0E+5',
     "4300 digits": b'"x":' + b"9" * 4300, "4301 digits": b'"x":-' + b"9" * 4301,
     "digits of a fraction": b'"x":0.' + b"9" * 4400, "a control character": b'"x":"\x01"',
-    "an end of line": b'"x":"\n"', "DEL": b'"x":"\x7f"', "an escape that is none": b'"x":"\\x41"',
+    "an end of line": b'"x":"\n"', "DEL": b'"x":"\x7f"', "an unknown escape": b'"x":"\\x41"',
     "a short escape": b'"x":"\\u12"', "a wrong escape": b'"x":"\\u00g0"',
     "escapes": b'"x":"\\"\\\\\\/\\b\\f\\n\\r\\t\\u00e9\\uD83D\\uDE00"', "half a letter": b'"x":"\\ud800"',
     "single quotes": b"'x':1", "no quotes": b'x:1', "a comma behind": b'"x":[1,]', "two commas": b'"x":[1,,2]',

@@ -1,4 +1,4 @@
-"""A light that nobody named: probabilities by hand, mixtures by total variance, phones and cameras, and the faces."""
+"""Unnamed light: probabilities by hand, mixtures by total variance, phones and cameras, and the faces."""
 
 from __future__ import annotations
 
@@ -391,7 +391,7 @@ def test_the_document_has_the_light() -> None:
 def test_the_report_draws_the_light() -> None:
     document = found(("D55",)).document()
     html = page(document, [None])
-    assert html.count("The light that nobody named") == 1
+    assert html.count("The estimated light") == 1
     assert "Correlated colour temperature" in html
     assert "Of the curves" in html
     assert html.count('id="light-1"') == 1

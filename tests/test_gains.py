@@ -335,12 +335,12 @@ def test_a_photo_without_a_white_frame(tmp_path: Path) -> None:
 def test_the_report_draws_the_light() -> None:
     done = found(0.3, 0.15)
     text = page(done.document(), [None])
-    assert "How the light fell on the chart" in text
+    assert "Unevenness of the light" in text
     most = f"{100.0 / done.level.min() - 100.0:+.0f} %"
     assert f">{most}</text>" in text
     assert text.count("hsl(45") == 24
     framed = solve(capture(resolve(PHONE), ("D55",)), options=Options(basis="phones"))
-    assert "How the light fell on the chart" not in page(framed.document(), [None])
+    assert "Unevenness of the light" not in page(framed.document(), [None])
     refused = found(0.3, 0.15).document()
     refused["shots"][0] |= {"pose": None, "patches": []}
     assert falls_of(refused) == [None]

@@ -753,8 +753,8 @@ def test_what_a_spread_and_the_nearest_leave_out_is_counted(
         (["list", "else"], "else is no registry: it holds no registry.json."),
         (["add", "else", "result.json"], "Name a new or an empty folder."),
         (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),
-        (["list", "phones", "--status", "bad"], "'bad' is no status of a result. Use one of accepted, doubtful,"),
-        (["compare", "phones"], "It is not said what to compare. Give --model to compare its units, --serial to"),
+        (["list", "phones", "--status", "bad"], "'bad' is not a status of a result. Use one of accepted, doubtful,"),
+        (["compare", "phones"], "Nothing to compare was named. Give --model to compare its units, --serial to"),
         (
             ["compare", "phones", "--serial", "none"],
             "The registry has no result of a unit with the serial number none.",

@@ -321,7 +321,7 @@ def unplaced() -> Document:
 
 
 def unnamed() -> Document:
-    """Of a light that nobody named."""
+    """Of an unnamed light."""
     made = document()
     power = np.array(made["shots"][0]["lamp"].pop("power"))
     made["shots"][0]["lamp"] |= {"name": "auto", "tolerance": None, "source": "Nobody named the light."}
@@ -1185,7 +1185,7 @@ def test_a_lamp_is_drawn_with_its_band() -> None:
 
 def test_an_unnamed_light_is_drawn_with_its_kinds_and_their_probabilities() -> None:
     page = Page(report(unnamed()).html)
-    for words in ("The light that nobody named", "daylight 93.0 %", "white-led 4.0 %", "bulb < 0.1 %"):
+    for words in ("The estimated light", "daylight 93.0 %", "white-led 4.0 %", "bulb < 0.1 %"):
         assert words in page.text
     assert "5,480 ± 210 K" in page.text
     bars = [a["style"] for _, a in page.tags if a.get("class") == "bar"]

@@ -94,7 +94,7 @@ class Taken:
 
 
 def unnamed(lamp: str) -> Unnamed:
-    """A light that nobody named, and of which no table holds this lamp."""
+    """Unnamed light, and of which no table holds this lamp."""
     found = []
     for each in Unnamed().kinds:
         family = FAMILIES[each.name]

@@ -1,4 +1,4 @@
-"""What does a light that nobody named cost in runs of the models? `python -m benchmarks.kernels.any_light_cost`
+"""What does an unnamed light cost in runs of the models? `python -m benchmarks.kernels.any_light_cost`
 
 One shot of a phone and 24 patches under D55. A call with one lamp by its name, a call by each kind, and a call with
 the lamp's smooth error as modes, which tells the light; then all calls of an answer whose basis the signals choose,

@@ -87,7 +87,7 @@ def cases() -> Iterator[Json]:
         "error-contradicted", "A reference lit by a bulb, and daylight was named.", base, "D65", true="A", asked=True,
         expect="lamp_unfit",
     )  # fmt: skip
-    yield case("error-auto", "Nothing tells which lamp it is.", base, "auto", expect="invalid_argument")
+    yield case("error-auto", "The lamp is unknown.", base, "auto", expect="invalid_argument")
     yield case(
         "error-blind", "A channel that sees nothing.",
         base | {"but": {"ssf": {name: [0.0] * 681 for name in ("red", "green", "blue")}}}, "D65",

@@ -23,5 +23,6 @@ def library(name: str, who: str, extra: str) -> Any:
         return import_module(name)
     except ImportError as error:
         raise InvalidArgument(
-            f"{who} the library {name.partition('.')[0]}, which is not there.", f"Run pip install 'camssf[{extra}]'."
+            f"{who} the library {name.partition('.')[0]}, which is not installed.",
+            f"Run pip install 'camssf[{extra}]'.",
         ) from error

@@ -63,7 +63,7 @@ def demo(
     camera: Annotated[str, typer.Option(metavar="NAME|CSV", help="Whose curves to simulate.")] = DEMO_CAMERA,
     lamp: Annotated[str, typer.Option(metavar="SPEC", help="The light.")] = "D55",
     basis: BasisName = "auto",
-    seed: Annotated[int, typer.Option(help="Of the simulated noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated noise.")] = 0,
 ) -> None:
     """Simulate, calibrate, compare with truth."""
     from camssf.calibration import attempt
@@ -107,7 +107,7 @@ def _check_demo(out: Path) -> None:
         if read_document(out / "result.json")["camera"]["make"] == MAKE:
             return
     raise InvalidArgument(
-        f"{out} holds a result that is no demo's, and would be replaced.", "Give the demo another folder by -o."
+        f"{out} holds a result that is not from a demo; it would be replaced.", "Choose another folder with -o."
     )
 
 
@@ -201,7 +201,7 @@ def batch(
         typer.Option(
             metavar="ADDRESS",
             show_default=False,
-            help="With a registry: a Dask scheduler, as tcp://host:8786, whose workers do it instead.",
+            help="With a registry: address of a Dask scheduler, as tcp://host:8786, whose workers do the jobs.",
         ),
     ] = None,
     registry: Annotated[
@@ -225,7 +225,7 @@ def batch(
     from camssf.fleet.registry import Registry
 
     if registry is not None and dask is not None and jobs is not None:
-        raise InvalidArgument("--workers are here, those of --dask elsewhere.", "Give one of the two.")
+        raise InvalidArgument("--workers and --dask exclude each other.", "Give one of the two.")
     rows = Manifest(manifest, basis=basis, engine=engine, lens_shading=lens_shading)
     rows_to = None if registry is None else Registry(registry, new=True)
     try:
@@ -280,19 +280,19 @@ def simulate(
     ] = DEMO_CAMERA,
     lamp: Lamps = None,
     chart: Chart = "classic24",
-    size: Annotated[str, typer.Option(metavar="WxH", help="Of the picture, px.")] = "4000x3000",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture, px.")] = "4000x3000",
     cfa: Annotated[str, typer.Option(help="RGGB, GRBG, GBRG or BGGR.")] = "RGGB",
     black: Annotated[float, typer.Option(help="Black level, DN.")] = 512.0,
     white_level: Annotated[int, typer.Option(help="Saturation, DN.")] = 16383,
     exposure: Annotated[float, typer.Option(help="White's signal as a share of full scale.")] = 0.8,
     noise: Annotated[bool, typer.Option(help="Shot and read noise.")] = True,
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     vignetting: Annotated[float, typer.Option(help="Light lost in the corners, as a share.")] = 0.0,
     tilt: Annotated[float, typer.Option(help="Degrees about the vertical axis.")] = 0.0,
     rotation: Annotated[float, typer.Option(help="Degrees clockwise in the picture.")] = 0.0,
     fill: Annotated[float, typer.Option(help="Chart's width as a share of the picture's.")] = 0.6,
     blur: Annotated[float, typer.Option(help="Standard deviation, px.")] = 0.0,
-    glare: Annotated[float, typer.Option(help="Veil over the chart, as a share of white.")] = 0.0,
+    glare: Annotated[float, typer.Option(help="Stray light over the chart, as a share of white.")] = 0.0,
     fault: Annotated[
         str | None,
         typer.Option(
@@ -300,7 +300,7 @@ def simulate(
         ),
     ] = None,
     severity: Annotated[
-        int | None, typer.Option(show_default="2", help="Of the fault: 1, 2 or 3, the worst.")
+        int | None, typer.Option(show_default="2", help="Severity of the fault: 1, 2 or 3 (worst).")
     ] = None,
 ) -> None:
     """Write DNG files of a simulated camera.
@@ -313,7 +313,7 @@ def simulate(
     from camssf.simulation.scene import Scene
 
     if fault is None and severity is not None:
-        raise InvalidArgument("A severity is of a fault, and none is named.", "Add --fault NAME.")
+        raise InvalidArgument("--severity needs --fault.", "Add --fault NAME.")
     with progress_bar() as progress:
         progress("simulating", 0.0)
         scene = photograph(

@@ -52,7 +52,7 @@ def colour(
     photo: Annotated[str | None, typer.Argument(metavar="PHOTO", help="RAW photo (DNG) by the same camera.")] = None,
     region: Annotated[
         list[str] | None,
-        typer.Option(metavar="X,Y,W,H", show_default=False, help="What to measure, px; repeat it for more."),
+        typer.Option(metavar="X,Y,W,H", show_default=False, help="Region to measure, px; may be repeated."),
     ] = None,
     white_region: Annotated[
         str | None,
@@ -67,7 +67,7 @@ def colour(
         typer.Option(
             metavar="SPEC",
             show_default=False,
-            help="The light (see `camssf lamps`), or auto: what the white region's ratios say. "
+            help="The light (see `camssf lamps`), or auto: estimated from the white region. "
             "The lamp of the result's first shot unless given.",
         ),
     ] = None,
@@ -89,7 +89,7 @@ def colour(
         typer.Option(
             metavar="R,G,B",
             show_default=False,
-            help="With --from and --to: signals to convert, raw over that of white; repeat it for more.",
+            help="With --from and --to: signals to convert, raw divided by that of white; may be repeated.",
         ),
     ] = None,
 ) -> None:
@@ -102,18 +102,18 @@ def colour(
     if source is None and to is None:
         if document is None or photo is None or signal:
             raise InvalidArgument(
-                "A colour is that of a photo's region through a result.",
+                "A colour needs a result and a region of a photo.",
                 "Name the result and the photo; or --from and --to to convert between two cameras.",
             )
         request = _ColourRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
         _standard(document, request, lamp, observer, adapt)
         return
     if source is None or to is None:
-        raise InvalidArgument("A conversion is between two cameras.", "Give both --from and --to.")
+        raise InvalidArgument("A conversion needs two cameras.", "Give both --from and --to.")
     if photo is not None or observer != "1931" or adapt != "lamp":
         raise InvalidArgument(
-            "A conversion takes two results and at most one photo, and has no observer.",
-            "Write camssf colour photo.dng --from a.json --to b.json; leave --observer and --adapt away.",
+            "A conversion takes two results and at most one photo, and no observer.",
+            "Write camssf colour photo.dng --from a.json --to b.json; leave out --observer and --adapt.",
         )
     if (document is None) != (not region) or (document is not None and signal):
         raise InvalidArgument(
@@ -214,8 +214,8 @@ def _read(source: str) -> dict[str, Any]:
 def _no_region() -> InvalidArgument:
     return InvalidArgument(
         "A colour needs a region, and a white or grey surface in the same light.",
-        "Add --region x,y,w,h and --white-region x,y,w,h; without a reference nobody knows how much light falls "
-        "on the surface.",
+        "Add --region x,y,w,h and --white-region x,y,w,h; without a reference the amount of light on "
+        "the surface is unknown.",
     )
 
 

@@ -23,11 +23,15 @@ def export(
     ] = None,
     licence: Annotated[
         str | None,
-        typer.Option(metavar="TEXT", show_default=False, help="Of the curves, for formats that ask: CC-BY-4.0."),
+        typer.Option(
+            metavar="TEXT",
+            show_default=False,
+            help="Licence of the curves, for formats that state one, as CC-BY-4.0.",
+        ),
     ] = None,
     lamp: Annotated[
         str | None,
-        typer.Option(metavar="SPEC", show_default="D65", help="That the matrix of icc and clf is made for."),
+        typer.Option(metavar="SPEC", show_default="D65", help="Lamp for the matrix of icc and clf."),
     ] = None,
 ) -> None:
     """Write a result in another program's format.
@@ -41,7 +45,7 @@ def export(
     from camssf.files import write_file
 
     if out is None:
-        raise InvalidArgument("No file was named to export to.", "Add -o FILE.")
+        raise InvalidArgument("No output file was given.", "Add -o FILE.")
     terms = UNSTATED if licence is None else licence
     light = MATRIX_LAMP if lamp is None else lamp
     write_file(spare(out, document), write(read_result(document, excerpt=True), to, licence=terms, lamp=light))

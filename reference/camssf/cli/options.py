@@ -16,7 +16,7 @@ Lamps: TypeAlias = Annotated[
         "--lamp",
         metavar="SPEC",
         show_default=False,
-        help="Light of a photo: a CIE name, 2856K, D:5500, equal-energy or a file (see `camssf lamps`); auto where "
+        help="Light of a photo: a CIE name, 2856K, D:5500, equal-energy or a file (see `camssf lamps`); auto if "
         "nobody knows, as for all photos where none is given. Repeat it in the order of the photos, as --white, "
         "--dark and --corners.",
     ),
@@ -48,7 +48,7 @@ Corners: TypeAlias = Annotated[
         metavar="'X,Y X,Y X,Y X,Y'",
         show_default=False,
         help="Outer corners of the patches by hand, px: the chart's top left, top right, bottom right, "
-        "bottom left. `none` for a photo where it shall be searched.",
+        "bottom left. `none` for a photo whose chart is to be searched.",
     ),
 ]
 WhiteReflectance: TypeAlias = Annotated[
@@ -71,7 +71,8 @@ LensShading: TypeAlias = Annotated[
     str,
     typer.Option(
         metavar="WORD",
-        help="Of a photo whose file holds a lens-shading map: as-stored, or apply. Unnecessary with a white frame.",
+        help="How to use a lens-shading map in the photo's file: as-stored (ignore it) or apply. Not needed "
+        "with a white frame.",
     ),
 ]
 LightPerPatch: TypeAlias = Annotated[
@@ -79,14 +80,14 @@ LightPerPatch: TypeAlias = Annotated[
     typer.Option(
         metavar="8%",
         show_default=False,
-        help="How much the light differs from patch to patch, where each was photographed for itself.",
+        help="Relative variation of the light between patches, if each patch was photographed separately.",
     ),
 ]
 BasisName: TypeAlias = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="auto (phones or cameras, as the signals say), phones, cameras, gaussian (the paper's), or a file.",
+        help="auto (phones or cameras, chosen by the signals), phones, cameras, gaussian (the paper's), or a file.",
     ),
 ]
 Gamma: TypeAlias = Annotated[
@@ -129,7 +130,7 @@ Out: TypeAlias = Annotated[
 OutFolder: TypeAlias = Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the files go.")]
 Document: TypeAlias = Annotated[str, typer.Argument(metavar="JSON", help="A file, or - for stdin.")]
 CameraId: TypeAlias = Annotated[
-    str, typer.Option(metavar="TEXT", show_default=False, help="Of a phone with several cameras: which.")
+    str, typer.Option(metavar="TEXT", show_default=False, help="Camera id, for a phone with several cameras.")
 ]
 Lens: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")]
 Captured: TypeAlias = Annotated[

@@ -85,13 +85,13 @@ def parity(
     photos: Photos,
     lamp: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", show_default=False, help="Instead of the result's, where that was a file."),
+        typer.Option(metavar="SPEC", show_default=False, help="Replaces the result's, if that was a file."),
     ] = None,
     white: Whites = None,
     dark: Darks = None,
     chart: Annotated[
         str | None,
-        typer.Option(metavar="NAME|FILE", show_default=False, help="Instead of the result's, where that was a file."),
+        typer.Option(metavar="NAME|FILE", show_default=False, help="Replaces the result's, if that was a file."),
     ] = None,
     white_reflectance: WhiteReflectance = None,
     fit: Fit = None,
@@ -145,7 +145,8 @@ def parity(
 
 def explain(
     code: Annotated[
-        str | None, typer.Argument(metavar="CODE", show_default=False, help="Of an error; without, all are listed.")
+        str | None,
+        typer.Argument(metavar="CODE", show_default=False, help="An error code; all are listed unless given."),
     ] = None,
 ) -> None:
     """Say what an error code means and what to do."""
@@ -172,7 +173,10 @@ def cameras(
     result: Annotated[
         str | None,
         typer.Option(
-            "--nearest", metavar="JSON", show_default=False, help="A result: which of them its curves are most like."
+            "--nearest",
+            metavar="JSON",
+            show_default=False,
+            help="Rank the cameras by their distance from this result's curves.",
         ),
     ] = None,
     count: Annotated[int, typer.Option(metavar="N", min=1, help="How many, with --nearest.")] = 5,

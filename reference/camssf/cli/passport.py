@@ -26,7 +26,7 @@ passport = typer.Typer(
 
 Received: TypeAlias = Annotated[str, typer.Argument(metavar="JWS", help="A passport: a file, or - for stdin.")]
 Private: TypeAlias = Annotated[
-    Path, typer.Option(metavar="PEM", help="The private key, which nobody but its owner may read.")
+    Path, typer.Option(metavar="PEM", help="The private key; only its owner may have access to the file.")
 ]
 Passphrase: TypeAlias = Annotated[
     Path | None,
@@ -64,21 +64,25 @@ def sign(
         typer.Option(
             metavar="DNG",
             show_default=False,
-            help="A photo that the result was made from: its file may tell serial, lens and time.",
+            help="A photo of the result; serial number, lens and time are read from its file.",
         ),
     ] = None,
-    serial: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the camera or phone.")] = "",
+    serial: Annotated[
+        str, typer.Option(metavar="TEXT", show_default=False, help="Serial number of the camera or phone.")
+    ] = "",
     camera_id: CameraId = "",
     lens: Lens = "",
     captured: Captured = "",
-    chart_serial: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="Of the chart.")] = "",
+    chart_serial: Annotated[
+        str, typer.Option(metavar="TEXT", show_default=False, help="Serial number of the chart.")
+    ] = "",
     lamp_serial: Annotated[
         list[str] | None,
-        typer.Option(metavar="TEXT", show_default=False, help="Of a shot's lamp; in the shots' order."),
+        typer.Option(metavar="TEXT", show_default=False, help="Serial number of a shot's lamp; in the shots' order."),
     ] = None,
     days: Annotated[float, typer.Option(help="How long it is valid.")] = 365.0,
     begins: Annotated[
-        str | None, typer.Option("--from", metavar="TIME", show_default="now", help="From when on, ISO 8601.")
+        str | None, typer.Option("--from", metavar="TIME", show_default="now", help="Earliest time, ISO 8601.")
     ] = None,
 ) -> None:
     """Sign a result.
@@ -113,17 +117,17 @@ def sign(
 @passport.command(epilog="Example: camssf passport verify camera.jws --key passport-key.pub.pem > result.json")
 def verify(
     received: Received,
-    key: Annotated[list[Path], typer.Option(metavar="PEM", help="A public key that is trusted; may be repeated.")],
+    key: Annotated[list[Path], typer.Option(metavar="PEM", help="A trusted public key; may be repeated.")],
     revoked: Annotated[
         Path | None,
-        typer.Option(metavar="JWS", show_default=False, help="Signed list of what was called back."),
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
     ] = None,
     at: Annotated[
         str | None, typer.Option(metavar="TIME", show_default="now", help="At what time, ISO 8601.")
     ] = None,
     result: Annotated[
         str | None,
-        typer.Option(metavar="JSON", show_default=False, help="The whole result.json that it shall belong to."),
+        typer.Option(metavar="JSON", show_default=False, help="The result.json that the passport must belong to."),
     ] = None,
 ) -> None:
     """Verify a passport, offline.
@@ -159,20 +163,18 @@ def revoke(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Where the signed list goes.")],
     names: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="NAME...", help="Ids of passports, or names of keys, which calls back all they signed."
-        ),
+        typer.Argument(metavar="NAME...", help="Ids of passports, or names of keys, which revokes all they signed."),
     ] = None,
     old: Annotated[
         Path | None,
         typer.Option(
-            "--list", metavar="JWS", show_default=False, help="The list so far, by this key: it is renewed."
+            "--list", metavar="JWS", show_default=False, help="The existing list, signed by this key, to renew."
         ),
     ] = None,
     passphrase: Passphrase = None,
-    days: Annotated[float, typer.Option(help="How long the list is good; then it must be renewed.")] = 30.0,
+    days: Annotated[float, typer.Option(help="Validity of the list; it must be renewed before it ends.")] = 30.0,
 ) -> None:
-    """Sign the list of what was called back, or renew it.
+    """Sign the revocation list, or renew it.
 
     Without a name, --list is only dated anew.
     """
@@ -188,7 +190,7 @@ def revoke(
     elif not called:
         raise InvalidArgument("Nothing is called back.", "Name passports or keys, or renew a list by --list.")
     if out.exists() and (old is None or not out.samefile(old)):
-        raise InvalidArgument(f"{out} is there, and its names would be lost.", f"Renew it: --list {out}.")
+        raise InvalidArgument(f"{out} exists already, and the names in it would be lost.", f"Renew it: --list {out}.")
     write_file(spare(out, key), sign_revocations(called, signer, days=days))
     say("", f"{len(called)} called back, good for {days:g} days: {out}")
 
@@ -218,7 +220,7 @@ def _passphrase(path: Path | None) -> bytes | None:
         return None
     line = read_bytes(str(path), 4096).splitlines()[0]
     if not line:
-        raise InvalidArgument(f"{path} has nothing in its first line.", "Write the passphrase there.")
+        raise InvalidArgument(f"{path} has an empty first line.", "Write the passphrase there.")
     return line
 
 

@@ -50,7 +50,9 @@ def spare(out: Path, *sources: str | Path) -> Path:
         except OSError:  # one of the two does not exist
             same = False
         if same:
-            raise InvalidArgument(f"{out} is read here, and would be lost.", "Give -o another name.")
+            raise InvalidArgument(
+                f"{out} is an input of this command and would be overwritten.", "Give -o another name."
+            )
     return out
 
 
@@ -154,7 +156,7 @@ def _stored(path: str, photo: str) -> list[list[float]]:
     if points is None:
         raise InvalidArgument(
             f"{path} names no photo {photo}.",
-            "Photos are known by their files' names: give the file that belongs to it.",
+            "Photos are identified by their file names. Give the file that belongs to this photo.",
         )
     return points
 
@@ -208,7 +210,7 @@ def parse_percent(option: str, text: str | None) -> float | None:
     try:
         return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
     except ValueError:
-        raise InvalidArgument(f"{option} {text!r} is no part of the light.", "Write 8 % as 8%.") from None
+        raise InvalidArgument(f"{option} {text!r} is not a share of the light.", "Write 8 % as 8%.") from None
 
 
 def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]:
@@ -217,7 +219,7 @@ def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]
         x, y, w, h = (float(number) for number in text.split(","))
     except ValueError:
         raise InvalidArgument(
-            f"{option} {text!r} is no rectangle.", "Write x,y,width,height in pixels, as in 640,480,40,40."
+            f"{option} {text!r} is not a rectangle.", "Write x,y,width,height in pixels, as in 640,480,40,40."
         ) from None
     return x, y, w, h
 
@@ -228,7 +230,8 @@ def parse_signal(text: str) -> tuple[float, float, float]:
         r, g, b = (float(number) for number in text.split(","))
     except ValueError:
         raise InvalidArgument(
-            f"--signal {text!r} is no signal.", "Write r,g,b, raw above black over that of white, as 0.41,0.32,0.25."
+            f"--signal {text!r} is not a signal.",
+            "Write r,g,b, each the raw value above black divided by that of white, as in 0.41,0.32,0.25.",
         ) from None
     return r, g, b
 
@@ -247,7 +250,9 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
     try:
         if source == "-":
             if sys.stdin is None:
-                raise InvalidArgument("Standard input is closed.", "Name a file, or put a camssf command before.")
+                raise InvalidArgument(
+                    "Standard input is closed.", "Name a file, or pipe the output of another camssf command."
+                )
             data = sys.stdin.buffer.read(most + 1)
         else:
             with open(local(source), "rb") as file:
@@ -360,7 +365,7 @@ def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Pa
     passport, key = read(data)
     if not keys and revoked is not None:
         raise InvalidArgument(
-            "Whether a passport was called back is asked of one whose signature is verified.", "Add --key PEM."
+            "--revoked needs --key: only a verified passport can be checked for revocation.", "Add --key PEM."
         )
     if not keys:
         check_belongs(passport, result)

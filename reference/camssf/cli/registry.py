@@ -28,7 +28,7 @@ STATUSES = ("accepted", "doubtful", "refused")
 
 registry = typer.Typer(
     name="registry",
-    help="Keep many results, one row each: list them, compare units and models, see a drift.",
+    help="Keep many results, one row each: list them, compare units and models, detect drift.",
     short_help="Keep and compare many results.",
     epilog='Example: camssf registry compare phones/ --model "Pixel 9"',
     no_args_is_help=True,
@@ -39,26 +39,24 @@ Folder: TypeAlias = Annotated[Path, typer.Argument(metavar="REGISTRY", help="The
 Make: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's make.")]
 Model: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's model.")]
 Serial: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The unit's serial number.")]
-Doubtful: TypeAlias = Annotated[bool, typer.Option("--doubtful", help="Count doubtful results, too.")]
+Doubtful: TypeAlias = Annotated[bool, typer.Option("--doubtful", help="Include doubtful results.")]
 
 
 @registry.command(epilog="Example: camssf registry add phones/ out/result.json --serial A1B2 --captured 2026-11-22")
 def add(
     folder: Folder,
-    results: Annotated[
-        list[str], typer.Argument(metavar="JSON|JWS...", help="Results, or passports, which know their unit.")
-    ],
+    results: Annotated[list[str], typer.Argument(metavar="JSON|JWS...", help="Results or passports.")],
     serial: Serial = "",
     camera_id: CameraId = "",
     lens: Lens = "",
     captured: Captured = "",
     key: Annotated[
         list[Path] | None,
-        typer.Option(metavar="PEM", show_default=False, help="For passports: a public key that you trust."),
+        typer.Option(metavar="PEM", show_default=False, help="For passports: a trusted public key."),
     ] = None,
     revoked: Annotated[
         Path | None,
-        typer.Option(metavar="JWS", show_default=False, help="Signed list of what was called back."),
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
     ] = None,
 ) -> None:
     """Add results; a registry that is missing is made."""
@@ -85,7 +83,7 @@ def add(
             passports.append((path, data))
     if passports and any((serial, camera_id, lens, captured)):
         raise InvalidArgument(
-            f"{name_of(passports[0][0])} is a passport, which names its unit and time itself.",
+            f"{name_of(passports[0][0])} is a passport; it already names its unit and time.",
             "Leave out --serial, --camera-id, --lens and --captured.",
         )
     whole = {hashlib.sha256(data).hexdigest(): (data, document) for _, data, document in read}
@@ -156,10 +154,14 @@ def list_results(
     status: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="WORD", show_default=False, help="Only these: accepted, doubtful or refused; may be repeated."
+            metavar="WORD",
+            show_default=False,
+            help="Only results of this status: accepted, doubtful or refused; may be repeated.",
         ),
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, show_default=False, help="The newest so many.")] = None,
+    limit: Annotated[
+        int | None, typer.Option(min=1, show_default=False, help="Largest number of rows, newest first.")
+    ] = None,
 ) -> None:
     """List results as CSV, the newest first."""
     from camssf.fleet.batch import cell
@@ -169,7 +171,7 @@ def list_results(
 
     for word in status or ():
         if word not in STATUSES:
-            raise InvalidArgument(f"{word!r} is no status of a result.", f"Use one of {', '.join(STATUSES)}.")
+            raise InvalidArgument(f"{word!r} is not a status of a result.", f"Use one of {', '.join(STATUSES)}.")
     unit = Unit(make=make, model=model, serial=serial)
     found = Registry(folder).listing(Wanted(unit, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
@@ -194,7 +196,7 @@ def compare(
     camera_id: CameraId = "",
     lens: Lens = "",
     result: Annotated[
-        str | None, typer.Option(metavar="JSON", show_default=False, help="A result whose nearest models are wanted.")
+        str | None, typer.Option(metavar="JSON", show_default=False, help="List the models nearest to this result.")
     ] = None,
     doubtful: Doubtful = False,
 ) -> None:
@@ -202,7 +204,7 @@ def compare(
 
     The units of a --model, one unit over time by its --serial, or a --result with the models of the registry.
 
-    JSON on stdout. A unit over time exits with 1 where it drifts, and with 12 where nobody can tell because its
+    JSON on stdout. The exit status for a unit is 1 if it drifts, and 12 if this cannot be decided because its
     newest result was left out.
     """
     from camssf.fleet import compare as comparing
@@ -216,10 +218,12 @@ def compare(
     unit = Unit(make=make, model=model, serial=serial, camera_id=camera_id, lens=lens)
     if result is not None and unit != Unit():
         unused = ", ".join(f"--{name.replace('_', '-')}" for name, value in vars(unit).items() if value)
-        raise InvalidArgument("A --result is compared with all models.", f"Leave {unused} out.")
+        raise InvalidArgument(
+            "--result is compared with all models, so it excludes --model and --serial.", f"Leave {unused} out."
+        )
     if result is None and not (serial or model):
         raise InvalidArgument(
-            "It is not said what to compare.",
+            "Nothing to compare was named.",
             "Give --model to compare its units, --serial to follow one unit, or --result to find the nearest models.",
         )
     if result is not None:
@@ -315,15 +319,17 @@ def _say_drift(drift: UnitDrift) -> None:
 @registry.command(epilog="Example: camssf registry learn phones/ -o ours.npz")
 def learn(
     folder: Folder,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="The basis, .npz.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Output file of the basis, .npz.")],
     basis: Annotated[
         str,
-        typer.Option(metavar="NAME", help="Learn from results on this basis, and start from it: phones or cameras."),
+        typer.Option(metavar="NAME", help="Learn from results on this basis, and extend it: phones or cameras."),
     ] = "phones",
     make: Make = "",
     model: Annotated[
         str,
-        typer.Option(metavar="TEXT", show_default=False, help="Make the basis of this model alone; default: of all."),
+        typer.Option(
+            metavar="TEXT", show_default=False, help="Learn a basis of this model only; all models unless given."
+        ),
     ] = "",
     camera_id: CameraId = "",
     table: Annotated[
@@ -339,7 +345,9 @@ def learn(
     ] = "that of the curves",
     leave: Annotated[
         str,
-        typer.Option(metavar="WORD", help="What is left out in turn: model or maker; with --model always a unit."),
+        typer.Option(
+            metavar="WORD", help="What the cross-validation leaves out: model or maker; with --model always a unit."
+        ),
     ] = "model",
     doubtful: Doubtful = False,
 ) -> None:

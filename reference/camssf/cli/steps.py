@@ -156,7 +156,7 @@ def report(
         typer.Option(
             metavar="DNG",
             show_default=False,
-            help="Photo of a shot, to be shown, and asked for unit, lens and time; in the shots' order.",
+            help="Photo of a shot, to show it and to read unit, lens and time; in the shots' order.",
         ),
     ] = None,
     compare: Annotated[
@@ -174,14 +174,12 @@ def report(
         typer.Option(
             metavar="PEM",
             show_default=False,
-            help="A public key that is trusted: the passport is verified. May be repeated.",
+            help="Verify the passport with this trusted public key. May be repeated.",
         ),
     ] = None,
     revoked: Annotated[
         Path | None,
-        typer.Option(
-            metavar="JWS", show_default=False, help="Signed list of the passports and keys that were called back."
-        ),
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
     ] = None,
 ) -> None:
     """Write result.json, ssf.csv, ssf.png and report.html."""
@@ -190,7 +188,7 @@ def report(
 
     local_folder(out)
     if passport is None and (key or revoked):
-        raise InvalidArgument("A key verifies a passport, and none is given.", "Add --passport JWS.")
+        raise InvalidArgument("--key needs a passport, and none was given.", "Add --passport JWS.")
     with progress_bar() as progress:
         result, data = read_result_bytes(document)
         previews = read_previews(result, photo or [])

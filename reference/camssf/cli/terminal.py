@@ -58,7 +58,7 @@ def put(text: str) -> None:
         discard_stdout()
         raise InvalidArgument(
             f"Standard output cannot be written ({error.strerror or error}).",
-            "Free some space, or send it elsewhere; what arrived there is not whole.",
+            "Free some space, or write elsewhere. What was written is incomplete.",
         ) from error
 
 

@@ -134,7 +134,7 @@ def convert(
 
 def _nothing() -> InvalidArgument:
     return InvalidArgument(
-        "Nothing leads from the one camera to the other under this lamp.",
+        "No conversion between the two cameras could be computed under this lamp.",
         "Check the curves and the lamp; calibrate with better photos.",
     )
 

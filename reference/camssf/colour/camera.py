@@ -62,8 +62,8 @@ class Camera:
         m = WAVELENGTHS.size
         if self.values.shape != (m, 3) or self.modes.shape[1:] != (m, 3):
             raise InvalidArgument(
-                f"Curves of shape {self.values.shape} with modes of shape {self.modes.shape} are no camera.",
-                "Give (681, 3) and (q, 681, 3), on the grid.",
+                f"Curves of shape {self.values.shape} with modes of shape {self.modes.shape} do not fit together.",
+                "Give (681, 3) and (q, 681, 3) on the grid.",
             )
         if not (np.isfinite(self.values).all() and np.isfinite(self.modes).all() and (self.values.max(0) > 0).all()):
             raise InvalidArgument("A curve is not finite, or has no positive peak.", "Give measured curves.")
@@ -93,8 +93,8 @@ def as_camera(given: ColourCamera) -> Camera:
     if isinstance(given, Mapping) and given.get("format") == "camssf-result/1":
         return camera_of_result(dict(given))
     raise InvalidArgument(
-        f"A {type(given).__name__} is no camera for colour.",
-        "Give what calibrate or Calibration.load gave, a result document, or a Camera.",
+        f"A {type(given).__name__} cannot be used as a camera.",
+        "Give a Calibration, a result document, or a Camera.",
     )
 
 
@@ -130,7 +130,7 @@ def camera_of_result(document: dict[str, Any]) -> Camera:
     """
     if "ssf" not in document:
         reasons = document["verdict"]["reasons"]
-        raise InvalidArgument("This result was refused: it has no curves to see colour with.", reasons[0]["advice"])
+        raise InvalidArgument("This result was refused: it has no curves.", reasons[0]["advice"])
     values, std = columns(document["ssf"]), document.get("ssf_std")
     named = document["camera"]
     name = " ".join(filter(None, (named["make"], named["model"]))) or "camera"

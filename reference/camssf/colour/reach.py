@@ -45,7 +45,7 @@ def check_reach(reach: Floats) -> None:
     far = np.flatnonzero(reach > REACH)
     if far.size:
         raise ColourOutOfReach(
-            f"Colour {far[0] + 1} is none that a surface has under this lamp: {reach[far[0]]:.1f} standard "
+            f"Colour {far[0] + 1} cannot be a surface's colour under this lamp: {reach[far[0]]:.1f} standard "
             "deviations from the nearest.",
             "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
             value=float(reach[far[0]]),

@@ -87,9 +87,11 @@ def against(regions: Sequence[Region], white: Region, reflectance: float) -> tup
         InvalidArgument: a reference that is too dark, or a reflectance outside 0.02 to 1.2.
     """
     if not 0.02 <= reflectance <= 1.2:
-        raise InvalidArgument(f"A reference of reflectance {reflectance:g} is none.", "Write 18 % as 0.18.")
+        raise InvalidArgument(
+            f"The reference's reflectance must lie between 0 and 1.2; got {reflectance:g}.", "Write 18 % as 0.18."
+        )
     if not (white.raw > 10.0 * white.error).all():
-        raise InvalidArgument("The reference lies in the dark.", "Choose a lit white or grey surface.")
+        raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
     raw, error = (np.stack([getattr(each, name) for each in regions]) for name in ("raw", "error"))
     y = raw / white.raw
     spread = np.hypot(error / white.raw, y * white.error / white.raw)

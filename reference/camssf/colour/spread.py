@@ -45,7 +45,7 @@ def checked_signals(signals: ArrayLike, standard_error: ArrayLike) -> tuple[Floa
     """
     y = np.atleast_2d(np.asarray(signals, dtype=np.float64))
     if y.ndim != 2 or y.shape[1] != 3 or not np.isfinite(y).all():
-        raise InvalidArgument(f"Signals of shape {y.shape} are no colours.", "Give finite signals (m, 3).")
+        raise InvalidArgument(f"Signals have shape {y.shape}; (m, 3) is needed.", "Give finite signals (m, 3).")
     error = np.broadcast_to(np.asarray(standard_error, dtype=np.float64), y.shape)
     if not (np.isfinite(error).all() and (error >= 0).all()):
         raise InvalidArgument("A standard error is negative or not finite.", "Give standard errors ≥ 0.")

@@ -46,7 +46,9 @@ class View:
     def __post_init__(self) -> None:
         observer(self.observer)
         if self.white not in ADAPTED:
-            raise InvalidArgument(f"Colour is not stated for {self.white!r}.", f"Take one of {', '.join(ADAPTED)}.")
+            raise InvalidArgument(
+                f"Colour cannot be computed for the white {self.white!r}.", f"Take one of {', '.join(ADAPTED)}."
+            )
         if self.kind is not None and self.kind not in KINDS:
             raise InvalidArgument(f"There is no transform {self.kind!r}.", f"Take one of {', '.join(KINDS)}.")
 
@@ -119,7 +121,7 @@ def standard_colour(
 
 def _no_colour() -> InvalidArgument:
     return InvalidArgument(
-        "These curves, as uncertain as they are, carry no colour under this lamp.",
+        "These curves are too uncertain to compute colour under this lamp.",
         "Check the curves and the lamp; calibrate with better photos.",
     )
 
@@ -146,14 +148,14 @@ def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
         if light.surprise is not None and light.surprise > CONTRADICTED:
             raise LampUnfit(
                 f"The reference is not white under {known.name}: its raw ratios are off, χ² = {light.surprise:.0f}.",
-                "Check --lamp and that the reference is neutral and lit by that lamp alone; or say --lamp auto.",
+                "Check --lamp and that the reference is neutral and lit by that lamp alone; or use --lamp auto.",
                 value=light.surprise,
                 threshold=CONTRADICTED,
             )
         return [light]
     if ratios is None:
         raise InvalidArgument(
-            "Nothing tells which lamp it is.",
+            "The lamp is unknown.",
             "Name a white or grey reference in the photo and take a result whose first lamp goes by name; or name "
             "the lamp.",
         )

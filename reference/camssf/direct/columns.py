@@ -40,7 +40,7 @@ def read_columns(path: PathLike, names: tuple[str, ...]) -> tuple[Floats, ...]:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise InvalidArgument(f"{path} cannot be read: {reason}.", "Check the path.") from error
     except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise InvalidArgument(f"{path} is no table of {wanted}.", f"Its first line must read {wanted}.") from error
+        raise InvalidArgument(f"{path} is not a table of {wanted}.", f"Its first line must read {wanted}.") from error
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
         raise InvalidArgument(
             f"{path} holds {len(table)} rows, or values that are not finite, or a {names[0]} that does not increase.",

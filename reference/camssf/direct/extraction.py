@@ -63,7 +63,7 @@ def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Fr
     lit = np.flatnonzero(profile > 0.5 * np.quantile(profile, 0.98))
     if not profile.max() > _LEAST_CONTRAST * max(noise, 1e-9) or len(lit) < 4:
         raise Underexposed(
-            f"{name} shows no spectrum: no rows stand out of the noise.",
+            f"{name} shows no spectrum: no rows exceed the noise.",
             "Expose it longer, with the spectrum along the rows.",
             value=float(profile.max()),
             threshold=_LEAST_CONTRAST * noise,

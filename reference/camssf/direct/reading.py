@@ -27,7 +27,9 @@ def read_spectrum(path: PathLike, dark: PathLike | None, channels: int) -> tuple
     name, kind = local(path).name, Path(path).suffix.casefold()
     if kind == ".csv":
         if dark is not None:
-            raise InvalidArgument(f"{name} is a table; its dark frame has no use.", "Subtract it before extracting.")
+            raise InvalidArgument(
+                f"{name} is a table, so a dark frame cannot be subtracted from it.", "Subtract it before extracting."
+            )
         pixel, *columns = read_columns(path, ("pixel", *(CHANNELS if channels == 3 else ("signal",))))
         positions = (pixel,) * channels
         return FrameSpectrum(name, positions, tuple(columns), None, 0.0, "as in the table"), ("", "")

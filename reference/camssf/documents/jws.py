@@ -66,7 +66,7 @@ def verify_jws(data: bytes, kind: str, trusted: Mapping[str, Any], what: str) ->
     if key is None:
         raise PassportInvalid(
             f"{_begin(what)} is signed by the key {kid}, which is not trusted.",
-            "Give that signer's public key, if you trust him.",
+            "Give the signer's public key if you trust the signer.",
         )
     _check_signature(key, data, parts[2], what)
     return _object(parts[1], "payload", what), kid
@@ -100,7 +100,7 @@ def _parts(data: bytes, kind: str, what: str) -> tuple[list[bytes], str]:
     texts = data.split(b".", 3)
     if len(texts) != 3 or len(texts[0]) > _HEADER:
         raise PassportInvalid(
-            f"It has not the form of {what.replace('the ', 'a ', 1)}, three parts with a dot between them.",
+            f"It does not have the form of {what.replace('the ', 'a ', 1)}, three parts with a dot between them.",
             advice(what),
         )
     parts = [_decode(text, what) for text in texts]
@@ -109,9 +109,7 @@ def _parts(data: bytes, kind: str, what: str) -> tuple[list[bytes], str]:
     if not (isinstance(kid, str) and KEY_ID.fullmatch(kid)):
         raise PassportInvalid(f"{_begin(what)} names no key.", advice(what))
     if header != {"alg": ALGORITHM, "kid": kid, "typ": kind}:  # rejects `none`, HS256, crit, jwk and another typ
-        raise PassportInvalid(
-            f"{_begin(what)}'s header asks for something else than {ALGORITHM} and {kind}.", advice(what)
-        )
+        raise PassportInvalid(f"{_begin(what)}'s header does not name {ALGORITHM} and {kind}.", advice(what))
     if len(parts[2]) != 64:
         raise PassportInvalid(f"{_begin(what)}'s signature has {len(parts[2])} bytes, not 64.", advice(what))
     return parts, kid
@@ -134,7 +132,7 @@ def _object(data: bytes, name: str, what: str) -> Json:
     except InvalidArgument as error:
         raise PassportInvalid(f"{_begin(what)}'s {name} is not sound JSON.", advice(what)) from error
     if not isinstance(found, dict):
-        raise PassportInvalid(f"{_begin(what)}'s {name} is no object.", advice(what))
+        raise PassportInvalid(f"{_begin(what)}'s {name} is not an object.", advice(what))
     return found
 
 
@@ -146,8 +144,10 @@ def _check_signature(key: Any, data: bytes, signature: bytes, what: str) -> None
 
     r, s = (int.from_bytes(half, "big") for half in (signature[:32], signature[32:]))
     if not (0 < r < ORDER and 0 < s < ORDER):
-        raise PassportInvalid(f"{_begin(what)}'s signature is out of its bounds.", advice(what))
+        raise PassportInvalid(f"{_begin(what)}'s signature is not a valid pair of numbers.", advice(what))
     try:
         key.verify(encode_dss_signature(r, s), data[: data.rindex(b".")], ec.ECDSA(SHA256()))
     except InvalidSignature:
-        raise PassportInvalid(f"{_begin(what)}'s signature does not fit: it was changed.", advice(what)) from None
+        raise PassportInvalid(
+            f"{_begin(what)}'s signature does not match: the content was changed.", advice(what)
+        ) from None

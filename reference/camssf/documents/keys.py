@@ -139,7 +139,7 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
         if b"ENCRYPTED" in data:
             raise InvalidArgument(f"{path} is locked.", "Give the file of its passphrase by --passphrase.") from None
         raise InvalidArgument(
-            f"{path} is not a private key in PEM, or not locked, but a passphrase is given.", _MAKE
+            f"{path} is not a private key in PEM, or not encrypted although a passphrase was given.", _MAKE
         ) from None
     if not isinstance(key, ec.EllipticCurvePrivateKey) or not isinstance(key.curve, ec.SECP256R1):
         raise InvalidArgument(f"{path} is not a key on the curve P-256.", _MAKE)
@@ -197,9 +197,9 @@ def _bytes(path: Path | str, most: int, *, private: bool = False) -> bytes:
         raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
     if private and os.name == "posix" and mode & 0o077:
         raise InvalidArgument(
-            f"Others than its owner may read or change the private key {path} (mode {mode:03o}).",
+            f"Other users may read or change the private key {path} (mode {mode:03o}).",
             f"Close it: chmod 600 {shlex.quote(str(path))}. If others could use this computer, make a new key.",
         )
     if len(data) > most:
-        raise InvalidArgument(f"{path} is larger than {most} bytes.", "Give the file that was meant.")
+        raise InvalidArgument(f"{path} is larger than {most} bytes.", "Check the path.")
     return data

@@ -134,7 +134,7 @@ def create_passport(
     try:
         ends = begins + max(timedelta(seconds=1), timedelta(days=request.days))
     except OverflowError:
-        raise InvalidArgument("No calendar holds the day when it would end.", "Let it begin earlier.") from None
+        raise InvalidArgument("The passport would end after the year 9999.", "Let it begin earlier.") from None
     return Passport(
         id=secrets.token_hex(16),
         issued=issued,
@@ -156,7 +156,7 @@ def _from_photos(request: PassportRequest, photos: Sequence[Path | str], documen
     for path in photos:
         taken = read_unit(path)
         if taken.sha256 not in shots:
-            raise InvalidArgument(f"The result was not made from {path}.", "Give the very file, or leave it out.")
+            raise InvalidArgument(f"The result was not made from {path}.", "Give the original file, or leave it out.")
         request = replace(
             request, unit=_agreed(request.unit, taken.unit, str(path)), captured=request.captured or taken.time
         )
@@ -166,7 +166,7 @@ def _from_photos(request: PassportRequest, photos: Sequence[Path | str], documen
 def _agreed(unit: Unit, other: Unit, source: str) -> Unit:
     if wrong := unit.differs(other):
         raise InvalidArgument(
-            f"Another camera by what {source} says: {wrong[0]} is {getattr(other, wrong[0])!r} there, "
+            f"{source} names another camera: {wrong[0]} is {getattr(other, wrong[0])!r} there, "
             f"not {getattr(unit, wrong[0])!r}.",
             "Name the unit that the photo was taken with.",
         )
@@ -236,11 +236,12 @@ def verify(
     _check_printed(document, token, passport)
     for name, what in ((passport.id, "The passport"), (kid, "The key that signed it")):
         if name in revoked:
-            raise PassportInvalid(f"{what} was called back ({name}).", "Calibrate again.")
+            raise PassportInvalid(f"{what} was revoked ({name}).", "Calibrate again.")
     at = now or datetime.now(UTC)
     if at < passport.begins:
         raise PassportInvalid(
-            f"The passport is not valid before {passport.begins.isoformat()}.", "Wait, or look at the clock."
+            f"The passport is not valid before {passport.begins.isoformat()}.",
+            "Wait, or check this computer's clock.",
         )
     if at >= passport.ends:
         raise PassportInvalid(f"The passport ended at {passport.ends.isoformat()}.", "Calibrate again.")
@@ -269,13 +270,13 @@ def check_belongs(passport: Passport, result: bytes) -> None:
         PassportInvalid: the result is another one, or the excerpt differs.
     """
     if hashlib.sha256(result).hexdigest() != passport.result_sha256:
-        raise PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
+        raise PassportInvalid("The passport belongs to another result.", "Give the file that was signed.")
     try:
         held = excerpt(check_document(parse_json(result, "the result", _ADVICE), "the result"))
     except InvalidArgument as error:
         raise PassportInvalid("The result that was signed is not in the form of one.", _ADVICE) from error
     if held != passport.result:
-        raise PassportInvalid("The passport's excerpt is not what the signed result holds.", _ADVICE)
+        raise PassportInvalid("The passport's excerpt differs from the signed result.", _ADVICE)
 
 
 def as_document(token: bytes, passport: Passport) -> Json:
@@ -304,7 +305,7 @@ def _printed(token: bytes, passport: Passport) -> Json:
 
 def _check_printed(document: Json | None, token: bytes, passport: Passport) -> None:
     if document is not None and document != _printed(token, passport):
-        raise PassportInvalid("The document round the passport is not what the passport holds.", _ADVICE)
+        raise PassportInvalid("The document that encloses the passport differs from the passport's content.", _ADVICE)
 
 
 def _token(data: bytes) -> tuple[bytes, Json | None]:
@@ -367,6 +368,4 @@ def _check_claim(claims: Json, name: str) -> None:
             check_document(value | {"excerpt": excerpt_of}, "the result", excerpt=True)
     except (BrokenError, InvalidArgument) as error:
         why = error.message if isinstance(error, InvalidArgument) else f"{name}{error.args[0]} {error.args[1]}."
-        raise PassportInvalid(
-            f"The passport's {name} is missing or not as it must be.", f"{why} {_ADVICE}"
-        ) from error
+        raise PassportInvalid(f"The passport's {name} is missing or invalid.", f"{why} {_ADVICE}") from error

@@ -20,7 +20,7 @@ LARGEST_LIST = 16 * 2**20
 LONGEST_DAYS = 366
 PASSPORT_ID = re.compile(r"[0-9a-f]{32}")
 
-_WHAT = "the list of what was called back"
+_WHAT = "the revocation list"
 
 
 def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, now: datetime | None = None) -> bytes:
@@ -39,7 +39,7 @@ def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, no
         if not _is_name(name):
             raise InvalidArgument(
                 f"{name!r} is neither a passport's id nor a key's name.",
-                "Give what `camssf passport show` says as id (32 hexadecimal digits) or key (43 characters).",
+                "Give what `camssf passport show` prints as id (32 hexadecimal digits) or key (43 characters).",
             )
     if not 0 < days <= LONGEST_DAYS:
         raise InvalidArgument(f"Good for {days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
@@ -52,7 +52,7 @@ def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, no
     }
     signed = sign_jws(payload, TYPE, key)
     if len(signed) > LARGEST_LIST:
-        raise InvalidArgument(f"The list would be larger than {LARGEST_LIST} bytes.", "Call a key back instead.")
+        raise InvalidArgument(f"The list would be larger than {LARGEST_LIST} bytes.", "Revoke a key instead.")
     return signed
 
 
@@ -71,8 +71,8 @@ def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None =
     if (now or datetime.now(UTC)).timestamp() >= ends:
         when = datetime.fromtimestamp(ends, UTC).isoformat()
         raise PassportInvalid(
-            f"The list of what was called back ended at {when}.",
-            "Get its newest from its signer, who renews it by `camssf passport revoke`.",
+            f"The revocation list ended at {when}.",
+            "Get the newest one from its signer, who renews it by `camssf passport revoke`.",
         )
     return names
 
@@ -88,10 +88,10 @@ def names_of(data: bytes, trusted: Mapping[str, Any]) -> frozenset[str]:
 
 def _read(data: bytes, trusted: Mapping[str, Any]) -> tuple[frozenset[str], int]:
     if len(data) > LARGEST_LIST:
-        raise PassportInvalid(f"The list of what was called back is larger than {LARGEST_LIST} bytes.", advice(_WHAT))
+        raise PassportInvalid(f"The revocation list is larger than {LARGEST_LIST} bytes.", advice(_WHAT))
     if data.count(b".") != 2:
         raise PassportInvalid(
-            "The list of what was called back is not signed.",
+            "The revocation list is not signed.",
             "Get it from its signer; `camssf passport revoke` signs one.",
         )
     payload, _ = verify_jws(data, TYPE, trusted, _WHAT)
@@ -104,7 +104,7 @@ def _read(data: bytes, trusted: Mapping[str, Any]) -> tuple[frozenset[str], int]
         and all(isinstance(name, str) and _is_name(name) for name in names)
     )
     if not sound:  # reject the whole list: reading a part of it would miss revocations
-        raise PassportInvalid(f"The list of what was called back is not in the form {FORMAT}.", advice(_WHAT))
+        raise PassportInvalid(f"The revocation list is not in the form {FORMAT}.", advice(_WHAT))
     return frozenset(names), int(ends or 0)
 
 

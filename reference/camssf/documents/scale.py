@@ -38,9 +38,9 @@ def channel_scale(document: dict[str, Any]) -> Floats | None:
 def no_scale(lamp: str) -> InvalidArgument:
     """The error to raise if `channel_scale` is None; `lamp` is the name of the first shot's lamp."""
     return InvalidArgument(
-        f"Nothing ties the three channels of this result together: the lamp of its first shot, {lamp}, is not here, "
-        "or a channel sees no white under it.",
-        "Put the lamp's file where it was, or calibrate again: results now keep the lamp's spectrum.",
+        f"The scale between the channels of this result is unknown: the lamp of its first shot, {lamp}, is missing, "
+        "or a channel has no response under it.",
+        "Put the lamp's file back, or calibrate again: new results store the lamp's spectrum.",
     )
 
 

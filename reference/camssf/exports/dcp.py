@@ -44,7 +44,9 @@ def dcp(curves: ExportedCurves) -> bytes:
         found = matrices(curves, lamp)
         colour = neutral(curves, lamp)[:, None] * np.linalg.inv(found.to_xyz)
         if not np.abs(colour).max() < LARGEST:
-            raise InvalidArgument(f"No matrix takes colours under {lamp} to this camera.", "Check the curves.")
+            raise InvalidArgument(
+                f"No matrix from colours to this camera could be computed under {lamp}.", "Check the curves."
+            )
         tags |= {
             50721 + which: _rationals(colour),
             50778 + which: (_SHORT, struct.pack("<H", code), 1),

@@ -60,7 +60,9 @@ def matrices(curves: ExportedCurves, lamp: str) -> Matrices:
     found = choose(curves.values, read_lamp(lamp).values, kind="matrix")
     own = found.coefficients.T
     if not np.abs(own).max() < LARGEST or np.linalg.cond(own) > 1e6:
-        raise InvalidArgument(f"No matrix takes these curves to colour under {lamp}.", "Check the curves.")
+        raise InvalidArgument(
+            f"No matrix from these curves to colours could be computed under {lamp}.", "Check the curves."
+        )
     to_aces = ACES @ adaptation(found.white, ACES_WHITE) @ own
     # ACES's published digits map white to 1 within 1e-7; normalising the rows removes the rest
     to_aces = to_aces / to_aces.sum(axis=1, keepdims=True)
@@ -76,5 +78,5 @@ def neutral(curves: ExportedCurves, lamp: str) -> Floats:
     """
     raw = read_lamp(lamp).values @ curves.own
     if not (np.isfinite(raw).all() and (raw > 1e-3 * np.abs(raw).max()).all()):
-        raise InvalidArgument(f"A channel hardly sees white under {lamp}.", "Check the curves.")
+        raise InvalidArgument(f"A channel has almost no response under {lamp}.", "Check the curves.")
     return np.asarray(raw / raw.max())

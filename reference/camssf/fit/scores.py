@@ -90,7 +90,7 @@ def validate(
             "A signal or a prediction is not a number.", "Fill what was not fitted with `Ssf.predicted`."
         )
     if truth is not None and ssf_values is None:
-        raise InvalidArgument("A truth has no curves to be compared with.", "Give ssf_values, too.")
+        raise InvalidArgument("The reference curves are empty.", "Give ssf_values, too.")
     measured_lab, measured_srgb, synthetic_lab, synthetic_srgb = _colours(signals, predicted, table, lamps)
     return Scores(
         rmsre_percent=rmsre(y, predicted, counts),
@@ -112,7 +112,7 @@ def rmsre(measured: Floats, predicted: Floats, counts: NDArray[np.bool_]) -> Flo
     total = valid.sum(axis=(0, 1))
     if not total.all():
         raise InvalidArgument(
-            "No unseen patch is left to validate with.", "Leave patches out of the fit, or use a brighter photo."
+            "No patch is left for validation.", "Leave patches out of the fit, or use a brighter photo."
         )
     error = np.where(valid, predicted / np.where(valid, measured, 1.0) - 1.0, 0.0)
     result: Floats = 100.0 * np.sqrt((error**2).sum(axis=(0, 1)) / total)

@@ -67,7 +67,7 @@ def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
     """All combinations of kinds for the unnamed lights."""
     if sum(fit.unnamed) > MOST_UNNAMED:
         raise InvalidArgument(
-            f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be told at once.",
+            f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be estimated at once.",
             "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
         )
     kinds = product(*(

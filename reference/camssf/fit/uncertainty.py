@@ -36,13 +36,13 @@ def uncertainty_budget(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> dict[
         "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + f", smooth over {LAMP_CORRELATION:g} nm",
         "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
         "uneven light": _evenness(fit),
-        "unseen": "what the prior leaves open and no patch has seen",
+        "unseen": "the part of the prior's variance that the signals do not reduce",
     }
     between = ssf.light.between
     if between is not None:  # `shares` are those of the most probable hypothesis only
         inside = 1.0 - between
         shares = {source: inside * share for source, share in shares.items()} | {"which lamp": between}
-        sizes["which lamp"] = "how far the answers for each kind of light differ"
+        sizes["which lamp"] = "the difference between the results for each kind of light"
     return {
         "half_width": _half_width(ssf),
         "alone": [_half_width(answer) for answer in alone],

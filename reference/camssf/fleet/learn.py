@@ -249,7 +249,7 @@ def _results(
         if len(each["code_covariance"] or ()) != size * (size + 1) // 2:
             aside["without a covariance"] += 1
         elif not each["prior_scale"]:
-            aside["two bases mixed, or a light that nobody named"] += 1
+            aside["two bases mixed, or an unnamed light"] += 1
         elif each["l2"] != L2:
             aside["another penalty than the usual"] += 1
         elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:

@@ -110,7 +110,7 @@ def read_curves(path: Path, *, least: int = 2) -> dict[str, Floats]:
         response = np.stack([ends * np.interp(NODES, table[:, 0], table[:, c]) for c in (1, 2, 3)], axis=1)
         curves[name] = np.maximum(response, 0.0) / response.max(axis=0)
     if len(curves) < least:
-        raise InvalidArgument(f"{path} holds {len(curves)} camera(s).", "A spread needs at least two.")
+        raise InvalidArgument(f"{path} holds {len(curves)} camera(s).", "A basis needs at least two.")
     return curves
 
 

@@ -255,7 +255,9 @@ def check_target(share: Any, framed: bool) -> float | None:
     if share is None:
         return None
     if isinstance(share, bool) or not isinstance(share, Real) or not 0.05 <= float(share) <= 1.2:
-        raise InvalidArgument(f"A white target of reflectance {share} is none.", "Write 95 % as 0.95.")
+        raise InvalidArgument(
+            f"The white target's reflectance must lie between 0.05 and 1.2; got {share}.", "Write 95 % as 0.95."
+        )
     if not framed:
         raise InvalidArgument(
             "A white target's reflectance was given, but no white frame.", "Give the white frame, or leave it out."
@@ -275,7 +277,7 @@ def check_alike(shots: Sequence[MeasuredShot]) -> None:
     twice = [shot.photo.name for shot in shots if hashes.count(shot.photo.sha256) > 1]
     if twice:
         raise InvalidArgument(
-            f"{twice[0]} was given {len(twice)} times: one photo is one piece of evidence.",
+            f"{twice[0]} was given {len(twice)} times: the same photo adds no information.",
             "Give each photo once; a second shot is another photo, best under another lamp.",
         )
     bodies = {(shot.photo.make, shot.photo.model) for shot in shots}

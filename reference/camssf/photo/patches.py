@@ -99,7 +99,7 @@ def measure_patches(
         ChartNotFound: a patch leaves the photo, or holds fewer than 16 samples of a colour.
     """
     if lens_shading not in LENS_SHADING:
-        raise InvalidArgument(f"Lens shading {lens_shading!r} is unknown.", f"Say {' or '.join(LENS_SHADING)}.")
+        raise InvalidArgument(f"Lens shading {lens_shading!r} is unknown.", f"Use {' or '.join(LENS_SHADING)}.")
     if lens_shading == "apply" and not chart.gain_maps:
         raise InvalidArgument(
             f"{chart.path} holds no lens-shading map to apply.", "Leave the samples as stored, or take a white frame."

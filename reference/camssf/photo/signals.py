@@ -132,7 +132,7 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
     part = b / (shot.saturation - shot.black)
     if shot.white is not None and shot.dark is not None and 2 * np.count_nonzero(part < -FAINT) > part.size:
         raise FramesDiffer(
-            f"Shot {number}: the dark frame is brighter than the white frame: they look swapped.",
+            f"Shot {number}: the dark frame is brighter than the white frame: they seem to be swapped.",
             "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
         )
     share = float(clipped.max())
@@ -154,7 +154,7 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
     noise = float((se_W / b).max())
     if noise > NOISY:
         raise Underexposed(
-            f"Shot {number}: the {word} is known to {noise:.0%} only.",
+            f"Shot {number}: the {word} is too noisy: its standard error is {noise:.0%} of its value.",
             "Expose longer or use more light; fill the frame with the chart.",
             value=noise,
             threshold=NOISY,
@@ -182,15 +182,15 @@ def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assum
         found.append(
             Assumption(
                 "white_from_patch",
-                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} stands in "
-                "for the light on all of them.",
+                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} replaces "
+                "it on all patches.",
             )
         )
     if shot.dark is None:
         found.append(
             Assumption(
                 "dark_from_black_level",
-                f"shot {number}: no dark frame: the black level in the file stands in.",
+                f"shot {number}: no dark frame: the file's black level is used.",
             )
         )
     return found

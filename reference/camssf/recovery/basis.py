@@ -107,7 +107,7 @@ def widened(basis: Basis, scale: float) -> Basis:
         return basis
     if not (np.isfinite(scale) and scale > 0 and basis.prior):
         raise InvalidArgument(
-            f"A prior cannot be {scale} times as wide on the {basis.name} basis.",
+            f"`prior_scale` = {scale} is not possible on the {basis.name} basis.",
             "Give a number above 0, and 1 on a basis without a prior.",
         )
     return replace(basis, dictionary=scale * basis.dictionary)

@@ -60,9 +60,9 @@ def onnx_runtime() -> Any:
     version = str(getattr(early, "__version__", "of an unknown version"))
     if early is not None and not _silent(version) and os.environ.get(SWITCH) != "1":
         raise InvalidArgument(
-            f"ONNX Runtime {version} was imported before camssf could keep it from reporting to its maker.",
-            f"Install onnxruntime 1.28.0, which camssf asks for; or set {SWITCH}=1 before anything imports it; "
-            "or take engine='reference', which does without.",
+            f"ONNX Runtime {version} was imported before camssf could switch off its telemetry.",
+            f"Install onnxruntime 1.28.0, which camssf needs; or set {SWITCH}=1 before anything imports it; "
+            "or take engine='reference', which needs no ONNX Runtime.",
         )
     os.environ[SWITCH] = "1"
     import onnxruntime

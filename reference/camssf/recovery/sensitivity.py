@@ -340,7 +340,7 @@ def _check_converged(gap: Floats) -> None:
     """Raise unless every gap is a number of at most LARGEST_GAP."""
     if not (gap <= LARGEST_GAP).all():
         raise NotConverged(
-            f"The solver's own proof failed: relative duality gap {gap.max():.1e}.",
+            f"The solver did not converge: relative duality gap {gap.max():.1e}.",
             "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
             value=float(gap.max()) if np.isfinite(gap).all() else None,
             threshold=LARGEST_GAP,
@@ -351,7 +351,7 @@ def _check_responds_to_white(response: Floats) -> None:
     """Raise unless every curve responds to white."""
     if not (np.isfinite(response).all() and (response > 0).all()):
         raise NotConverged(
-            "A recovered curve has no response to white: the penalty gamma left nothing of it, or the signals of a "
+            "A recovered curve has no response to white: the penalty gamma is too large, or the signals of a "
             "channel are empty.",
             "Take a smaller gamma, and check that the photo is exposed in all three channels.",
         )

@@ -114,7 +114,7 @@ def recover_in_any_light(
     without = next((each.widened_basis for each in hypotheses if not each.widened_basis.prior), None)
     if without is not None:
         raise InvalidArgument(
-            f"The {without.name} basis has no prior, so it cannot tell one light from another.",
+            f"The {without.name} basis has no prior, so the light cannot be estimated.",
             "Name the lamp, or take --basis phones.",
         )
     nats = np.array([log_evidence(linear_model(each.guess.observation, each.widened_basis)) for each in hypotheses])

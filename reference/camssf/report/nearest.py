@@ -55,7 +55,7 @@ def nearest(document: dict[str, Any]) -> tuple[Likeness, ...]:
     camera = camera_of_result(document)
     if document.get("ssf_std") is None:
         raise InvalidArgument(
-            f"A result on the {document['basis']} basis has no bands to measure a distance by.",
+            f"A result on the {document['basis']} basis has no bands, so no distance can be computed.",
             "Solve it with --basis auto, phones or cameras.",
         )
     std = columns(document["ssf_std"])

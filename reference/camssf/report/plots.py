@@ -31,7 +31,9 @@ def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
     if ax is None:
         ax = _axes()
     elif not hasattr(ax, "plot") or not hasattr(ax, "set_xlabel"):
-        raise InvalidArgument(f"A {type(ax).__name__} is no axes.", "Give one of plt.subplots(), or leave ax out.")
+        raise InvalidArgument(
+            f"A {type(ax).__name__} is not a matplotlib axes.", "Give one of plt.subplots(), or leave ax out."
+        )
     KINDS[kind](document, ax, shot - 1)
     return ax
 
@@ -41,7 +43,9 @@ def _axes() -> Any:
         prepare_matplotlib()
         import matplotlib.pyplot as plt
     except ImportError as error:
-        raise InvalidArgument("Plots need matplotlib, which is not there.", "Run pip install matplotlib.") from error
+        raise InvalidArgument(
+            "Plots need matplotlib, which is not installed.", "Run pip install matplotlib."
+        ) from error
     return plt.subplots()[1]
 
 

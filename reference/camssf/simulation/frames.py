@@ -115,12 +115,12 @@ def simulate(
     one = isinstance(lamps, str | PathLike | Lamp) or is_one(lamps)
     lights = [read_lamp(lamp) for lamp in ([lamps] if one else list(lamps))]  # type: ignore[arg-type]
     if not lights:
-        raise InvalidArgument("A simulation without a lamp is dark.", 'Name one, for example "D55".')
+        raise InvalidArgument("A simulation needs a lamp.", 'Name one, for example "D55".')
     scene = replace(scene, layout=table.layout)
     check_scene(scene)
     check_sensor(sensor)
     if seed < 0:
-        raise InvalidArgument(f"Seed {seed} is below 0.", "Choose any whole number from 0 up.")
+        raise InvalidArgument(f"Seed {seed} is below 0.", "Choose a whole number of at least 0.")
     if sensor.compression and find_spec("imagecodecs") is None:
         raise InvalidArgument("Lossless JPEG needs imagecodecs.", "Install it, or leave compression out.")
     pose = true_pose(scene)
@@ -181,7 +181,7 @@ def _check_replaced(path: Path) -> None:
                 return
     elif (path.parent / "corners.json").is_file():
         return
-    raise InvalidArgument(f"{path} is no simulated file, and would be replaced.", "Name another folder by -o.")
+    raise InvalidArgument(f"{path} is not a simulated file; it would be replaced.", "Name another folder by -o.")
 
 
 def corners_json(poses: Mapping[str, Pose]) -> str:

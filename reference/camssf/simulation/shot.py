@@ -104,7 +104,7 @@ def _exposed(plan: ShotPlan, lamp: Lamp) -> tuple[Floats, Floats]:
     diffuser = np.einsum("m,mc->c", lamp.values, curves) * STEP * sensor.gains
     if not diffuser.min() > 0:
         raise InvalidArgument(
-            f"Camera {plan.camera.name} sees nothing of lamp {lamp.name} in a channel.",
+            f"Camera {plan.camera.name} has a channel without response to lamp {lamp.name}.",
             "Choose a lamp with power between 400 and 700 nm.",
         )
     reflected = np.einsum("nm,m,mc->nc", plan.table.values, lamp.values, curves) * STEP * sensor.gains

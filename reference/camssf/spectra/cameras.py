@@ -116,7 +116,7 @@ def read_camera(spec: CameraLike | None) -> CameraCurves:
         return _measured_camera(Path(text), None)
     raise InvalidArgument(
         f"No measured camera is called {text!r}." if text else "The camera is missing.",
-        f"{nearest(text, camera_names())}Cameras: `camssf cameras` lists those that are known; or give a file of "
+        f"{nearest(text, camera_names())}`camssf cameras` lists the known cameras; or give a file of "
         "curves: CSV (wavelength_nm,red,green,blue), rawtoaces or DCamProf JSON, SPECTACLE CSV, camspec text or "
         "Argyll's .cmf; or cameras.csv:NAME for one of many.",
     )
@@ -165,7 +165,7 @@ def _camera_of_arrays(*pair: Any) -> CameraCurves:
 
 def _no_object(label: str) -> InvalidArgument:
     return InvalidArgument(
-        f"{label!r} is no camera.",
+        f"{label!r} is not a camera.",
         "Give a name, a file, an object with wavelengths (w,), values (w, 3) and labels red, green, blue, or a pair "
         "of arrays, wavelengths (w,) and values (w, 3).",
     )

@@ -120,7 +120,7 @@ def read_chart(spec: ChartLike) -> ChartTable:
         return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
     if chart == "sg140" and not tail:
         raise InvalidArgument(
-            "There is no table of the ColorChecker Digital SG: colour-science, the source of tables, has none.",
+            "No table of the ColorChecker Digital SG ships, because its spectra are not published.",
             "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
         )
     if chart in (*known, "sg140") and tail:

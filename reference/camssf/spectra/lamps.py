@@ -150,7 +150,7 @@ def read_lamp(spec: LampLike) -> Lamp:
         )
     if key == AUTO:
         raise InvalidArgument(
-            "A light that nobody named has no spectrum.", f"Only a chart's photo can tell it. {_LAMP_MENU}"
+            "A light that is not named has no spectrum.", f"Only a chart's photo can tell it. {_LAMP_MENU}"
         )
     if plain(text) == "equalenergy":
         return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
@@ -171,7 +171,7 @@ def read_lamp(spec: LampLike) -> Lamp:
     else:
         if re.fullmatch(r"\d{4,5}", key):
             raise InvalidArgument(
-                f"The lamp {text!r} could be of two kinds.", f"Write {key}K for a bulb, D:{key} for daylight."
+                f"The lamp {text!r} is ambiguous.", f"Write {key}K for a bulb, D:{key} for daylight."
             )
         daylight = re.fullmatch(r"d(\d{2})", key)
         names = (*lamp_names(), *(name for each in lamp_aliases() for name in each.names))
@@ -203,17 +203,19 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
     for part in filter(None, (p.strip() for p in text.split(","))):
         number = re.fullmatch(r"(\d+(?:\.\d+)?) ?(%|k)", part.casefold())
         if number is None:
-            raise InvalidArgument(f"{part!r} is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
+            raise InvalidArgument(f"{part!r} is not a lamp tolerance.", "Write 2%, 300K, or 300K,2%.")
         size = float(number[1])
         if number[2] == "%":
             if size > 50:
-                raise InvalidArgument(f"A lamp known to {size:g} % is not known.", "Name a family, or measure it.")
+                raise InvalidArgument(
+                    f"A lamp tolerance of {size:g} % is too large.", "Name the kind of lamp, or measure its spectrum."
+                )
             lamp = replace(lamp, tolerance=size / 100.0)
             continue
         formula, kelvin = _temperature(lamp.name)
         if not 0 < size < 0.25 * kelvin:
             raise InvalidArgument(
-                f"{size:g} K is no tolerance of a lamp of {kelvin:g} K.", "Give less than a quarter of it."
+                f"{size:g} K is too large a tolerance for a lamp of {kelvin:g} K.", "Give less than a quarter of it."
             )
         mode = temperature_mode(formula, kelvin, size)
         source = f"{lamp.source}, ± {size:g} K"
@@ -253,7 +255,7 @@ def _family(name: str) -> Lamp:
 
 def _planck(kelvin: float) -> Floats:
     if not 1000.0 <= kelvin <= 20_000.0:
-        raise InvalidArgument(f"No lamp burns at {kelvin:g} K.", "Give 1000K to 20000K.", value=kelvin)
+        raise InvalidArgument(f"A lamp of {kelvin:g} K is not possible.", "Give 1000K to 20000K.", value=kelvin)
     return planck(kelvin)
 
 

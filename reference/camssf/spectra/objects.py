@@ -102,7 +102,7 @@ def sampled(given: Any, kind: str, advice: str) -> Sampled:
     try:
         wavelengths, values = (np.array(each, dtype=np.float64) for each in pair)
     except (TypeError, ValueError) as error:
-        raise InvalidArgument(f"The {kind} holds something that is no number.", advice) from error
+        raise InvalidArgument(f"The {kind} holds a value that is not a number.", advice) from error
     if values.ndim == 2 and turned:
         values = values.T
     if wavelengths.ndim != 1 or values.ndim not in (1, 2) or values.shape[-1:] != wavelengths.shape:

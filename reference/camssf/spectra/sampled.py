@@ -30,7 +30,7 @@ def colour_science() -> Any:
             import colour
         except ImportError as error:
             raise InvalidArgument(
-                f"This needs colour-science, which is not there ({error}).",
+                f"This needs colour-science, which is not installed ({error}).",
                 "Run pip install colour-science matplotlib.",
             ) from error
     return colour

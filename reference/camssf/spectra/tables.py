@@ -67,7 +67,7 @@ def read_spectrum(path: Path) -> tuple[Floats, Floats]:
     widths = {0 if pair is None else len(pair) for pair in pairs}
     if widths not in ({2}, {3}):
         raise InvalidArgument(
-            f"{path} is no table of one spectrum.",
+            f"{path} is not a table of one spectrum.",
             "Write a line for each wavelength: the wavelength in nm, the power.",
         )
     table = np.array(pairs, dtype=np.float64)
@@ -127,7 +127,7 @@ def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
     columns = [next((fields.index(word) for word in words if word in fields), -1) for words in wanted]
     if -1 in columns:
         raise InvalidArgument(
-            f"{path} is no table of a camera's curves.",
+            f"{path} is not a table of a camera's curves.",
             "Its first line must read wavelength_nm,red,green,blue, or be four numbers in that order.",
         )
     label = name or path.stem
@@ -137,10 +137,10 @@ def read_curves(path: Path, name: str | None) -> tuple[str, Floats, Floats]:
         label = one_of(names, path, name)
         body = [row for row in body if len(row) > at and row[at] == label]
     elif name is not None:
-        raise InvalidArgument(f"{path} has no column camera.", f"Leave :{name} away, or add that column.")
+        raise InvalidArgument(f"{path} has no column camera.", f"Leave out :{name}, or add that column.")
     lines = [numbers_of([row[c] for c in columns]) if len(row) > max(columns) else None for row in body]
     if not lines or any(line is None for line in lines):
-        raise InvalidArgument(f"{path} has a line that is no row of numbers.", "Write four numbers in each line.")
+        raise InvalidArgument(f"{path} has a line that is not a row of numbers.", "Write four numbers in each line.")
     table = np.array(lines, dtype=np.float64)
     return label, table[:, 0], table[:, 1:]
 
@@ -183,7 +183,7 @@ def one_of(names: tuple[str, ...], path: Path, name: str | None) -> str:
 
 def _no_chart(path: Path) -> InvalidArgument:
     return InvalidArgument(
-        f"{path} is no table of reflectances.",
+        f"{path} is not a table of reflectances.",
         "Write a line of wavelengths and a line for each patch, or a line for each wavelength, a column a patch.",
     )
 
@@ -231,7 +231,7 @@ def _cgats(text: str, path: Path) -> SpectraTable:
         if sum(wavelength_of(field) is not None for field in header) < 10:
             continue
         if not ended:
-            raise InvalidArgument(f"{path} breaks off: its table has no END_DATA.", "Export it again.")
+            raise InvalidArgument(f"{path} ends early: its table has no END_DATA.", "Export it again.")
         body = [
             [field.strip().strip('"') for field in line.split("\t")] for line in data.splitlines() if line.strip()
         ]
@@ -255,7 +255,7 @@ def _cxf(data: bytes, path: Path) -> SpectraTable:
                 from colour_cxf.cxf3 import ReflectanceSpectrum
             except ImportError as error:
                 raise InvalidArgument(
-                    f"{path} is CxF, which needs the library colour-cxf: it is not there.",
+                    f"{path} is CxF, which needs the library colour-cxf, which is not installed.",
                     "Run pip install colour-cxf, or save the table as CSV or CGATS.",
                 ) from error
             resources: Any = colour_cxf.read_cxf(data).resources
@@ -281,7 +281,7 @@ def _cxf(data: bytes, path: Path) -> SpectraTable:
         found = []
     if not found or not all(np.array_equal(grid, grids[0]) for grid in grids):
         raise InvalidArgument(
-            f"{path} is no CxF3 file with reflectance spectra on one set of wavelengths.",
+            f"{path} is not a CxF3 file with reflectance spectra on one set of wavelengths.",
             "Export it again; its ColorSpecification needs a WavelengthRange with StartWL and Increment.",
         )
     return SpectraTable(tuple(name for name, _, _ in found), grids[0], values)

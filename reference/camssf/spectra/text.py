@@ -55,7 +55,7 @@ def read_bytes(path: Path) -> bytes:
         raise InvalidArgument(f"There is no file {path}.", "Check the path.")
     try:
         if path.stat().st_size > LARGEST_FILE:
-            raise InvalidArgument(f"{path} is larger than 20 MB.", "Tables of spectra are small: is it another file?")
+            raise InvalidArgument(f"{path} is larger than 20 MB.", "Tables of spectra are smaller. Check the file.")
         return path.read_bytes()
     except OSError as error:
         raise InvalidArgument(f"{path} cannot be read ({error.strerror}).", "Check its permissions.") from None

@@ -17,7 +17,7 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     table = capture.chart
     found = [
         Assumption(
-            "chart_table", f"the chart's reflectances are {table.source} ({table.table}), not this very chart's."
+            "chart_table", f"the chart's reflectances are {table.source} ({table.table}), not measured on this chart."
         )
     ]
     for j, shot in enumerate(capture.shots):
@@ -30,9 +30,9 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
         if shot.photo.gain_map:
             found.append(Assumption("lens_shading", where + _shading(shot)))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
-        found.append(Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1)."))
+        found.append(Assumption("white_reference", "the white frame's target has reflectance 1."))
     if ssf.std is None:
-        found.append(Assumption("no_band", "the paper's basis has no prior, so this answer carries no error band."))
+        found.append(Assumption("no_band", "the paper's basis has no prior, so the result has no error bands."))
     return tuple(found)
 
 
@@ -51,15 +51,13 @@ def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Ass
         flat = "the light was the same all over the chart."
         return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
     if shot.means.white is not None:
-        return [
-            Assumption("uneven_light", f"{where}each patch's light was solved for with the curves, by its colours.")
-        ]
+        return [Assumption("uneven_light", f"{where}the light on each patch was estimated together with the curves.")]
     least, most = 100.0 / level.max() - 100.0, 100.0 / level.min() - 100.0
     return [
         Assumption(
             "uneven_light",
-            f"{where}how the light fell was solved for with the curves: {least:+.0f} % to {most:+.0f} % on the "
-            "patches beside the white one, the same for the three channels but for a small part.",
+            f"{where}the unevenness of the light was estimated together with the curves: {least:+.0f} % to "
+            f"{most:+.0f} % on the patches relative to the white one, almost the same for the three channels.",
         )
     ]
 
@@ -69,17 +67,17 @@ def _unnamed(light: EstimatedLamp) -> str:
     likely = sorted(light.kinds.items(), key=lambda each: -each[1])
     kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
     return (
-        f"nobody named the light; the signals of a chart and a phone say what it was: {kinds}, "
-        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. Kinds are equally likely beforehand; a light of none of "
-        "them, or two lights at once, is not foreseen."
+        f"the light was not named and was estimated from the signals: {kinds}, "
+        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. All kinds have the same prior probability; other kinds "
+        "of light and mixtures of two are not considered."
     )
 
 
 def _levels(name: str, whose: str) -> str:
     """Describes raw levels that come from another file, for a file that does not state its own."""
     return (
-        f"{name} is no DNG: its colour pattern, black level and white level are the word of {whose}. A wrong level "
-        "bends every signal; a dark frame makes the black level unnecessary."
+        f"{name} is not a DNG: its colour pattern, black level and white level come from {whose}. A wrong level "
+        "changes every signal; a dark frame makes the black level unnecessary."
     )
 
 

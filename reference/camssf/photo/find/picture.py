@@ -91,7 +91,7 @@ def _planes(picture: NDArray[Any]) -> NDArray[Any]:
     planes = picture[:, :, None] if picture.ndim == 2 else picture
     if planes.ndim != 3 or planes.shape[2] not in (1, 3) or min(planes.shape[:2]) < SMALLEST:
         raise InvalidArgument(
-            f"An array of the shape {picture.shape} is no picture to find a chart in.",
+            f"An array of shape {picture.shape} is not a picture.",
             f"Give (h, w) or (h, w, 3) with {SMALLEST} px a side at least, better 640 × 480.",
         )
     return planes

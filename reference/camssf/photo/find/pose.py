@@ -90,7 +90,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     layout = LAYOUTS.get(table.layout)
     if layout is None or len(table.values) != layout.columns * layout.rows:
         raise InvalidArgument(
-            f"The chart table {table.table!r} fits no layout that camssf knows.",
+            f"The chart table {table.table!r} fits no known layout.",
             f"Use a table of one of these layouts: {', '.join(LAYOUTS)}.",
         )
     height, width = mosaic.samples.shape
@@ -116,7 +116,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
                 threshold=WIDEST_EDGE,
             )
         raise ChartNotFound(
-            f"{mosaic.path}: nothing in the photo agrees with the chart {table.name!r}.",
+            f"{mosaic.path}: no chart {table.name!r} was found in the photo.",
             "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "
             "and free of shadows and reflections, and hold the camera still. Check --chart, and that chart, white "
             "and dark frame are not exchanged; a file may also name a wrong order of its colour filters. Else give "
@@ -183,7 +183,7 @@ def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:
 
 def _mirrored(mosaic: Mosaic, match: Match) -> ChartNotFound:
     return ChartNotFound(
-        f"{mosaic.path}: the chart is mirrored (its colours agree as seen in a mirror, {match.score:.2f}).",
+        f"{mosaic.path}: the chart is mirrored (its mirror image agrees, {match.score:.2f}).",
         "Photograph the chart itself, not its mirror image, and export the RAW without flipping it.",
     )
 

@@ -99,7 +99,7 @@ def _gain_map(data: bytes, stage: int) -> GainMap:
     gains = np.frombuffer(data, ">f4", offset=_HEAD.size).astype(np.float64).reshape(v, h, p)
     sizes = np.array([step_v, step_h, from_v, from_h])
     if not (np.isfinite(gains).all() and (gains > 0).all() and np.isfinite(sizes).all() and (sizes[:2] > 0).all()):
-        raise ValueError("holds a gain map whose gains or spacings are no positive numbers")
+        raise ValueError("holds a gain map whose gains or spacings are not positive")
     top, left, bottom, right, plane, planes, row_pitch, column_pitch = area
     if min(row_pitch, column_pitch) < 1:
         raise ValueError("holds a gain map with a pitch of 0")

@@ -54,7 +54,7 @@ def read_raw(path: str | Path) -> Mosaic:
         return _picture(file, sidecar)
     if file.suffix.casefold() == ".png" and file.is_file():
         raise UnsupportedRaw(
-            f"{file} is a picture, and no {file.name}.json beside it says what its samples are.",
+            f"{file} is a picture without a sidecar {file.name}.json that describes its samples.",
             "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
         )
     try:
@@ -77,7 +77,7 @@ def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
             found = _of_libraw(file, raw, rawpy)
     except rawpy.LibRawFileUnsupportedError as error:
         raise UnsupportedRaw(
-            f"{file} is no DNG, and LibRaw {_version(rawpy)} does not know its form.", refusal.advice
+            f"{file} is not a DNG, and LibRaw {_version(rawpy)} does not support its format.", refusal.advice
         ) from error
     except rawpy.LibRawError as error:
         raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
@@ -201,7 +201,7 @@ def _png(file: Path, data: bytes) -> NDArray[Any]:
         raise UnreadableRaw(f"{file} is no PNG.", COPY_AGAIN)
     _check_size(file, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
     if data[24] not in (8, 16) or data[25] != 0:  # checked before decoding
-        raise NotSensorRaw(f"{file} is no grey PNG of 8 or 16 bits.", "Write the mosaic as one grey channel.")
+        raise NotSensorRaw(f"{file} is not a grey PNG of 8 or 16 bits.", "Write the mosaic as one grey channel.")
     import cv2
 
     found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -217,7 +217,9 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
         with tifffile.TiffFile(io.BytesIO(data)) as tiff:
             page: Any = tiff.pages.first
             if len(tiff.pages) > 1:
-                raise NotSensorRaw(f"{file} has {len(tiff.pages)} pages: which is the mosaic?", "Write one page.")
+                raise NotSensorRaw(
+                    f"{file} has {len(tiff.pages)} pages; one is needed, the mosaic.", "Write one page."
+                )
             if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
                 raise UnsupportedRaw(f"{file} is a negative (MinIsWhite).", "Write it as MinIsBlack: 0 is no light.")
             _check_size(file, page.imagewidth, page.imagelength)
@@ -287,13 +289,13 @@ def _check_levels(file: Path, samples: NDArray[np.uint16], black: Floats, white:
     """Raise if the levels are impossible for these samples."""
     if not (np.isfinite(black).all() and 0 < white <= 65535 and (black < white).all() and (black >= 0).all()):
         raise UnsupportedRaw(
-            f"{file} is said to have black at {black.min():g} and white at {white:g}.",
-            f"Its levels are not known. {CONVERT}",
+            f"{file} has black at {black.min():g} and white at {white:g}, which is impossible.",
+            f"Its levels are unknown. {CONVERT}",
         )
     if int(samples.max()) > 4 * white:
         raise UnsupportedRaw(
             f"{file} has samples of {samples.max()}, far above the white level of {white:g}.",
-            f"Its levels are not known. {CONVERT}",
+            f"Its levels are unknown. {CONVERT}",
         )
 
 

@@ -36,7 +36,7 @@ def assumptions_of(document: Json) -> tuple[Assumed, ...]:
 
 
 def details_of(document: Json) -> tuple[tuple[str, tuple[Markup, ...]], ...]:
-    """How each shot was taken and found: rows of a term and its value for each shot."""
+    """Photo settings and chart detection of each shot: rows of a term and its value for each shot."""
     return tuple((name, tuple(words(find(shot)) for shot in document["shots"])) for name, find in _DETAILS)
 
 

@@ -36,7 +36,7 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         table = [numbers_of(curve.split()) for curve in curves]
         if numbers_of(name.split()) is not None or [len(row or ()) for row in table] != [NM.size] * 3:
             raise InvalidArgument(
-                f"{path} breaks off at {name[:40]!r}.", "Each camera has a name and three lines of 33 numbers."
+                f"{path} ends early at {name[:40]!r}.", "Each camera has a name and three lines of 33 numbers."
             )
         if name in found:
             raise InvalidArgument(f"{path} has {name[:40]!r} twice.", "Leave one of them out.")

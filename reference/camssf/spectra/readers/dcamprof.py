@@ -63,7 +63,7 @@ def _text(value: Any) -> str:
 
 def _none(path: Path) -> InvalidArgument:
     return InvalidArgument(
-        f"{path} is no camera SSF file of DCamProf.",
+        f"{path} is not a camera SSF file of DCamProf.",
         "It needs camera_name, ssf_bands (every wavelength in nm, or [first, last, step]) and red_ssf, green_ssf and "
         "blue_ssf with a number a band.",
     )

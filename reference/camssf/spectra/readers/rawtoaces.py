@@ -32,7 +32,7 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         words = [header.get(key) for key in ("manufacturer", "model")]
     except UNSOUND as error:
         raise InvalidArgument(
-            f"{path} is no camera file of rawtoaces.",
+            f"{path} is not a camera file of rawtoaces.",
             "It needs spectral_data with index.main R, G, B and data.main by wavelength. A result of camssf becomes "
             "one by `camssf export --to rawtoaces`.",
         ) from error

@@ -42,7 +42,7 @@ def read(text: str, path: Path) -> tuple[Floats, Floats]:
     try:
         pairs = np.array([(float(each.attrib["wavelength"]), float(each.text or "")) for each in samples])
     except (KeyError, ValueError) as error:
-        raise InvalidArgument(f"{path} has a sample that is no number.", "Export it again.") from error
+        raise InvalidArgument(f"{path} has a sample that is not a number.", "Export it again.") from error
     if not len(pairs):
         raise _none(path)
     return pairs[:, 0], pairs[:, 1]
@@ -55,5 +55,5 @@ def _name(node: ElementTree.Element) -> str:
 
 def _none(path: Path) -> InvalidArgument:
     return InvalidArgument(
-        f"{path} is no TM-27 file with one spectrum.", "Export a lamp as .spdx, or as two columns: nm, power."
+        f"{path} is not a TM-27 file with one spectrum.", "Export a lamp as .spdx, or as two columns: nm, power."
     )

@@ -21,7 +21,7 @@ internal object Assumptions {
         val n = table.patches.size
         found += Assumption(
             "chart_table",
-            "the chart's reflectances are ${table.source} (${table.table}), not this very chart's.",
+            "the chart's reflectances are ${table.source} (${table.table}), not measured on this chart.",
         )
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
@@ -30,12 +30,12 @@ internal object Assumptions {
             if (shot.photo.gainMap) found += Assumption("lens_shading", where + shading(shot))
         }
         if (capture.shots[0].means.white != null && capture.whiteReflectance == null) {
-            found += Assumption("white_reference", "the white frame shows a perfect diffuser (reflectance 1).")
+            found += Assumption("white_reference", "the white frame's target has reflectance 1.")
         }
         if (ssf.sharedStd == null) {
             found += Assumption(
                 "no_band",
-                "the paper's basis has no prior, so this answer carries no error band.",
+                "the paper's basis has no prior, so the result has no error bands.",
             )
         }
         return found
@@ -51,14 +51,14 @@ internal object Assumptions {
             return flat.takeIf { shot.means.white == null }
         }
         if (shot.means.white != null) {
-            val solved = "each patch's light was solved for with the curves, by its colours."
+            val solved = "the light on each patch was estimated together with the curves."
             return Assumption("uneven_light", where + solved)
         }
         val (least, most) = listOf(100.0 / level.max() - 100.0, 100.0 / level.min() - 100.0).map { signed(it) }
         return Assumption(
             "uneven_light",
-            "${where}how the light fell was solved for with the curves: $least % to $most % on the patches " +
-                "beside the white one, the same for the three channels but for a small part.",
+            "${where}the unevenness of the light was estimated together with the curves: $least % to $most % on " +
+                "the patches relative to the white one, almost the same for the three channels.",
         )
     }
 
@@ -73,9 +73,9 @@ internal object Assumptions {
     private fun unnamed(light: EstimatedLamp): String {
         val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }
-        return "nobody named the light; the signals of a chart and a phone say what it was: $kinds, " +
-            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. Kinds are equally likely beforehand; a " +
-            "light of none of them, or two lights at once, is not foreseen."
+        return "the light was not named and was estimated from the signals: $kinds, " +
+            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. All kinds have the same prior probability; " +
+            "other kinds of light and mixtures of two are not considered."
     }
 
     private fun shading(shot: MeasuredShot): String {

@@ -39,7 +39,7 @@ internal class Solve(
         val freeFit = CaptureFit(engines, capture, signals, settings)
         if (freeFit.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
-                "the basis has no prior, so it has no place for light that differs from patch to patch.",
+                "the basis has no prior, so light that differs between patches cannot be estimated.",
                 "Take the basis auto, phones or cameras.",
             )
         }
@@ -89,8 +89,8 @@ internal class Solve(
                 ", smooth over ${short(Rules.shipped.number("covariance.lamp_correlation"))} nm",
             "lamp modes" to fit.lamps.joinToString { "${it.name}: ${it.sharedModes.size}" },
             "uneven light" to evenness(fit),
-            "unseen" to "what the prior leaves open and no patch has seen",
-            "which lamp" to "how far the answers for each kind of light differ",
+            "unseen" to "the part of the prior's variance that the signals do not reduce",
+            "which lamp" to "the difference between the results for each kind of light",
         )
         // Shares inside the most probable hypothesis, and the share of the variance that is between the hypotheses.
         val between = ssf.between

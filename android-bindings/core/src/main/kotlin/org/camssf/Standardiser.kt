@@ -117,7 +117,7 @@ public class Standardiser private constructor(
         val found = seen(y, error)
         if (found.reach > Reach.FARTHEST) {
             throw ColourOutOfReach(
-                "This colour is none that a surface has under this lamp: ${fixed(found.reach, 1)} standard " +
+                "This colour cannot be a surface's colour under this lamp: ${fixed(found.reach, 1)} standard " +
                     "deviations from the nearest.",
                 "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
                 found.reach,
@@ -316,7 +316,7 @@ public class Standardiser private constructor(
             } else {
                 if (ratios == null) {
                     throw InvalidArgument(
-                        "Nothing tells which lamp it is.",
+                        "The lamp is unknown.",
                         "Take a result whose first lamp goes by name; or name the lamp.",
                     )
                 }

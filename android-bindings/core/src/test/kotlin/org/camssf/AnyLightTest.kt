@@ -24,7 +24,7 @@ import java.io.File
 import java.util.concurrent.CancellationException
 import kotlin.math.abs
 
-/** A golden photo in a light that nobody named; its numbers are held to Python's by the golden stage `light`. */
+/** A golden photo in an unnamed light; its numbers are held to Python's by the golden stage `light`. */
 class AnyLightTest {
     private val root = File(System.getProperty("camssf.root"))
     private val photo = PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng"))

@@ -70,7 +70,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
             if ("ssf" !in result) {
                 val reason = result.part("verdict").list("reasons").first().jsonObject
                 throw InvalidArgument(
-                    "This result was refused: it has no curves to see colour with.",
+                    "This result was refused: it has no curves.",
                     reason.text("advice"),
                 )
             }
@@ -221,7 +221,7 @@ internal class ColourCamera private constructor(val values: Three, val modes: Li
 /** The error for curves and a lamp from which no colour can be computed. */
 internal object NoColour {
     fun error(): InvalidArgument = InvalidArgument(
-        "These curves, as uncertain as they are, carry no colour under this lamp.",
+        "These curves are too uncertain to compute colour under this lamp.",
         "Check the curves and the lamp; calibrate with better photos.",
     )
 }

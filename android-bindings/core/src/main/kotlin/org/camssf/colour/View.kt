@@ -82,7 +82,7 @@ public class Reference @JvmOverloads constructor(
                 sharedRaw[it] > 10 * sharedError[it] && sharedRaw[it].isFinite() && sharedError[it] >= 0
             }
         ) {
-            throw InvalidArgument("The reference lies in the dark.", "Choose a lit white or grey surface.")
+            throw InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
         }
     }
 

@@ -77,7 +77,7 @@ public class Scores internal constructor(
                 val valid = counts.indices.filter { counts[it] && measured[3 * it + c] > FAINTEST }
                 if (valid.isEmpty()) {
                     throw InvalidArgument(
-                        "No unseen patch is left to validate with.",
+                        "No patch is left for validation.",
                         "Leave patches out of the fit, or use a brighter photo.",
                     )
                 }

@@ -64,7 +64,7 @@ public class ChartPose internal constructor(
             val layout = ChartLayout.of(chart.layout)
             if (layout == null || chart.patches.size != layout.columns * layout.rows) {
                 throw InvalidArgument(
-                    "The chart table '${chart.table}' fits no layout that camssf knows.",
+                    "The chart table '${chart.table}' fits no known layout.",
                     "Use another.",
                 )
             }

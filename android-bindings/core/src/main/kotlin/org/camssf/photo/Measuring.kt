@@ -119,7 +119,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
             val twin = shots.groupBy { it.photo.sha256 }.values.firstOrNull { it.size > 1 }
             if (twin != null) {
                 throw InvalidArgument(
-                    "${twin[0].photo.name} was given ${twin.size} times: one photo is one piece of evidence.",
+                    "${twin[0].photo.name} was given ${twin.size} times: the same photo adds no information.",
                     "Give each photo once; a second shot is another photo, best under another lamp.",
                 )
             }

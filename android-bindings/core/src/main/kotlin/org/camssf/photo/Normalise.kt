@@ -116,12 +116,11 @@ internal object Normalise {
     private fun fallbacks(shot: PatchMeans, white: String, number: Int): List<Assumption> = listOfNotNull(
         Assumption(
             "white_from_patch",
-            "shot $number: no white frame: the chart's patch '$white' stands in for " +
-                "the light on all of them.",
+            "shot $number: no white frame: the chart's patch '$white' replaces it on all patches.",
         ).takeIf { shot.white == null },
         Assumption(
             "dark_from_black_level",
-            "shot $number: no dark frame: the black level in the file stands in.",
+            "shot $number: no dark frame: the file's black level is used.",
         ).takeIf { shot.dark == null },
     )
 
@@ -138,7 +137,7 @@ internal object Normalise {
         val part = DoubleArray(signal.size) { signal[it] / (shot.saturation - black[it % 3]) }
         if (shot.white != null && shot.dark != null && 2 * part.count { it < -FAINT } > part.size) {
             return FramesDiffer(
-                "Shot $number: the dark frame is brighter than the white frame: they look swapped.",
+                "Shot $number: the dark frame is brighter than the white frame: they seem to be swapped.",
                 "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
             )
         }

@@ -57,7 +57,7 @@ internal class PoseSearch(
         }
         if (found.mirrored) {
             throw ChartNotFound(
-                "${photo.facts.name}: the chart is mirrored (its colours agree as seen in a mirror, " +
+                "${photo.facts.name}: the chart is mirrored (its mirror image agrees, " +
                     "${fixed(found.score, 2)}).",
                 "Photograph the chart itself, not its mirror image, and export the RAW without flipping it.",
             )

@@ -24,7 +24,7 @@ internal class LampGuess(val kinds: List<String>, val observation: Observation) 
  *
  * A hypothesis is the kind of light of every unnamed shot, a basis and a width of its prior. The model computes the
  * evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
- * (docs/maths.md, "A light that nobody named").
+ * (docs/maths.md, "Unnamed light").
  *
  * @param families bases and widths of their priors, with their prior odds.
  * @param tell called before each run of a model.
@@ -48,7 +48,7 @@ internal class AnyLight(
     fun recover(guesses: List<LampGuess>, of: DoubleArray): Ssf {
         if (families.any { it.engine.basis == OnnxEngine.PAPER }) {
             throw InvalidArgument(
-                "The ${OnnxEngine.PAPER} basis has no prior, so it cannot tell one light from another.",
+                "The ${OnnxEngine.PAPER} basis has no prior, so the light cannot be estimated.",
                 "Name the lamp, or take the basis phones.",
             )
         }

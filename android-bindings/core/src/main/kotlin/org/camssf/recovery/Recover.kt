@@ -275,7 +275,7 @@ internal object Recover {
         if (gap.all { it <= LARGEST_GAP }) return
         val worst = gap.max()
         throw NotConverged(
-            "The solver's own proof failed: relative duality gap ${scientific(worst, 1)}.",
+            "The solver did not converge: relative duality gap ${scientific(worst, 1)}.",
             "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
             worst.takeIf { it.isFinite() },
             LARGEST_GAP,

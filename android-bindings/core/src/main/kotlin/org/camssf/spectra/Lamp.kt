@@ -59,18 +59,18 @@ public class Lamp internal constructor(
     private fun tolerating(part: String): Lamp {
         if (unnamed) {
             throw InvalidArgument(
-                "A light that nobody named has no tolerance.",
+                "A light that is not named has no tolerance.",
                 "Leave the tolerance out, or name the lamp.",
             )
         }
         val number = Regex("""([0-9]+(?:\.[0-9]+)?) ?(%|k)""").matchEntire(part.lowercase())
-            ?: throw InvalidArgument("'$part' is no tolerance of a lamp.", "Write 2%, 300K, or 300K,2%.")
+            ?: throw InvalidArgument("'$part' is not a lamp tolerance.", "Write 2%, 300K, or 300K,2%.")
         val size = number.groupValues[1].toDouble()
         if (number.groupValues[2] == "%") {
             if (size > 50) {
                 throw InvalidArgument(
                     "A lamp known to ${short(size)} % is not known.",
-                    "Name a family, or measure it.",
+                    "Name the kind of lamp, or measure its spectrum.",
                 )
             }
             return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file, toleranceKelvin)
@@ -78,7 +78,7 @@ public class Lamp internal constructor(
         val (formula, kelvin) = temperature()
         if (!(0 < size && size < 0.25 * kelvin)) {
             throw InvalidArgument(
-                "${short(size)} K is no tolerance of a lamp of ${short(kelvin)} K.",
+                "${short(size)} K is too large a tolerance for a lamp of ${short(kelvin)} K.",
                 "Give less than a quarter of it.",
             )
         }
@@ -126,7 +126,7 @@ public class Lamp internal constructor(
         )
 
         private fun nameless() = InvalidArgument(
-            "A light that nobody named has no spectrum.",
+            "A light that is not named has no spectrum.",
             "Only a chart's photo can tell it. $MENU",
         )
 

@@ -40,7 +40,7 @@ internal object SpectraFile {
         val widths = pairs.map { it?.size }.toSet()
         if (widths != setOf(2) && widths != setOf(3)) {
             throw InvalidArgument(
-                "$name is no table of one spectrum.",
+                "$name is not a table of one spectrum.",
                 "Write a line for each wavelength: the wavelength in nm, the power.",
             )
         }
@@ -130,7 +130,7 @@ internal object SpectraFile {
 
     private fun decode(name: String, content: ByteArray): String {
         if (content.size > LARGEST) {
-            throw InvalidArgument("$name is larger than 20 MB.", "Tables of spectra are small: is it another file?")
+            throw InvalidArgument("$name is larger than 20 MB.", "Tables of spectra are smaller. Check the file.")
         }
         val mark = content.take(2).map { it.toInt() and 0xff }
         if (mark == listOf(0xff, 0xfe) || mark == listOf(0xfe, 0xff)) return content.toString(Charsets.UTF_16)
@@ -204,7 +204,7 @@ internal object SpectraFile {
     }
 
     private fun noChart(name: String) = InvalidArgument(
-        "$name is no table of reflectances.",
+        "$name is not a table of reflectances.",
         "Write a line of wavelengths and a line for each patch, or a line for each wavelength, a column a patch.",
     )
 

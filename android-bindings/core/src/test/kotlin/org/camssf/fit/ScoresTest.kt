@@ -93,7 +93,7 @@ class ScoresTest {
         val (light, off) = with(2e-6)
         assertEquals(100 / sqrt(48.0), scores(off, values = light).rmsrePercent[0], 1e-9)
         val error = assertThrows(InvalidArgument::class.java) { scores(y, BooleanArray(2 * n)) }
-        assertEquals("No unseen patch is left to validate with.", error.message)
+        assertEquals("No patch is left for validation.", error.message)
     }
 
     /** The fit to XYZ is by the patches in use; by all where fewer than three are. */

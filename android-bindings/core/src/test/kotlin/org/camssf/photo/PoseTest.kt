@@ -272,7 +272,7 @@ class PoseTest {
         val corners = Corners.of(5.0, 5.0, 60.0, 5.0, 60.0, 50.0, 5.0, 50.0)
         for (odd in listOf(table("none", 24), table("classic24", 23))) {
             val error = assertThrows(InvalidArgument::class.java) { ChartPose.refine(photo, corners, odd) }
-            assertEquals("The chart table 'odd table' fits no layout that camssf knows.", error.message)
+            assertEquals("The chart table 'odd table' fits no known layout.", error.message)
         }
     }
 

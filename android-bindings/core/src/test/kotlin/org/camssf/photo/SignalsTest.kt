@@ -82,7 +82,7 @@ class SignalsTest {
         val said = found.assumptions.single()
         assertEquals("white_from_patch", said.code)
         assertEquals(
-            "shot 1: no white frame: the chart's patch 'patch 3' stands in for the light on all of them.",
+            "shot 1: no white frame: the chart's patch 'patch 3' replaces it on all patches.",
             said.message,
         )
     }
@@ -96,7 +96,7 @@ class SignalsTest {
         assertEquals(sqrt(c * c + y * y * w * w) / range, found.standardError[5], 1e-15)
         val said = found.assumptions.single()
         assertEquals("dark_from_black_level", said.code)
-        assertEquals("shot 1: no dark frame: the black level in the file stands in.", said.message)
+        assertEquals("shot 1: no dark frame: the file's black level is used.", said.message)
     }
 
     /** Black 0 and a range of 1000 DN: shares are thousandths. */
@@ -135,7 +135,7 @@ class SignalsTest {
     fun `white and dark frame in each other's place are said`() {
         val swapped = refused(FramesDiffer::class.java, means(chart, dark, flat))
         assertEquals(
-            "Shot 1: the dark frame is brighter than the white frame: they look swapped.",
+            "Shot 1: the dark frame is brighter than the white frame: they seem to be swapped.",
             swapped.message,
         )
         val size = 3 * n

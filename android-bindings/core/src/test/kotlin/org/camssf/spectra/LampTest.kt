@@ -31,7 +31,7 @@ class LampTest {
     }
 
     @Test
-    fun `a light that nobody named has kinds and no spectrum`() {
+    fun `an unnamed light has kinds and no spectrum`() {
         val light = Lamp.auto()
         assertTrue(light.unnamed && light.tolerance.isNaN() && light.modes.isEmpty())
         assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.map { it.name })

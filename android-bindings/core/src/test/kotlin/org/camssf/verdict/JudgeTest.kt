@@ -116,7 +116,7 @@ class JudgeTest {
 
     /** By the maker's word: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without, and 20 : 1 against nobody's. */
     @Test
-    fun `in a light that nobody named a phone's word is needed`() {
+    fun `in an unnamed light a phone's word is needed`() {
         fun said(phone: Double, family: String?): Pair<Boolean, Double?>? =
             Light.unnamed(weights(phone, 0.0, 1.0 - phone, 0.0), family).singleOrNull()?.let { it.fatal to it.value }
         assertNull(said(0.81, "phones"))

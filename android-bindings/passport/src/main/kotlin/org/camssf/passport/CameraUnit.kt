@@ -35,7 +35,7 @@ public data class CameraUnit @JvmOverloads constructor(
             val there = theirs.second
             if (own != null && there != null && own != there) {
                 throw InvalidArgument(
-                    "Another camera by what $source says: $name is ${spoken(there)} there, not ${spoken(own)}.",
+                    "$source names another camera: $name is ${spoken(there)} there, not ${spoken(own)}.",
                     "Name the unit that the photo was taken with.",
                 )
             }

@@ -16,7 +16,7 @@ internal object Claims {
             }
             if (name !in claims || !right(claims[name])) {
                 throw PassportInvalid(
-                    "The passport's $name is missing or not as it must be.",
+                    "The passport's $name is missing or invalid.",
                     Parts.advice(Parts.WHAT),
                 )
             }

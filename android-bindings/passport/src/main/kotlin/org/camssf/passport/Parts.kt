@@ -44,11 +44,11 @@ internal class Parts private constructor(
             val parts = read(data, type, what)
             val point = points[parts.kid] ?: throw PassportInvalid(
                 "${begin(what)} is signed by the key ${parts.kid}, which is not trusted.",
-                "Give that signer's public key, if you trust him.",
+                "Give the signer's public key if you trust the signer.",
             )
-            if (!P256.isInBounds(parts.signature)) throw invalid(what, "'s signature is out of its bounds")
+            if (!P256.isInBounds(parts.signature)) throw invalid(what, "'s signature is not a valid pair of numbers")
             if (!P256.verify(point, data, parts.length, parts.signature)) {
-                throw invalid(what, "'s signature does not fit: it was changed")
+                throw invalid(what, "'s signature does not match: the content was changed")
             }
             return parts
         }
@@ -60,7 +60,7 @@ internal class Parts private constructor(
             if (dots != 2 || first > HEADER) {
                 val form = what.replaceFirst("the ", "a ")
                 throw PassportInvalid(
-                    "It has not the form of $form, three parts with a dot between them.",
+                    "It does not have the form of $form, three parts with a dot between them.",
                     advice(what),
                 )
             }
@@ -71,7 +71,7 @@ internal class Parts private constructor(
             val kid = values["kid"] as? String
             if (kid == null || !PassportKeys.KEY.matches(kid)) throw invalid(what, " names no key")
             if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to type)) { // `none`, HS256, crit, jwk
-                throw invalid(what, "'s header asks for something else than $ALGORITHM and $type")
+                throw invalid(what, "'s header does not name $ALGORITHM and $type")
             }
             if (signature.size != 64) throw invalid(what, "'s signature has ${signature.size} bytes, not 64")
             return Parts(kid, payload, signature, last)
@@ -87,7 +87,7 @@ internal class Parts private constructor(
                 ?: throw PassportInvalid("A part of $what is not base64url.", advice(what))
 
         fun members(text: String, name: String, what: String): Members =
-            sound(name, what) { Sound.parse(text) } as? Members ?: throw invalid(what, "'s $name is no object")
+            sound(name, what) { Sound.parse(text) } as? Members ?: throw invalid(what, "'s $name is not an object")
 
         fun text(data: ByteArray, name: String, what: String): String = sound(name, what) { Sound.text(data) }
 

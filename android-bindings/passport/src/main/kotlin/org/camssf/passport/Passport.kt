@@ -178,7 +178,7 @@ public class Passport internal constructor(
                 if (shots.none { photo.sha256.isNotEmpty() && sha256(it) == photo.sha256 }) {
                     throw InvalidArgument(
                         "The result was not made from ${photo.name}.",
-                        "Give the very file, or leave it out.",
+                        "Give the original file, or leave it out.",
                     )
                 }
                 unit = unit.agreed(CameraUnit.of(photo), photo.name)
@@ -282,7 +282,7 @@ public class Passport internal constructor(
         /** Throws unless the passport belongs to that result: the SHA-256 of its bytes and the excerpt must match. */
         private fun checkBelongs(passport: Passport, result: ByteArray) {
             if (hex(PassportKeys.sha256(result)) != passport.resultSha256) {
-                throw PassportInvalid("The passport is of another result.", "Give the very file that was signed.")
+                throw PassportInvalid("The passport belongs to another result.", "Give the file that was signed.")
             }
             val whole = try {
                 document(result)
@@ -292,7 +292,7 @@ public class Passport internal constructor(
             }
             if (!Sound.isSame(Excerpt.of(whole), Sound.parse(passport.result))) {
                 throw PassportInvalid(
-                    "The passport's excerpt is not what the signed result holds.",
+                    "The passport's excerpt differs from the signed result.",
                     Parts.advice(Parts.WHAT),
                 )
             }
@@ -300,12 +300,12 @@ public class Passport internal constructor(
 
         private fun check(passport: Passport, kid: String, revoked: Set<String>, now: Instant) {
             for ((name, what) in listOf(passport.id to "The passport", kid to "The key that signed it")) {
-                if (name in revoked) throw PassportInvalid("$what was called back ($name).", "Calibrate again.")
+                if (name in revoked) throw PassportInvalid("$what was revoked ($name).", "Calibrate again.")
             }
             if (now < passport.begins) {
                 throw PassportInvalid(
                     "The passport is not valid before ${iso(passport.begins)}.",
-                    "Wait, or look at the clock.",
+                    "Wait, or check this computer's clock.",
                 )
             }
             if (now >= passport.ends) {

@@ -6,14 +6,14 @@ import org.camssf.PassportInvalid
 internal object Revocations {
     const val TYPE = "camssf-revocations+jwt"
     private const val FORMAT = "camssf-revocations/1"
-    private const val WHAT = "the list of what was called back"
+    private const val WHAT = "the revocation list"
     private const val LARGEST_LIST = 16 * 1024 * 1024
 
     fun read(data: ByteArray, points: Map<String, ByteArray>, now: Long): Set<String> {
         if (data.size > LARGEST_LIST) throw invalid("is larger than $LARGEST_LIST bytes")
         if (data.count { it == '.'.code.toByte() } != 2) {
             throw PassportInvalid(
-                "The list of what was called back is not signed.",
+                "The revocation list is not signed.",
                 "Get it from its signer; `camssf passport revoke` signs one.",
             )
         }
@@ -26,8 +26,8 @@ internal object Revocations {
         val ends = (payload.getValue("exp") as Numeral).whole!!
         if (now >= ends) {
             throw PassportInvalid(
-                "The list of what was called back ended at ${iso(second(ends))}.",
-                "Get its newest from its signer, who renews it by `camssf passport revoke`.",
+                "The revocation list ended at ${iso(second(ends))}.",
+                "Get the newest one from its signer, who renews it by `camssf passport revoke`.",
             )
         }
         return names.orEmpty().map { it as String }.toSet()
@@ -35,5 +35,5 @@ internal object Revocations {
 
     private fun isName(name: String) = PassportKeys.PASSPORT.matches(name) || PassportKeys.KEY.matches(name)
 
-    private fun invalid(why: String) = PassportInvalid("The list of what was called back $why.", Parts.advice(WHAT))
+    private fun invalid(why: String) = PassportInvalid("The revocation list $why.", Parts.advice(WHAT))
 }

@@ -113,11 +113,11 @@ internal class Sound private constructor(private val text: String) {
     private fun escaped(): Char {
         val letter = peek()
         at++
-        if (letter != 'u') return ESCAPES[letter] ?: fail("an escape that is none")
+        if (letter != 'u') return ESCAPES[letter] ?: fail("an unknown escape")
         var code = 0
         repeat(4) {
             val digit = HEX.indexOf(peek().lowercaseChar())
-            if (digit < 0 || peek() > 'f') fail("an escape that is none")
+            if (digit < 0 || peek() > 'f') fail("an unknown escape")
             code = code * 16 + digit
             at++
         }
