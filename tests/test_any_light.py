@@ -25,7 +25,7 @@ from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
-from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL
+from camssf.recovery.hypotheses import FAMILIES, SCALES, UNFAMILIAR_CAMERA
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer
 from camssf.recovery.unnamed_light import (
@@ -112,7 +112,7 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     raw = {
         key: np.exp((value or 0.0) - most)
         * (5.0 if key[1] == "phones" else 1.0)
-        * (UNUSUAL if key[2] > 1 else 1 - UNUSUAL)
+        * (UNFAMILIAR_CAMERA if key[2] > 1 else 1 - UNFAMILIAR_CAMERA)
         for key, value in nats.items()
     }
     assert len(ssf.choice) == len(raw) == 8

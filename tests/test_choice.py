@@ -22,7 +22,7 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
-from camssf.recovery.hypotheses import CLEAR, FAMILIES, SCALES, UNUSUAL, choose, probabilities, recover
+from camssf.recovery.hypotheses import CLEAR, FAMILIES, SCALES, UNFAMILIAR_CAMERA, choose, probabilities, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import LARGEST_GAP, SolverSettings, Ssf, answer
@@ -86,7 +86,7 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     belief = {"phones": 5.0, "cameras": 1.0}
     most = max(evidence.values())
     raw = {
-        key: np.exp(value - most) * belief[key[0]] * (UNUSUAL if key[1] > 1 else 1 - UNUSUAL)
+        key: np.exp(value - most) * belief[key[0]] * (UNFAMILIAR_CAMERA if key[1] > 1 else 1 - UNFAMILIAR_CAMERA)
         for key, value in evidence.items()
     }
     for weight in found.choice:

@@ -385,8 +385,8 @@ def test_the_reference_narrows_a_lamp_known_by_kind() -> None:
     alone = standard_colour(camera, "daylight", y)
     asked = standard_colour(camera, "daylight", y, reference=Reference(raw=raw))
     assert spread(asked.parts, "lamp").mean() < 0.7 * spread(alone.parts, "lamp").mean()
-    assert asked.surprise is not None
-    assert alone.surprise is None
+    assert asked.chi_squared is not None
+    assert alone.chi_squared is None
     # and moves it: the estimate is bluer than the kind's mean
     light = see(camera, read_lamp("daylight"), np.log((raw / raw[1])[[0, 2]]), 0.005)
     assert light.power[:100].mean() / light.power[-100:].mean() > 1.05 * (

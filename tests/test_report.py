@@ -260,7 +260,7 @@ def checks(shots: int) -> list[Document]:
     found = []
     for name, bound in bounds.items():
         above = bound.beyond == "above"
-        whole = name in ("surprise", "strange", "unusual", "unnamed", "vague", "rival")
+        whole = name in ("goodness_of_fit", "improbable_curves", "unfamiliar_camera", "unnamed", "vague", "rival")
         for shot in [None] if whole else range(1, shots + 1):
             inside = bound.value * (0.31 if above else 1.23)
             found.append(

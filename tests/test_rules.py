@@ -23,7 +23,7 @@ DOCUMENT = json.loads(TEXT)
 
 
 def test_the_stages_read_the_file() -> None:
-    assert judge.SURPRISE == rules().number("verdict.surprise") == 3.5
+    assert judge.GOODNESS_OF_FIT == rules().number("verdict.goodness_of_fit") == 3.5
     assert signals.FEWEST == rules().whole("signals.fewest") == 6
     assert patches.SHRINK == DOCUMENT["numbers"]["patches"]["shrink"]["value"] == 0.5
     assert rules().number("covariance.absolute") == 1 / 3
@@ -38,13 +38,22 @@ BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
     "unknown key": (lambda d: d.update(kinds=[]), "kinds"),
     "missing key": (lambda d: d.pop("rivals"), "rivals"),
     "no object": (lambda d: d.update(numbers=[]), "numbers"),
-    "no value": (lambda d: d["numbers"]["verdict"]["surprise"].pop("value"), "verdict.surprise.*value"),
-    "a text for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value="3.5"), "verdict.surprise"),
-    "truth for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value=True), "verdict.surprise"),
-    "nothing for a number": (lambda d: d["numbers"]["verdict"]["surprise"].update(value=0), "verdict.surprise"),
-    "no reason why": (lambda d: d["numbers"]["verdict"]["surprise"].update(why=""), "empty text"),
-    "makes a fuss": (lambda d: d["numbers"]["verdict"]["surprise"].update(makes="fuss"), "fuss"),
-    "one side": (lambda d: d["numbers"]["verdict"]["surprise"].pop("beyond"), "makes and beyond"),
+    "no value": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].pop("value"), "verdict.goodness_of_fit.*value"),
+    "a text for a number": (
+        lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(value="3.5"),
+        "verdict.goodness_of_fit",
+    ),
+    "truth for a number": (
+        lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(value=True),
+        "verdict.goodness_of_fit",
+    ),
+    "nothing for a number": (
+        lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(value=0),
+        "verdict.goodness_of_fit",
+    ),
+    "no reason why": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(why=""), "empty text"),
+    "makes a fuss": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(makes="fuss"), "fuss"),
+    "one side": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].pop("beyond"), "makes and beyond"),
     "refuses by nothing": (lambda d: d["numbers"]["verdict"]["veil"].update(refuses="mist"), "verdict.veil.*mist"),
     "refuses by doubt": (lambda d: d["numbers"]["verdict"]["veil"].update(refuses="rough"), "verdict.veil.*rough"),
     "refuses from above": (lambda d: d["numbers"]["verdict"]["unnamed"].update(refuses="fog"), "unnamed.*fog"),
@@ -128,7 +137,9 @@ CHEAP = [
     for mutant in mutate_rules.mutants(DOCUMENT)
     if mutant.name.partition(".")[0] in ("verdict", "covariance", "signals", "patches")
     and mutant.name.endswith((" x 1.5", " + 1"))
-    and not mutant.name.startswith(("verdict.most_rivalled", "verdict.narrow"))  # stages calibrate and rivals do
+    and not mutant.name.startswith(
+        ("verdict.most_shots_compared", "verdict.narrow")
+    )  # stages calibrate and rivals do
 ]
 
 
@@ -162,7 +173,7 @@ def test_the_process_is_as_before_after_a_mutant() -> None:
     import camssf.verdict.judge as now
 
     assert now is judge
-    assert rules().number("verdict.surprise") == 3.5
+    assert rules().number("verdict.goodness_of_fit") == 3.5
 
 
 def test_every_equivalent_mutant_exists() -> None:

@@ -25,8 +25,8 @@ from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from camssf.verdict.checks import Check, Checks
-from camssf.verdict.goodness_of_fit import SUSPECT, GoodnessOfFit, VerdictInputs, _covariance, directions
-from camssf.verdict.judge import STRANGE, judge, strangeness
+from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, _covariance, directions
+from camssf.verdict.judge import IMPROBABLE_CURVES, judge, strangeness
 from camssf.verdict.lamp import CONDEMNED, RIVAL, Neutral, Rival
 from camssf.verdict.lamp import rival_lamp as rule_4
 from camssf.verdict.reasons import Fatal, Reason, Verdict, refusal
@@ -105,7 +105,7 @@ class Scene:
             ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.light.lamp])
         )
 
-    def surprise(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> GoodnessOfFit:
+    def goodness_of_fit(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> GoodnessOfFit:
         return self.told(lamps or self.lamps).goodness_of_fit(ssf or self.ssf)
 
     def told(self, lamps: list[Lamp]) -> VerdictInputs:
@@ -145,8 +145,8 @@ def test_a_clean_capture_is_accepted(white: bool) -> None:
     assert not verdict.reasons
 
 
-WHOLE = {"surprise", "hopeless", "strange", "vague", "unusual"}
-OF_A_SHOT = {"suspect", "dark_white", "veil", "few_patches", "dirty", "greens", "smooth", "rough", "poor_pose"}
+WHOLE = {"goodness_of_fit", "hopeless", "improbable_curves", "vague", "unfamiliar_camera"}
+OF_A_SHOT = {"explanation", "dark_white", "veil", "few_patches", "dirty", "greens", "smooth", "rough", "poor_pose"}
 
 
 def kept(check: Check) -> bool:
@@ -260,7 +260,7 @@ def test_modes_are_in_the_covariance() -> None:
     np.testing.assert_allclose(more - plain, np.outer(slope, slope), rtol=0, atol=1e-6 * np.max(slope**2))
 
 
-# rule 2: surprise
+# rule 2: goodness_of_fit
 
 
 def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
@@ -287,13 +287,13 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
         b @ np.linalg.solve(S + A @ A.T, b)
         for A, b, S in zip(known.matrix, known.target, known.covariance, strict=True)
     )
-    assert scene.surprise().total == pytest.approx(total, rel=0.05)
-    assert scene.surprise().count == 3 * used.sum()
+    assert scene.goodness_of_fit().total == pytest.approx(total, rel=0.05)
+    assert scene.goodness_of_fit().count == 3 * used.sum()
 
 
 @pytest.mark.slow
 def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
-    """Camera, chart, white, lamp, drift and noise drawn from what the model is told: T, and the suspects' gains."""
+    """Camera, chart, white, lamp, drift and noise drawn from the model: T, and the explanations' gains."""
     rng = np.random.default_rng(4)
     z, strongest = [], []
     for _ in range(80):
@@ -302,15 +302,15 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
             scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01
         ).goodness_of_fit_of_shot(0, scene.ssf)
         z.append(found.z)
-        strongest.append(max(suspect.gain for suspect in found.explanations))
+        strongest.append(max(explanation.gain for explanation in found.explanations))
     # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.21, each three standard errors.
     assert abs(np.mean(z)) < 0.34
     assert abs(np.std(z) - 1.0) < 0.21
-    # 28 suspects, nearly all of three degrees of freedom; their own curves' part makes them explain a little less.
+    # 28 explanations, most of three degrees of freedom; their own curves' part makes them explain a little less.
     tenth, thousandth = (chi2.isf(share / 26, 3) for share in (0.1, 0.001))
     assert 0.01 < np.mean(np.array(strongest) > tenth) < 0.2
-    assert thousandth < SUSPECT < chi2.isf(0.0005 / 26, 3)
-    assert max(strongest) < SUSPECT
+    assert thousandth < EXPLANATION < chi2.isf(0.0005 / 26, 3)
+    assert max(strongest) < EXPLANATION
 
 
 def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
@@ -367,7 +367,7 @@ def test_z_is_the_normal_number_of_chi_squared(total: float) -> None:
     assert mine == pytest.approx(norm.isf(chi2.sf(total, 72)), abs=0.02)
 
 
-# rule 3: suspects
+# rule 3: explanations
 
 
 def named(y: Floats, **how: Any) -> Reason:
@@ -439,8 +439,8 @@ def test_stray_light_and_a_black_level_differ_in_colour(veil: float, pedestal: f
     reason = first(scene.judged())
     assert reason.code == code
     assert ("Stray light or a wrong black level adds" if veil else "black level seems wrong") in reason.message
-    slight = veil == 0.01  # not enough for a suspect, but for an offset without a dark frame
-    assert reason.threshold == rules().number("verdict.suspect" if veil and not slight else "verdict.black")
+    slight = veil == 0.01  # not enough for a explanation, but for an offset without a dark frame
+    assert reason.threshold == rules().number("verdict.explanation" if veil and not slight else "verdict.black")
 
 
 def test_a_white_frame_of_another_light() -> None:
@@ -483,7 +483,7 @@ def test_curves_that_no_camera_has() -> None:
     innocent, guilty = strangeness(scene.ssf), strangeness(cooked.ssf)
     assert innocent is not None
     assert guilty is not None
-    assert innocent < 1.0 < STRANGE < guilty
+    assert innocent < 1.0 < IMPROBABLE_CURVES < guilty
     assert "lamp_unfit" in codes(cooked.judged())
 
 
@@ -565,8 +565,8 @@ def test_the_raw_white_tells_the_lamp() -> None:
         white = scene.signals.dark + 3000.0 * light / light.max()
         scene.signals = replace(scene.signals, white=np.broadcast_to(white, scene.signals.white.shape))
         scene.neutrals = [[neutral("D65")]]
-        tinted = {r.code for r in scene.judged().reasons if "colour matrix" in r.message}
-        assert tinted == expected
+        white_balance_mismatch = {r.code for r in scene.judged().reasons if "colour matrix" in r.message}
+        assert white_balance_mismatch == expected
         scene.neutrals = [[]]
         assert not [r for r in scene.judged().reasons if "colour matrix" in r.message]
 
@@ -637,7 +637,7 @@ def test_an_unnamed_light_is_not_doubted_by_its_own_estimate() -> None:
         for told, doubted in ((False, named), (True, unnamed)):
             verdict = scene.judged(unnamed=[told])
             assert any("colour matrix" in reason.message for reason in verdict.reasons) == doubted
-            (check,) = (check for check in verdict.checks if check.name == "tinted")
+            (check,) = (check for check in verdict.checks if check.name == "white_balance_mismatch")
             assert kept(check) != doubted
 
 
@@ -674,9 +674,9 @@ def test_few_patches() -> None:
 
 def test_a_basis_without_a_prior_is_judged_by_its_residual_alone() -> None:
     scene = Scene(clean())
-    bare = scene.surprise(replace(scene.ssf, posterior=None))
+    bare = scene.goodness_of_fit(replace(scene.ssf, posterior=None))
     assert bare.prior == 0.0
-    assert bare.residual == pytest.approx(scene.surprise().residual)
+    assert bare.residual == pytest.approx(scene.goodness_of_fit().residual)
 
 
 def test_the_camera_is_one_that_the_basis_has_seen() -> None:

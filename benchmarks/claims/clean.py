@@ -5,11 +5,11 @@ colour matrix 3 % off), of phones under lamps of 2,000 to 10,000 K and under whi
 other phones and judged as `camssf calibrate` does it: the lamp named; not named; not named, and no maker in the file.
 An LED is taken out of the table of its kind first where it is not named.
 
-Phones in turn belong to two halves: `poor_pose` and `tinted_unnamed` are set on `tune`. Each doubted capture is
-counted under every limit of the rules that it broke. `--offsets` asks instead what is named where no dark frame was
-taken, and stray light lies over the chart or the file's black level is off. `--phones` (or CAMSSF_PHONES) names the
-table that may not be passed on, as in benchmarks.claims.phones. Exit status 1 where a bar is missed: with the maker
-in the file at most 2 % doubted, none refused.
+Phones in turn belong to two halves: `poor_pose` and `white_balance_mismatch_unnamed` are set on `tune`. Each doubted
+capture is counted under every limit of the rules that it broke. `--offsets` prints instead the reason that is given
+if there is no dark frame, and stray light lies over the chart or the file's black level is wrong. `--phones` (or
+CAMSSF_PHONES) names the table that may not be passed on, as in benchmarks.claims.phones. Exit status 1 if a bar is
+missed: with the maker in the file at most 2 % doubted, none refused.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ patch free by 8 %, as `--light-per-patch 8%` does.
 Bases: `cameras` learned without Nikon, and that with `phones` as `auto` weighs them (the claim); as shipped, which
 contains the D70 of rawtoaces; `phones`; and the paper's, whose only error is noise, so it gets the tolerance as
 noise. RMSE of curves of peak 1 at the 31 wavelengths of the monochromator, 400 to 700 nm, mean of red, green, blue;
-coverage: the share of these 93 values within the 95 % band. z is the surprise of docs/verdict.md.
+coverage: the share of these 93 values within the 95 % band. z is the goodness of fit of docs/verdict.md.
 
 Then a real photo of a chart without a truth, data/dng/colorchart.dng: verdict, band and choice by the lamp given.
 
@@ -70,7 +70,7 @@ BARS = {
     "claim over the paper's basis: RMSE": ("<=", 0.7),
     "claim over the mean camera: RMSE": ("<=", 0.85),
     "evidence of 8 % above that of 3 %, nats": (">=", 10.0),
-    "claim at 8 %: surprise z": ("<=", 3.5),
+    "claim at 8 %: goodness of fit z": ("<=", 3.5),
     "claim with the light of each patch free, over 8 %": ("<=", 1.0),
     "as shipped, the light of each patch free: RMSE, 2011": ("<=", 0.05),
     "as shipped, the light of each patch free: coverage": (">=", 0.93),
@@ -393,7 +393,7 @@ def bars(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         "claim over the paper's basis: RMSE": over(claim["passes"], paper["passes"]),
         "claim over the mean camera: RMSE": over(claim["passes"], found["references"][MEAN]),
         "evidence of 8 % above that of 3 %, nats": wide - narrow,
-        "claim at 8 %: surprise z": claim["z"],
+        "claim at 8 %: goodness of fit z": claim["z"],
         "claim with the light of each patch free, over 8 %": over(each_by_itself["passes"], claim["passes"]),
         "as shipped, the light of each patch free: RMSE, 2011": shipped["passes"]["2011"]["rmse"],
         "as shipped, the light of each patch free: coverage": min(

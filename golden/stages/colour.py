@@ -189,7 +189,7 @@ def run(call: Call) -> dict[str, Any]:
         "lamps": [name for name, _ in found.lamps],
         "weights": np.array([weight for _, weight in found.lamps]),
         "kinds": [transform.kind for transform in found.transforms],
-        "surprise": found.surprise,
+        "chi_squared": found.chi_squared,
         "far": far.tolist(),
         "reach": found.reach[far] if far.any() else None,
     }
@@ -206,7 +206,7 @@ LIMITS = (
     *each("exact", 0.0, "lamps"),
     *each("norm", 1e-12, "weights"),
     *each("exact", 0.0, "kinds"),
-    *each("relative", 1e-12, "surprise"),
+    *each("relative", 1e-12, "chi_squared"),
     *each("exact", 0.0, "far"),
     *each("norm", 1e-9, "reach"),
 )
@@ -216,7 +216,7 @@ STAGE = Stage(
     name="colour",
     keys=Keys(
         words("result lamp signals standard_error reference view"),
-        words("white weights kinds xyz lab xyz_covariance lab_covariance parts lamps surprise far reach"),
+        words("white weights kinds xyz lab xyz_covariance lab_covariance parts lamps chi_squared far reach"),
         arrays=words("signals standard_error"),
     ),
     requires=always("colour"),

@@ -30,7 +30,7 @@ class Number:
     """One number of the rules.
 
     Attributes:
-        name: group and word, for example "verdict.surprise".
+        name: group and word, for example "verdict.goodness_of_fit".
         value, unit: the number and its unit. Whole numbers are int.
         what, why: what it measures, and why it has this value.
         makes: "doubtful" or "refused" for a bound of the verdict, else None.

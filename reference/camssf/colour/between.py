@@ -71,7 +71,7 @@ class Converted:
         lamps: names of the lamps that were compared, and their weights.
         conversions: for each lamp, in that order.
         reach: (m,) distance of the source's signals from those that any surface can give, in standard deviations.
-        surprise: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
+        chi_squared: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
     """
 
     signals: Floats
@@ -80,7 +80,7 @@ class Converted:
     lamps: tuple[tuple[str, float], ...]
     conversions: tuple[Conversion, ...]
     reach: Floats
-    surprise: float | None
+    chi_squared: float | None
 
 
 def convert(
@@ -162,7 +162,7 @@ def _converted(
     spread = np.einsum("kmc,kmd->mcd", *[signal_moves(y, error, light, given)] * 2)
     return Converted(
         conversion.apply(y), np.sum([parts[name] for name in PARTS], axis=0), parts, ((light.name, 1.0),),
-        (conversion,), distances(y, spread, light), light.surprise,
+        (conversion,), distances(y, spread, light), light.chi_squared,
     )  # fmt: skip
 
 
@@ -235,5 +235,5 @@ def _mixed(answers: Sequence[Converted], weights: Floats) -> Converted:
         tuple((answer.lamps[0][0], float(weight)) for answer, weight in zip(answers, weights, strict=True)),
         tuple(answer.conversions[0] for answer in answers),
         np.min([answer.reach for answer in answers], axis=0),
-        answers[int(weights.argmax())].surprise,
+        answers[int(weights.argmax())].chi_squared,
     )

@@ -45,7 +45,7 @@ def colour_document(
         "lamp": {
             "asked": about["lamp"],
             "weights": [{"name": name, "weight": weight} for name, weight in colours.lamps],
-            "surprise": colours.surprise,
+            "chi_squared": colours.chi_squared,
         },
         "reference": about["reference"] | {"rectangle": list(white.rectangle), "raw": white.raw.tolist()},
         "transforms": [
@@ -99,7 +99,7 @@ def between_document(found: Converted, signals: Floats, errors: Floats, about: d
         "lamp": {
             "asked": about["lamp"],
             "weights": [{"name": name, "weight": weight} for name, weight in found.lamps],
-            "surprise": found.surprise,
+            "chi_squared": found.chi_squared,
         },
         "conversions": [_conversion(each) for each in found.conversions],
         "signals": [_converted(found, signals, errors, rectangle, i) for i, rectangle in enumerate(about["regions"])],

@@ -34,7 +34,7 @@ class Light:
         curve_modes: (K, 681, 3) absolute, of the same K errors.
         of_lamp: how many of the K errors come from the lamp; they are the first ones.
         log_evidence: ln of the density of the reference's ratios; 0 without them.
-        surprise: χ² of these ratios, two degrees of freedom; None without them.
+        chi_squared: χ² of these ratios, two degrees of freedom; None without them.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Light:
     curve_modes: Floats
     of_lamp: int
     log_evidence: float = 0.0
-    surprise: float | None = None
+    chi_squared: float | None = None
 
 
 def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float = 0.0) -> Light:
@@ -60,7 +60,7 @@ def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float =
     modes = lamp_modes(lamp)
     p, q = len(modes), len(camera.modes)
     mean, covariance = np.zeros(p + q), np.eye(p + q)
-    surprise, log_evidence = None, 0.0
+    chi_squared, log_evidence = None, 0.0
     if ratios is not None and camera.own is not None:
         for _ in range(STEPS):
             expected, slope, noise = _ratios(camera, lamp, modes, mean)
@@ -70,13 +70,13 @@ def see(camera: Camera, lamp: Lamp, ratios: Floats | None = None, error: float =
             gain = np.linalg.solve(spread, slope).T
             mean = gain @ off
         covariance = np.eye(p + q) - gain @ slope
-        surprise = float(off @ np.linalg.solve(spread, off))
-        log_evidence = -0.5 * (surprise + float(np.linalg.slogdet(2.0 * np.pi * spread)[1]))
+        chi_squared = float(off @ np.linalg.solve(spread, off))
+        log_evidence = -0.5 * (chi_squared + float(np.linalg.slogdet(2.0 * np.pi * spread)[1]))
     root = np.linalg.cholesky(0.5 * (covariance + covariance.T))  # lamp first: later columns do not change the lamp
     return Light(
         lamp.name, lamp.values * _bend(modes, mean[:p]), _curves(camera, mean[p:]),
         (modes.T @ root[:p]).T * lamp.values, np.einsum("qmc,qk->kmc", camera.modes, root[p:]),
-        p, log_evidence, surprise,
+        p, log_evidence, chi_squared,
     )  # fmt: skip
 
 

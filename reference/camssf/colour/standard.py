@@ -66,7 +66,7 @@ class Colours:
         lamps: names of the lamps that were compared, and their weights.
         transforms: for each lamp, in that order.
         reach: (m,) distance of the signals from those that any surface can give, in standard deviations.
-        surprise: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
+        chi_squared: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
     """
 
     xyz: Floats
@@ -79,7 +79,7 @@ class Colours:
     lamps: tuple[tuple[str, float], ...]
     transforms: tuple[Transform, ...]
     reach: Floats
-    surprise: float | None
+    chi_squared: float | None
 
 
 def standard_colour(
@@ -145,11 +145,11 @@ def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
     if not isinstance(lamp, str) or lamp != AUTO:
         known = read_lamp(lamp)
         light = see(camera, known, ratios, error)
-        if light.surprise is not None and light.surprise > CONTRADICTED:
+        if light.chi_squared is not None and light.chi_squared > CONTRADICTED:
             raise LampUnfit(
-                f"The reference is not white under {known.name}: its raw ratios are off, χ² = {light.surprise:.0f}.",
+                f"The reference is not white under {known.name}: raw ratios differ, χ² = {light.chi_squared:.0f}.",
                 "Check --lamp and that the reference is neutral and lit by that lamp alone; or use --lamp auto.",
-                value=light.surprise,
+                value=light.chi_squared,
                 threshold=CONTRADICTED,
             )
         return [light]
@@ -190,7 +190,7 @@ def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: Vie
     spread = np.einsum("kmc,kmd->mcd", *[signal_moves(y, error, light, given)] * 2)
     return Colours(
         xyz, lab(xyz, white), total[0], total[1], parts, white, view, ((light.name, 1.0),), (transform,),
-        distances(y, spread, light), light.surprise,
+        distances(y, spread, light), light.chi_squared,
     )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ FAMILIES = ("phones", "cameras")
 """The bases that `auto` chooses from, in this order."""
 SCALES = (1.0, rules().number("choice.wide"))
 """Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
-UNUSUAL = rules().number("choice.unusual")
+UNFAMILIAR_CAMERA = rules().number("choice.unfamiliar_camera")
 """Prior probability of the second scale."""
 CLEAR = rules().number("choice.clear")
 """Posterior odds at which a basis is used alone."""
@@ -72,7 +72,7 @@ def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
     return [
         (name, scale, float(np.log(odds.get(name, 1.0) * belief)))
         for name in FAMILIES
-        for scale, belief in zip(SCALES, (1.0 - UNUSUAL, UNUSUAL), strict=True)
+        for scale, belief in zip(SCALES, (1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA), strict=True)
     ]
 
 

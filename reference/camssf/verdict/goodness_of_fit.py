@@ -19,8 +19,8 @@ from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
 
 _NUMBER = rules().number
-SURPRISE = _NUMBER("verdict.surprise")
-SUSPECT, SHARE = _NUMBER("verdict.suspect"), _NUMBER("verdict.share")
+GOODNESS_OF_FIT = _NUMBER("verdict.goodness_of_fit")
+EXPLANATION, SHARE = _NUMBER("verdict.explanation"), _NUMBER("verdict.share")
 BLACK = _NUMBER("verdict.black")
 FEWEST = rules().whole("verdict.fewest")
 VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
@@ -224,7 +224,7 @@ def shot_answer(answer: Ssf, j: int) -> Ssf:
 def strongest_explanation(one: GoodnessOfFit) -> tuple[Explanation, float]:
     """The strongest explanation of a shot, and the gain above which it is reported."""
     strongest = max(_possible(one), key=lambda each: each.gain * (VEIL_FAVOUR if each.kind in OFFSETS else 1.0))
-    return strongest, SHARE * (one.total - one.count) if one.z > SURPRISE else SUSPECT
+    return strongest, SHARE * (one.total - one.count) if one.z > GOODNESS_OF_FIT else EXPLANATION
 
 
 def offset(one: GoodnessOfFit) -> Explanation | None:

@@ -26,7 +26,7 @@ from camssf.verdict.exposure_and_noise import (
 )
 from camssf.verdict.goodness_of_fit import (
     BLACK,
-    SURPRISE,
+    GOODNESS_OF_FIT,
     Explanation,
     GoodnessOfFit,
     VerdictInputs,
@@ -35,14 +35,21 @@ from camssf.verdict.goodness_of_fit import (
     shot_answer,
     strongest_explanation,
 )
-from camssf.verdict.lamp import TINTED, TINTED_UNNAMED, Neutral, Rival, rival_lamp, white_balance_mismatch
+from camssf.verdict.lamp import (
+    WHITE_BALANCE_MISMATCH,
+    WHITE_BALANCE_MISMATCH_UNNAMED,
+    Neutral,
+    Rival,
+    rival_lamp,
+    white_balance_mismatch,
+)
 from camssf.verdict.reasons import Fatal, Reason, Verdict, because
 
 _NUMBER = rules().number
 HOPELESS = _NUMBER("verdict.hopeless")
-STRANGE, ALIEN = _NUMBER("verdict.strange"), _NUMBER("verdict.alien")
+IMPROBABLE_CURVES, IMPOSSIBLE_CURVES = _NUMBER("verdict.improbable_curves"), _NUMBER("verdict.impossible_curves")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
-UNUSUAL = _NUMBER("verdict.unusual")
+UNFAMILIAR_CAMERA = _NUMBER("verdict.unfamiliar_camera")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 PHONES = "phones"
 """The only basis whose cameras are similar enough to estimate an unnamed light."""
@@ -81,7 +88,9 @@ def judge(
         reasons += few(name, signals.used[j], j, means, checks)
         reasons += samples(name, means, signals.used[j], j, table, checks)
         reasons += _disagreeing(name, signals.values[j], j, table, answers[j], checks)
-    limits = [TINTED_UNNAMED if each else TINTED for each in unnamed] or [TINTED] * len(lamps)
+    limits = [WHITE_BALANCE_MISMATCH_UNNAMED if each else WHITE_BALANCE_MISMATCH for each in unnamed] or [
+        WHITE_BALANCE_MISMATCH
+    ] * len(lamps)
     whites = [
         white_balance_mismatch(
             f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks, limits[j]
@@ -109,20 +118,20 @@ def _unexplained(
     over = found.total / found.count
     reasons = []
     for j, one in enumerate(each):
-        suspect = best_explanation(one)
-        if suspect is not None:
-            name, words = _reason_of(suspect, table)
-            value = over if hopeless else suspect.gain
-            bound = BLACK if not hopeless and suspect.gain <= strongest_explanation(one)[1] else None
+        explanation = best_explanation(one)
+        if explanation is not None:
+            name, words = _reason_of(explanation, table)
+            value = over if hopeless else explanation.gain
+            bound = BLACK if not hopeless and explanation.gain <= strongest_explanation(one)[1] else None
             words["shot"] = f"shot {j + 1}"
             reasons.append(because(name, value, words, fatal=hopeless, threshold=bound))
         _note_explanations(one, j, checks)
     worst = max(one.z for one in each)
     largest = max(found.z, worst)
-    checks.note("surprise", largest)
+    checks.note("goodness_of_fit", largest)
     checks.note("hopeless", over)
-    if not reasons and (hopeless or largest > SURPRISE):
-        name = "contradiction" if len(each) > 1 and worst <= SURPRISE else "unexplained"
+    if not reasons and (hopeless or largest > GOODNESS_OF_FIT):
+        name = "contradiction" if len(each) > 1 and worst <= GOODNESS_OF_FIT else "unexplained"
         value = over if hopeless else largest
         reasons.append(because(name, value, {"size": float(np.sqrt(over))}, fatal=hopeless))
     return reasons
@@ -133,22 +142,22 @@ def _note_explanations(one: GoodnessOfFit, j: int, checks: Checks) -> None:
     if not one.explanations:
         return
     strongest, enough = strongest_explanation(one)
-    checks.note("suspect", strongest.gain, j, limit=enough)
+    checks.note("explanation", strongest.gain, j, limit=enough)
     found = offset(one)
     if found is not None:
         checks.note("black", found.gain, j)
 
 
-def _reason_of(suspect: Explanation, table: ChartTable) -> tuple[str, dict[str, str | float]]:
+def _reason_of(explanation: Explanation, table: ChartTable) -> tuple[str, dict[str, str | float]]:
     """The reason's name for an explanation, and the values of its placeholders."""
-    if suspect.kind == "patch":
-        assert suspect.patch is not None
-        return "patch", {"patch": table.patches[suspect.patch]}
-    if suspect.kind == "veil":
-        return "veil" if suspect.amount > 0 else "bright_dark", {"amount": abs(suspect.amount)}
-    if suspect.kind == "black":
-        return "black", {"amount": abs(suspect.amount)}
-    return suspect.kind, {"exponent": 1 + suspect.amount} if suspect.kind == "tone" else {}
+    if explanation.kind == "patch":
+        assert explanation.patch is not None
+        return "patch", {"patch": table.patches[explanation.patch]}
+    if explanation.kind == "veil":
+        return "veil" if explanation.amount > 0 else "bright_dark", {"amount": abs(explanation.amount)}
+    if explanation.kind == "black":
+        return "black", {"amount": abs(explanation.amount)}
+    return explanation.kind, {"exponent": 1 + explanation.amount} if explanation.kind == "tone" else {}
 
 
 def strangeness(ssf: Ssf) -> float | None:
@@ -170,10 +179,10 @@ def _strange(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Check that the curves are probable under the prior."""
     size = strangeness(ssf)
     if size is not None:
-        checks.note("strange", size)
-    if size is None or size <= STRANGE:
+        checks.note("improbable_curves", size)
+    if size is None or size <= IMPROBABLE_CURVES:
         return []
-    return [because("strange", size, {"size": size}, fatal=size > ALIEN)]
+    return [because("improbable_curves", size, {"size": size}, fatal=size > IMPOSSIBLE_CURVES)]
 
 
 def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
@@ -181,11 +190,11 @@ def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
     other = sum(weight.probability for weight in ssf.choice if family is not None and weight.basis != family)
     if ssf.choice:
-        checks.note("unusual", max(wide, other))
-    if max(wide, other) <= UNUSUAL:
+        checks.note("unfamiliar_camera", max(wide, other))
+    if max(wide, other) <= UNFAMILIAR_CAMERA:
         return []
     words = {"probability": max(wide, other), "basis": ssf.settings.basis}
-    return [because("unusual", max(wide, other), words)]
+    return [because("unfamiliar_camera", max(wide, other), words)]
 
 
 def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:

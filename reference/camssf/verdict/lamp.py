@@ -21,8 +21,11 @@ RIVALS = rules().rivals
 """Lamps tried in place of the named one."""
 MISNAMED = _NUMBER("verdict.misnamed")
 """Prior probability that a lamp is named wrongly."""
-MOST_RIVALLED = rules().whole("verdict.most_rivalled")
-TINTED, TINTED_UNNAMED = _NUMBER("verdict.tinted"), _NUMBER("verdict.tinted_unnamed")
+MOST_SHOTS_COMPARED = rules().whole("verdict.most_shots_compared")
+WHITE_BALANCE_MISMATCH, WHITE_BALANCE_MISMATCH_UNNAMED = (
+    _NUMBER("verdict.white_balance_mismatch"),
+    _NUMBER("verdict.white_balance_mismatch_unnamed"),
+)
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def white_balance_mismatch(
         ratio = np.log(raw / expected)
         offs.append(float(np.abs(ratio[[0, 2]] - ratio[1]).max()))
     if offs:
-        checks.note("tinted", min(offs), j, limit=limit)
+        checks.note("white_balance_mismatch", min(offs), j, limit=limit)
     if not offs or min(offs) <= limit:
         return []
     off = min(offs)

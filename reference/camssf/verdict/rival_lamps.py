@@ -17,7 +17,7 @@ from camssf.rules import rules
 from camssf.spectra import read_lamp
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
-from camssf.verdict.lamp import MOST_RIVALLED, RIVALS, Neutral, Rival
+from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
 from camssf.verdict.reasons import Verdict
 
 NARROW = rules().number("verdict.narrow")
@@ -66,7 +66,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
     named = [not each for each in fit.unnamed]
     fit = fit if all(named) else fit.with_kinds(ssf.light.kinds)
     capture, used = fit.capture, fit.signals.used
-    if ssf.std is None or len(capture.shots) > MOST_RIVALLED:
+    if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
     scale = NARROW * ssf.settings.prior_scale
     families = FAMILIES if fit.basis == AUTO else (fit.basis,)

@@ -14,7 +14,7 @@ internal object Rivals {
 
     /**
      * Gain in ln marginal likelihood of other lamps, one shot at a time; empty on a basis without a prior, or with
-     * more than [Light.MOST_RIVALLED] shots.
+     * more than [Light.MOST_SHOTS_COMPARED] shots.
      *
      * If the signals choose the basis, they choose it again for every lamp. An unnamed light has no rivals, because
      * all its kinds were already compared; it keeps the kind that the answer found.
@@ -24,7 +24,7 @@ internal object Rivals {
      * @param tell called before each run of the model.
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
-        if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_RIVALLED) return emptyList()
+        if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
         fun observation(lamps: List<Lamp>): Double {
             tell()
             return fit.logEvidence(used, lamps, Light.NARROW * ssf.priorScale)

@@ -22,7 +22,7 @@ internal class Rules private constructor(
     val makers: Map<String, List<String>>,
     private val reasons: Map<String, Wording>,
 ) {
-    /** A number by group and word, for example "verdict.surprise". */
+    /** A number by group and word, for example "verdict.goodness_of_fit". */
     fun number(name: String): Double = numbers.getValue(name).toDouble()
 
     /**

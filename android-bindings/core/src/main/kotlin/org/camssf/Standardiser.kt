@@ -67,7 +67,7 @@ public class Standardiser private constructor(
      * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
      * used.
      */
-    public val surprise: Double? = lit[best()].light.surprise
+    public val chiSquared: Double? = lit[best()].light.chiSquared
 
     /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it; a copy. */
     public val white: DoubleArray get() = mean(3) { it.white }
@@ -331,13 +331,13 @@ public class Standardiser private constructor(
         }
 
         private fun checked(light: Light): Light {
-            val surprise = light.surprise
-            if (surprise != null && surprise > CONTRADICTED) {
+            val chiSquared = light.chiSquared
+            if (chiSquared != null && chiSquared > CONTRADICTED) {
                 throw LampUnfit(
                     "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
-                        "${fixed(surprise, 0)}.",
+                        "${fixed(chiSquared, 0)}.",
                     "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
-                    surprise,
+                    chiSquared,
                     CONTRADICTED,
                 )
             }

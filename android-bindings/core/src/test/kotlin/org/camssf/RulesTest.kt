@@ -23,11 +23,11 @@ class RulesTest {
     @Test
     fun `numbers, rivals and words are those of the file`() {
         val rules = Rules.parse(text)
-        assertEquals(3.5, rules.number("verdict.surprise"))
+        assertEquals(3.5, rules.number("verdict.goodness_of_fit"))
         assertEquals(12, rules.whole("verdict.few_patches"))
         assertEquals(1.0 / 3.0, rules.number("covariance.absolute"))
         assertEquals("glare", rules.wording("veil").code)
-        assertEquals(listOf("suspect", "hopeless"), rules.wording("veil").limits)
+        assertEquals(listOf("explanation", "hopeless"), rules.wording("veil").limits)
         assertEquals(
             "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all patches.",
             rules.wording("veil").message(mapOf("shot" to "shot 2", "amount" to 0.0312)),
@@ -75,11 +75,11 @@ class RulesTest {
     fun `a damaged file is refused`() {
         assertTrue("no JSON" in refused(text.dropLast(5)))
         assertTrue("camssf-rules/2" in refused(text.replace("camssf-rules/1", "camssf-rules/2")))
-        assertTrue("verdict.surprise" in refused(text.replace("\"value\": 3.5", "\"value\": \"3.5\"")))
-        assertTrue("verdict.surprise" in refused(text.replace("\"value\": 3.5", "\"value\": -3.5")))
+        assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": \"3.5\"")))
+        assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": -3.5")))
         assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
         assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
-        assertTrue("limits" in refused(text.replaceFirst("[\"suspect\", \"hopeless\"]", "[\"suspects\"]")))
+        assertTrue("limits" in refused(text.replaceFirst("[\"explanation\", \"hopeless\"]", "[\"explanations\"]")))
         assertTrue("verdict.mist" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"mist\"")))
         assertTrue("verdict.rough" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"rough\"")))
         assertTrue("verdict.veil" in refused(text.replaceFirst("\"beyond\": \"above\", \"refuses\": \"fog\", ", "")))

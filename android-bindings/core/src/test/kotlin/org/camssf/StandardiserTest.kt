@@ -56,7 +56,7 @@ class StandardiserTest {
         assertArrayEquals(found.white, found.colourOf(white.raw).xyz, 1e-12)
         assertEquals("D55", found.lamps.single().name)
         assertEquals(1.0, found.lamps.single().weight)
-        assertTrue(found.surprise!! < 0.1)
+        assertTrue(found.chiSquared!! < 0.1)
     }
 
     @Test
@@ -213,7 +213,7 @@ class StandardiserTest {
         val strange = JsonObject(result + ("shots" to shots)).toString()
         val error = assertThrows(InvalidArgument::class.java) { Standardiser.read(strange, null, white) }
         assertTrue("which lamp" in error.message)
-        assertNull(Standardiser.read(strange, d55, white).surprise)
+        assertNull(Standardiser.read(strange, d55, white).chiSquared)
     }
 
     @Test

@@ -17,7 +17,7 @@ import kotlin.math.max
  * @property curveModes (K), absolute, of the same K errors.
  * @property ofLamp number of errors that come from the lamp; they are the first ones.
  * @property logEvidence ln of the density of the reference's ratios; 0 without them.
- * @property surprise χ² of these ratios, two degrees of freedom; null without them.
+ * @property chiSquared χ² of these ratios, two degrees of freedom; null without them.
  */
 internal class Light private constructor(
     val name: String,
@@ -27,7 +27,7 @@ internal class Light private constructor(
     val curveModes: List<Three>,
     val ofLamp: Int,
     val logEvidence: Double,
-    val surprise: Double?,
+    val chiSquared: Double?,
 ) {
     companion object {
         /**
@@ -76,7 +76,7 @@ internal class Light private constructor(
                 },
                 p,
                 told?.logEvidence ?: 0.0,
-                told?.surprise,
+                told?.chiSquared,
             )
         }
 
@@ -128,7 +128,7 @@ internal class Light private constructor(
         private val size = p + camera.modes.size
         var mean = DoubleArray(size)
             private set
-        val surprise: Double
+        val chiSquared: Double
         val logEvidence: Double
         private var slope = emptyArray<DoubleArray>()
         private var gain = emptyArray<DoubleArray>()
@@ -153,8 +153,8 @@ internal class Light private constructor(
                 mean = DoubleArray(size) { gain[0][it] * off[0] + gain[1][it] * off[1] }
             }
             val (r, b) = solved(spread, off[0], off[1])
-            surprise = off[0] * r + off[1] * b
-            logEvidence = -0.5 * (surprise + 2 * ln(2 * PI) + ln(spread[0] * spread[2] - spread[1] * spread[1]))
+            chiSquared = off[0] * r + off[1] * b
+            logEvidence = -0.5 * (chiSquared + 2 * ln(2 * PI) + ln(spread[0] * spread[2] - spread[1] * spread[1]))
         }
 
         fun taken(a: Int, b: Int): Double = gain[0][a] * slope[0][b] + gain[1][a] * slope[1][b]

@@ -22,7 +22,7 @@ internal object Choice {
     val SCALES: List<Double> get() = listOf(1.0, Rules.shipped.number("choice.wide"))
 
     /** Prior probability of the second scale. */
-    private val UNUSUAL get() = Rules.shipped.number("choice.unusual")
+    private val UNFAMILIAR_CAMERA get() = Rules.shipped.number("choice.unfamiliar_camera")
 
     /** Posterior odds at which a basis is used alone. */
     val CLEAR get() = Rules.shipped.number("choice.clear")
@@ -48,7 +48,7 @@ internal object Choice {
      */
     fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
         val odds = prior[engine.basis] ?: 1.0
-        SCALES.zip(listOf(1.0 - UNUSUAL, UNUSUAL)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
+        SCALES.zip(listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
     }
 
     /**

@@ -75,7 +75,7 @@ internal class GoodnessOfFit(
         val favour = Rules.shipped.number("verdict.veil_favour")
         val strongest = possible.maxByOrNull { it.gain * if (it.cause in OFFSETS) favour else 1.0 } ?: return null
         val share = Rules.shipped.number("verdict.share")
-        return strongest to if (z > SURPRISE) share * (total - count) else Rules.shipped.number("verdict.suspect")
+        return strongest to if (z > GOODNESS_OF_FIT) share * (total - count) else Rules.shipped.number("verdict.explanation")
     }
 
     /**
@@ -96,7 +96,7 @@ internal class GoodnessOfFit(
 
     companion object {
         /** Limit of z(T): above it the answer does not fit its signals. */
-        val SURPRISE: Double get() = Rules.shipped.number("verdict.surprise")
+        val GOODNESS_OF_FIT: Double get() = Rules.shipped.number("verdict.goodness_of_fit")
 
         /** Gain above which an offset is reported if there is no dark frame. */
         val BLACK: Double get() = Rules.shipped.number("verdict.black")

@@ -57,11 +57,11 @@ internal fun used(signals: Signals, shot: Int): List<Int> =
  */
 internal object Judge {
     private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
-    private val STRANGE get() = Rules.shipped.number("verdict.strange")
-    private val ALIEN get() = Rules.shipped.number("verdict.alien")
+    private val IMPROBABLE_CURVES get() = Rules.shipped.number("verdict.improbable_curves")
+    private val IMPOSSIBLE_CURVES get() = Rules.shipped.number("verdict.impossible_curves")
     private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
     private val VAGUE get() = Rules.shipped.number("verdict.vague")
-    private val UNUSUAL get() = Rules.shipped.number("verdict.unusual")
+    private val UNFAMILIAR_CAMERA get() = Rules.shipped.number("verdict.unfamiliar_camera")
 
     fun judge(case: Case): Verdict {
         val inputs = case.inputs
@@ -70,17 +70,17 @@ internal object Judge {
         val checks = Checks()
         val reasons = ArrayList<Reason>()
         reasons += explanations(found, each, inputs.table, checks)
-        reasons += strange(inputs.ssf, checks)
+        reasons += improbableCurves(inputs.ssf, checks)
         case.shots.forEachIndexed { j, shot ->
             reasons += ExposureAndNoise(inputs.signals, j, shot.means, inputs.table, checks).reasons()
             reasons += disagreeing(j, case.single[j], checks)
         }
         val whites = case.shots.indices.map { j ->
-            Light.tinted(j, case.unnamed.getOrElse(j) { false }, case.neutrals[j], case.single[j], checks)
+            Light.whiteBalanceMismatch(j, case.unnamed.getOrElse(j) { false }, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
         reasons += vague(inputs.ssf, checks)
-        reasons += unusual(inputs.ssf, case.family, checks)
+        reasons += unfamiliarCamera(inputs.ssf, case.family, checks)
         if (case.unnamed.any { it }) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
@@ -100,36 +100,36 @@ internal object Judge {
         val hopeless = found.total > HOPELESS * found.count
         each.forEachIndexed { j, one ->
             one.strongestExplanation()?.let { (strongest, enough) ->
-                checks.note("suspect", strongest.gain, j, enough)
+                checks.note("explanation", strongest.gain, j, enough)
             }
             one.offset?.let { checks.note("black", it.gain, j) }
         }
         val reasons = each.mapIndexedNotNull { j, one ->
-            val suspect = one.bestExplanation() ?: return@mapIndexedNotNull null
-            val value = if (hopeless) excess else suspect.gain
-            val words = words(suspect, table) + ("shot" to "shot ${j + 1}")
-            val slight = !hopeless && suspect.gain <= one.strongestExplanation()!!.second
-            Reasons.because(accusation(suspect), value, words, hopeless, if (slight) GoodnessOfFit.BLACK else null)
+            val explanation = one.bestExplanation() ?: return@mapIndexedNotNull null
+            val value = if (hopeless) excess else explanation.gain
+            val words = words(explanation, table) + ("shot" to "shot ${j + 1}")
+            val slight = !hopeless && explanation.gain <= one.strongestExplanation()!!.second
+            Reasons.because(accusation(explanation), value, words, hopeless, if (slight) GoodnessOfFit.BLACK else null)
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)
-        checks.note("surprise", largest)
+        checks.note("goodness_of_fit", largest)
         checks.note("hopeless", excess)
-        if (reasons.isNotEmpty() || !(hopeless || largest > GoodnessOfFit.SURPRISE)) return reasons
-        val name = if (each.size > 1 && worst <= GoodnessOfFit.SURPRISE) "contradiction" else "unexplained"
+        if (reasons.isNotEmpty() || !(hopeless || largest > GoodnessOfFit.GOODNESS_OF_FIT)) return reasons
+        val name = if (each.size > 1 && worst <= GoodnessOfFit.GOODNESS_OF_FIT) "contradiction" else "unexplained"
         val value = if (hopeless) excess else largest
         return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), hopeless))
     }
 
     /** The reason's name for an explanation. */
-    private fun accusation(suspect: Explanation): String =
-        if (suspect.cause == Cause.VEIL && !(suspect.amount > 0)) "bright_dark" else suspect.cause.word
+    private fun accusation(explanation: Explanation): String =
+        if (explanation.cause == Cause.VEIL && !(explanation.amount > 0)) "bright_dark" else explanation.cause.word
 
     /** Values of that reason's placeholders. */
-    private fun words(suspect: Explanation, table: ChartTable): Map<String, Any> = when (suspect.cause) {
-        Cause.VEIL, Cause.BLACK -> mapOf("amount" to abs(suspect.amount))
-        Cause.TONE -> mapOf("exponent" to 1 + suspect.amount)
-        Cause.PATCH -> mapOf("patch" to table.patches[suspect.patch!!])
+    private fun words(explanation: Explanation, table: ChartTable): Map<String, Any> = when (explanation.cause) {
+        Cause.VEIL, Cause.BLACK -> mapOf("amount" to abs(explanation.amount))
+        Cause.TONE -> mapOf("exponent" to 1 + explanation.amount)
+        Cause.PATCH -> mapOf("patch" to table.patches[explanation.patch!!])
         Cause.WHITE, Cause.LIGHT -> emptyMap()
     }
 
@@ -153,21 +153,21 @@ internal object Judge {
     }
 
     /** Checks that the curves are probable under the prior. */
-    private fun strange(ssf: Ssf, checks: Checks): List<Reason> {
+    private fun improbableCurves(ssf: Ssf, checks: Checks): List<Reason> {
         val size = strangeness(ssf) ?: return emptyList()
-        checks.note("strange", size)
-        if (size <= STRANGE) return emptyList()
-        return listOf(Reasons.because("strange", size, mapOf("size" to size), size > ALIEN))
+        checks.note("improbable_curves", size)
+        if (size <= IMPROBABLE_CURVES) return emptyList()
+        return listOf(Reasons.because("improbable_curves", size, mapOf("size" to size), size > IMPOSSIBLE_CURVES))
     }
 
     /** Checks whether the camera needs a wider prior, or another basis than its maker's name suggests (rule 7). */
-    private fun unusual(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
+    private fun unfamiliarCamera(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
         val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
         val other = ssf.choice.sumOf { if (family != null && it.basis != family) it.probability else 0.0 }
         val most = max(wide, other)
-        if (ssf.choice.isNotEmpty()) checks.note("unusual", most)
-        if (most <= UNUSUAL) return emptyList()
-        return listOf(Reasons.because("unusual", most, mapOf("probability" to most, "basis" to ssf.basis)))
+        if (ssf.choice.isNotEmpty()) checks.note("unfamiliar_camera", most)
+        if (most <= UNFAMILIAR_CAMERA) return emptyList()
+        return listOf(Reasons.because("unfamiliar_camera", most, mapOf("probability" to most, "basis" to ssf.basis)))
     }
 
     /**

@@ -32,8 +32,8 @@ internal object Light {
 
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
     private val CONDEMNED get() = Rules.shipped.number("verdict.condemned")
-    private val TINTED get() = Rules.shipped.number("verdict.tinted")
-    private val TINTED_UNNAMED get() = Rules.shipped.number("verdict.tinted_unnamed")
+    private val WHITE_BALANCE_MISMATCH get() = Rules.shipped.number("verdict.white_balance_mismatch")
+    private val WHITE_BALANCE_MISMATCH_UNNAMED get() = Rules.shipped.number("verdict.white_balance_mismatch_unnamed")
 
     /** Prior probability that a lamp is named wrongly. */
     private val MISNAMED get() = Rules.shipped.number("verdict.misnamed")
@@ -45,7 +45,7 @@ internal object Light {
     val RIVALS: List<String> get() = Rules.shipped.rivals
 
     /** Largest number of shots for which rivals are tried. */
-    val MOST_RIVALLED: Int get() = Rules.shipped.whole("verdict.most_rivalled")
+    val MOST_SHOTS_COMPARED: Int get() = Rules.shipped.whole("verdict.most_shots_compared")
 
     /**
      * Rule 4: finds the best-fitting rival of all shots, and the probability that the named lamp is wrong.
@@ -105,14 +105,14 @@ internal object Light {
      *
      * @param unnamed whether its light is unnamed; then the limit is that for an estimated light.
      */
-    fun tinted(
+    fun whiteBalanceMismatch(
         j: Int,
         unnamed: Boolean,
         neutrals: List<CameraWhite>,
         inputs: VerdictInputs,
         checks: Checks,
     ): List<Reason> {
-        val limit = if (unnamed) TINTED_UNNAMED else TINTED
+        val limit = if (unnamed) WHITE_BALANCE_MISMATCH_UNNAMED else WHITE_BALANCE_MISMATCH
         val signals = inputs.signals
         val patches = used(signals, 0)
         val curves = inputs.ssf
@@ -131,7 +131,7 @@ internal object Light {
             val ratio = DoubleArray(3) { ln(raw[it] / expected[it]) }
             max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
         }.minOrNull()
-        if (off != null) checks.note("tinted", off, j, limit)
+        if (off != null) checks.note("white_balance_mismatch", off, j, limit)
         if (off == null || off <= limit) return emptyList()
         val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to inputs.lamps[0].name)
         return listOf(Reasons.because("tint", off, words, threshold = limit))

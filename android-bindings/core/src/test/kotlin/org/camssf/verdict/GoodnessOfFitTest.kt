@@ -193,14 +193,14 @@ class SurpriseTest {
         assertEquals(3 * 23, whole.count)
         val patches = whole.explanations.filter { it.cause == Cause.PATCH }
         assertEquals((0 until n).filter { all[it] }, patches.map { it.patch })
-        for (suspect in patches) {
-            val without = inputs(lamp, BooleanArray(24) { all[it] && it != suspect.patch }).goodnessOfFit()
-            assertEquals(whole.residual - without.residual, suspect.gain, 1e-8 * whole.residual)
+        for (explanation in patches) {
+            val without = inputs(lamp, BooleanArray(24) { all[it] && it != explanation.patch }).goodnessOfFit()
+            assertEquals(whole.residual - without.residual, explanation.gain, 1e-8 * whole.residual)
         }
     }
 
     @Test
-    fun `a suspect that is put in is found with its size`() {
+    fun `a explanation that is put in is found with its size`() {
         val clean = inputs(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
         fun spoiled(dark: Boolean = true, value: (Int, Double) -> Double): GoodnessOfFit {
             val old = clean.signals

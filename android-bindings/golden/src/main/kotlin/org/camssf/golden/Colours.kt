@@ -63,7 +63,7 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             "lamps" to words(standardiser.lamps.map { it.name }),
             "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
             "kinds" to words(standardiser.lamps.map { it.kind.word }),
-            "surprise" to standardiser.surprise?.let { Tensor.scalar(it) },
+            "chi_squared" to standardiser.chiSquared?.let { Tensor.scalar(it) },
             "far" to JsonArray(far.map { JsonPrimitive(it) }),
             "reach" to if (distances.isEmpty()) null else Tensor(distances, distances.size),
         )

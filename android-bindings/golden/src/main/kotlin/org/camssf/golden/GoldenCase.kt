@@ -215,7 +215,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "colour" to setOf(
                 "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights", "kinds",
-                "surprise", "far", "reach",
+                "chi_squared", "far", "reach",
             ),
             "regions" to setOf("raw", "standard_error"),
             "finder" to setOf("findings", "kinds", "mirrored", "seen", "corners", "patches", "confidence"),
