@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from camssf.fonts import prepare_matplotlib
-from camssf.grid import CHANNELS, WAVELENGTHS
+from camssf.report.notebook import HUES
+from camssf.report.plots import draw_curves
 from camssf.report.sections.curves import curves_of
 from camssf.report.sections.text import Json, camera_name
 
@@ -20,27 +21,17 @@ def picture(document: Json) -> bytes:
     from matplotlib.figure import Figure
 
     curves = curves_of(document)
-    ink, quiet, hues = "#24262b", "#6b7079", ("#b8322a", "#23794a", "#2a57b0")
+    ink, quiet = "#24262b", "#6b7079"
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white")
         axes = figure.add_axes((0.075, 0.115, 0.9, 0.75))
-        for i, (colour, line) in enumerate(zip(CHANNELS, hues, strict=True)):
-            if curves.low is not None and curves.high is not None:
-                axes.fill_between(
-                    WAVELENGTHS, curves.low[:, i], curves.high[:, i], color=line, alpha=0.16, linewidth=0
-                )
-            axes.plot(WAVELENGTHS, curves.ssf[:, i], color=line, linewidth=2, label=colour)
-            if curves.truth is not None:
-                axes.plot(WAVELENGTHS, curves.truth[:, i], color=ink, linewidth=1.1, dashes=(4, 3))
+        draw_curves(axes, curves)
         sides: dict[str, Any] = {"start": "left", "middle": "center", "end": "right"}
-        for (text, nm, top, side), line in zip(curves.peak_labels(), hues, strict=True):
+        for (text, nm, top, side), line in zip(curves.peak_labels(), HUES, strict=True):
             axes.text(nm, top, text, ha=sides[side], color=line, fontsize=9.5)
-        axes.set_xlim(380, 720)
         axes.set_ylim(*curves.limits())
         axes.set_xticks(range(400, 721, 40))
-        axes.set_xlabel("wavelength, nm", color=ink)
-        axes.set_ylabel("relative response (peak = 1)", color=ink)
         axes.grid(color="#e4e4df", linewidth=0.8)
         axes.set_axisbelow(True)
         axes.axhline(0, color=quiet, linewidth=0.8)

@@ -11,7 +11,7 @@ from camssf.errors import InvalidArgument
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import CHANNELS, WAVELENGTHS
 from camssf.report.notebook import HUES, camera_of, lamps_of, with_curves
-from camssf.report.sections.curves import curves_of
+from camssf.report.sections.curves import DrawnCurves, curves_of
 
 Json: TypeAlias = dict[str, Any]
 
@@ -49,18 +49,21 @@ def _axes() -> Any:
     return plt.subplots()[1]
 
 
-def _curves(document: Json, ax: Any, shot: int) -> None:
+def draw_curves(ax: Any, drawn: DrawnCurves) -> None:
     """Draw the curves with their 95 % bands, and the truth dashed."""
-    drawn = curves_of(document)
     for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
         if drawn.low is not None and drawn.high is not None:
-            ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.18, linewidth=0)
+            ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.16, linewidth=0)
         ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
         if drawn.truth is not None:
             ax.plot(WAVELENGTHS, drawn.truth[:, c], color=hue, linestyle="--", linewidth=1)
     ax.set_xlim(380, 720)
     ax.set_xlabel("wavelength, nm")
     ax.set_ylabel("relative response, peak = 1")
+
+
+def _curves(document: Json, ax: Any, shot: int) -> None:
+    draw_curves(ax, curves_of(document))
     _title(ax, f"{camera_of(document)}, {lamps_of(document)}: {document['verdict']['status']}")
     ax.legend(frameon=False)
 
