@@ -91,7 +91,7 @@ internal class CaptureFit(
     private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
 
     /** 0-based patches that at least one shot uses; `used` is (k, n). */
-    fun taken(used: BooleanArray): IntArray =
+    fun selected(used: BooleanArray): IntArray =
         (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
 
     /**
@@ -104,8 +104,8 @@ internal class CaptureFit(
      * @throws NotConverged the duality gap is too large.
      */
     fun curves(used: BooleanArray, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
-        val taken = taken(used)
-        val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, taken) }
+        val selected = selected(used)
+        val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, selected) }
         val shown = Frames(frames[0], frames[1], frames[2])
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
@@ -124,7 +124,7 @@ internal class CaptureFit(
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
             throw InvalidArgument(
-                "The light of $unnamed shots was not named; at most ${AnyLight.MOST} can be told at once.",
+                "The light of $unnamed shots was not named; at most ${AnyLight.MOST} can be estimated at once.",
                 "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
             )
         }
@@ -175,30 +175,30 @@ internal class CaptureFit(
         return Recover.predictedStd(engines.single(), all, ssf)
     }
 
-    /** Selects the `taken` patches from values (k, n, 3). */
-    private fun rows(values: DoubleArray, taken: IntArray): Tensor {
-        val t = taken.size
-        val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + taken[at / 3 % t]) + at % 3] }
+    /** Selects the `selected` patches from values (k, n, 3). */
+    private fun rows(values: DoubleArray, selected: IntArray): Tensor {
+        val t = selected.size
+        val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + selected[at / 3 % t]) + at % 3] }
         return Tensor(own, k, t, 3)
     }
 
     private fun observation(used: BooleanArray, lamps: List<Lamp>): Observation {
-        val taken = taken(used)
-        val t = taken.size
+        val selected = selected(used)
+        val t = selected.size
         val unused = HIDDEN
         val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else unused }
         return Observation(
-            rows(signals.sharedValues, taken),
-            rows(hidden, taken),
+            rows(signals.sharedValues, selected),
+            rows(hidden, selected),
             Known(
-                Tensor(taken.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
-                Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[taken[it]] }, t),
+                Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
+                Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t),
                 Tensor(white, Grid.SIZE),
                 whiteTolerance,
                 Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
                 Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
                 modes(lamps),
-                gains.takeUnless { it.modes.values.isEmpty() }?.of(taken),
+                gains.takeUnless { it.modes.values.isEmpty() }?.of(selected),
             ),
         )
     }

@@ -35,7 +35,7 @@ internal class Solve(
     fun run(): Solution {
         val allowed = allowed()
         val signals =
-            Normalise.all(capture.shots.map { it.means }, table.patches, table.white).askedFor(allowed)
+            Normalise.all(capture.shots.map { it.means }, table.patches, table.white).restrictedTo(allowed)
         val freeFit = CaptureFit(engines, capture, signals, settings)
         if (freeFit.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
@@ -43,7 +43,7 @@ internal class Solve(
                 "Take the basis auto, phones or cameras.",
             )
         }
-        checkEnough(freeFit.taken(signals.sharedUsed).size)
+        checkEnough(freeFit.selected(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
         val ssf = curves(freeFit, SOLVING, signals.sharedUsed, gamma)
         val fit = freeFit.conditionedOn(ssf)
@@ -120,10 +120,10 @@ internal class Solve(
         return BooleanArray(n) { it + 1 in numbers }
     }
 
-    private fun checkEnough(taken: Int) {
-        if (taken >= 3) return
+    private fun checkEnough(selected: Int) {
+        if (selected >= 3) return
         throw InvalidArgument(
-            "only $taken patches are left for the fit.",
+            "only $selected patches are left for the fit.",
             "Name more patches to fit, or leave that out.",
         )
     }
@@ -166,11 +166,11 @@ internal class Solve(
             return CrossValidation(values, std, "${rest.size} patches that did not enter the fit")
         }
         val used = signals.sharedUsed
-        val taken = fit.taken(used)
+        val selected = fit.selected(used)
         val level = fit.level(ssf)
         val folds = FOLDS
         for (fold in 0 until folds) {
-            val out = taken.filterIndexed { at, _ -> at % folds == fold }
+            val out = selected.filterIndexed { at, _ -> at % folds == fold }
             val others = BooleanArray(k * n) { used[it] && it % n !in out }
             val without = curves(fit, VALIDATING, others, ssf.sharedGamma)
             val own = fit.level(without)
@@ -188,7 +188,7 @@ internal class Solve(
                 }
             }
         }
-        val method = "each of ${taken.size} patches, by a fit that left its quarter of the chart out"
+        val method = "each of ${selected.size} patches, by a fit that left its quarter of the chart out"
         return CrossValidation(values, std, method)
     }
 

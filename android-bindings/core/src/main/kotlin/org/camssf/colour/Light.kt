@@ -42,16 +42,16 @@ internal class Light private constructor(
             val modes = modes(lamp)
             val p = modes.size
             val size = p + camera.modes.size
-            val told = if (ratios == null || camera.own == null) {
+            val update = if (ratios == null || camera.own == null) {
                 null
             } else {
                 Told(camera, camera.own, lamp, modes, ratios, error)
             }
-            val mean = told?.mean ?: DoubleArray(size)
+            val mean = update?.mean ?: DoubleArray(size)
             val covariance = Array(size) { a ->
                 DoubleArray(size) { b ->
-                    val known = told?.let { 0.5 * (it.taken(a, b) + it.taken(b, a)) } ?: 0.0
-                    (if (a == b) 1.0 else 0.0) - known
+                    val reduced = update?.let { 0.5 * (it.reduction(a, b) + it.reduction(b, a)) } ?: 0.0
+                    (if (a == b) 1.0 else 0.0) - reduced
                 }
             }
             // The lamp's errors come first, so later columns of the Cholesky factor do not change the lamp.
@@ -75,8 +75,8 @@ internal class Light private constructor(
                     found
                 },
                 p,
-                told?.logEvidence ?: 0.0,
-                told?.chiSquared,
+                update?.logEvidence ?: 0.0,
+                update?.chiSquared,
             )
         }
 
@@ -157,7 +157,7 @@ internal class Light private constructor(
             logEvidence = -0.5 * (chiSquared + 2 * ln(2 * PI) + ln(spread[0] * spread[2] - spread[1] * spread[1]))
         }
 
-        fun taken(a: Int, b: Int): Double = gain[0][a] * slope[0][b] + gain[1][a] * slope[1][b]
+        fun reduction(a: Int, b: Int): Double = gain[0][a] * slope[0][b] + gain[1][a] * slope[1][b]
 
         /** S⁻¹ times the vector (r, b), with S = (s₀ s₁; s₁ s₂). */
         private fun solved(s: DoubleArray, r: Double, b: Double): Pair<Double, Double> {
@@ -186,8 +186,8 @@ internal class Light private constructor(
                 }
             }
             val lit = Array(3) { c -> DoubleArray(Grid.SIZE) { ours[it] * curves[c][it] / there[c] } }
-            val known = modes(own.lamp)
-            val ofOwn = againstGreen(known.size) { i, c -> dot(known[i], lit[c]) }
+            val ofLamp = modes(own.lamp)
+            val ofOwn = againstGreen(ofLamp.size) { i, c -> dot(ofLamp[i], lit[c]) }
             val log = againstGreen(1) { _, c -> ln(own.raw[c] * here[c] / there[c]) }
             val noise = DoubleArray(3) {
                 val (a, b) = PAIRS[it]

@@ -79,14 +79,14 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
         val curves = Array(3) { c ->
             DoubleArray(Grid.SIZE) { light.curves[c][it] + sign * light.curveModes[k][c][it] }
         }
-        val told = if (ofLamp) {
+        val learned = if (ofLamp) {
             Learned.of(power, curves, functions)
         } else {
             Learned(Learned.signals(power, curves), truth.second, truth.first)
         }
-        val fitted = Transform.fit(told, kind) ?: throw NoColour.error()
-        val moved = aim?.let { Spaces.adaptation(told.white, it) }
-        return Step(turned(fitted, moved), aim ?: told.white)
+        val fitted = Transform.fit(learned, kind) ?: throw NoColour.error()
+        val moved = aim?.let { Spaces.adaptation(learned.white, it) }
+        return Step(turned(fitted, moved), aim ?: learned.white)
     }
 
     private fun moves(k: Int): DoubleArray {

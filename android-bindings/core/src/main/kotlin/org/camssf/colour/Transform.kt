@@ -85,23 +85,23 @@ internal class Transform private constructor(
                     "Check the lamp's spectrum, and the curves.",
                 )
             }
-            val told = Learned.of(power, curves, functions)
+            val learned = Learned.of(power, curves, functions)
             val kinds = if (kind == null) Kind.values().toList() else listOf(kind)
-            val foretold = kinds.associateWith { unseen(told, it) }
-            val lamp = told.white
-            val truth = labs(told.xyz, lamp)
+            val predicted = kinds.associateWith { leftOut(learned, it) }
+            val lamp = learned.white
+            val truth = labs(learned.xyz, lamp)
             // With equal errors the first kind wins; it has fewer coefficients.
             val best = if (kind != null) {
                 kind
             } else {
                 kinds.minByOrNull { each ->
-                    val found = labs(foretold.getValue(each), lamp)
+                    val found = labs(predicted.getValue(each), lamp)
                     truth.indices.sumOf { Colour.difference(truth[it], found[it]) }
                 }!!
             }
-            val found = foretold.getValue(best)
-            val residual = DoubleArray(found.size) { (found[it] - told.xyz[it]) / level(told.signals, it - it % 3) }
-            return Transform(best, fit(told, best) ?: throw alike(), lamp, residual, told.signals)
+            val found = predicted.getValue(best)
+            val residual = DoubleArray(found.size) { (found[it] - learned.xyz[it]) / level(learned.signals, it - it % 3) }
+            return Transform(best, fit(learned, best) ?: throw alike(), lamp, residual, learned.signals)
         }
 
         private fun alike() =
@@ -111,34 +111,34 @@ internal class Transform private constructor(
             List(xyz.size / 3) { Spaces.lab(doubleArrayOf(xyz[3 * it], xyz[3 * it + 1], xyz[3 * it + 2]), white) }
 
         /** Cross-validated XYZ (n, 3): each fold is predicted by a fit to the other folds. */
-        private fun unseen(told: Learned, kind: Kind): DoubleArray {
-            val found = DoubleArray(told.xyz.size)
+        private fun leftOut(learned: Learned, kind: Kind): DoubleArray {
+            val found = DoubleArray(learned.xyz.size)
             for (fold in 0 until FOLDS) {
-                val fitted = fit(told, kind) { it % FOLDS != fold } ?: throw alike()
-                for (i in fold until found.size / 3 step FOLDS) kind.apply(fitted, told.signals, 3 * i, found, 3 * i)
+                val fitted = fit(learned, kind) { it % FOLDS != fold } ?: throw alike()
+                for (i in fold until found.size / 3 step FOLDS) kind.apply(fitted, learned.signals, 3 * i, found, 3 * i)
             }
             return found
         }
 
         /**
          * Coefficients (p, 3) by least squares in XYZ, subject to Σ coefficients = white, from the surfaces for which
-         * `asked` is true; null if the signals are linearly dependent.
+         * `included` is true; null if the signals are linearly dependent.
          */
-        inline fun fit(told: Learned, kind: Kind, asked: (Int) -> Boolean = { true }): DoubleArray? {
+        inline fun fit(learned: Learned, kind: Kind, included: (Int) -> Boolean = { true }): DoubleArray? {
             val p = kind.terms
-            val rows = (0 until told.xyz.size / 3).filter { asked(it) }
+            val rows = (0 until learned.xyz.size / 3).filter { included(it) }
             val terms = DoubleArray(p)
             // The free directions of the coefficients, then the residual of X, Y, Z without the fixed part.
             val columns = Array(p + 2) { DoubleArray(rows.size) }
             rows.forEachIndexed { row, i ->
-                kind.terms(told.signals, 3 * i, terms)
+                kind.terms(learned.signals, 3 * i, terms)
                 val middle = terms.sum() / p
                 for (a in 0 until p - 1) columns[a][row] = dot(kind.free[a], terms)
-                for (c in 0..2) columns[p - 1 + c][row] = told.xyz[3 * i + c] - middle * told.white[c]
+                for (c in 0..2) columns[p - 1 + c][row] = learned.xyz[3 * i + c] - middle * learned.white[c]
             }
             val free = Columns.solve(columns, p - 1) ?: return null
             return DoubleArray(3 * p) { at ->
-                told.white[at % 3] / p + free.indices.sumOf { kind.free[it][at / 3] * free[it][at % 3] }
+                learned.white[at % 3] / p + free.indices.sumOf { kind.free[it][at / 3] * free[it][at % 3] }
             }
         }
 

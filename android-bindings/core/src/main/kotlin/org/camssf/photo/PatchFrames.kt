@@ -80,19 +80,19 @@ internal class PatchFrames(
     private fun read(group: List<Patch>) {
         val box = group.mapNotNull { it.box }.reduceOrNull(::union)
         for (frame in frames) {
-            val taken = group.map { patch -> patch.places.map { ShortArray(it.size) } }
+            val gathered = group.map { patch -> patch.places.map { ShortArray(it.size) } }
             if (box != null) {
                 frame.scan(box) { y, x, count, samples, at ->
                     for (i in group.indices) {
                         val own = group[i].box ?: continue
                         if (y < own.top || y >= own.bottom || x >= own.right || x + count <= own.left) continue
                         val places = group[i].places
-                        for (p in places.indices) places[p].take(y, x, samples, at, count, taken[i][p])
+                        for (p in places.indices) places[p].take(y, x, samples, at, count, gathered[i][p])
                     }
                 }
                 frame.release()
             }
-            for (i in group.indices) group[i].samples += taken[i]
+            for (i in group.indices) group[i].samples += gathered[i]
         }
     }
 

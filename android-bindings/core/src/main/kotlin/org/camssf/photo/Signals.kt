@@ -83,7 +83,7 @@ public class Signals internal constructor(
     }
 
     /** The same signals; only the selected patches (n) enter the fit. */
-    internal fun askedFor(asked: BooleanArray): Signals = Signals(
+    internal fun restrictedTo(allowed: BooleanArray): Signals = Signals(
         shots,
         patches,
         sharedValues,
@@ -91,7 +91,7 @@ public class Signals internal constructor(
         sharedChart,
         sharedWhite,
         sharedDark,
-        BooleanArray(sharedUsed.size) { sharedUsed[it] && asked[it % patches] },
+        BooleanArray(sharedUsed.size) { sharedUsed[it] && allowed[it % patches] },
         assumptions,
     )
 }

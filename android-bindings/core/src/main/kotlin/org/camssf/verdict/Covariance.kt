@@ -70,13 +70,13 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
     private val slopes = Spectra(patches + 1) { at, m -> if (at < patches) slope(rows.patches[at], m) else 1.0 }
 
     /** Of each shot and channel. */
-    private val seen = List(inputs.lamps.size) { shot -> List(3) { channel -> Seen(shot, channel) } }
+    private val linearised = List(inputs.lamps.size) { shot -> List(3) { channel -> LinearisedSignals(shot, channel) } }
 
     /**
      * Integrals of spectra with a channel's curve and a shot's lamp: for each spectrum a row, along the directions of
      * an error; that of ρ_w or of 1 is last.
      */
-    private inner class Seen(shot: Int, channel: Int) {
+    private inner class LinearisedSignals(shot: Int, channel: Int) {
         /** L s dλ / W. */
         private val light = DoubleArray(Grid.SIZE) {
             inputs.ssf.sharedLamp[shot * Grid.SIZE + it] * inputs.ssf.sharedValues[3 * it + channel] * Grid.STEP
@@ -89,7 +89,7 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
 
         val relative = reflectances.along(long.columns, light)
         val edges = slopes.along(short.columns, light)
-        val bends = reflectances.along(smooth.columns, light)
+        val lampModes = reflectances.along(smooth.columns, light)
         val modes = reflectances.along(inputs.lamps[shot].sharedModes, light)
     }
 
@@ -129,7 +129,7 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
     }
 
     private fun fill(factors: DoubleArray, row: Int, lampFrom: Int) {
-        val own = seen[rows.shot(row)][rows.channel(row)]
+        val own = linearised[rows.shot(row)][rows.channel(row)]
         val patch = rows.patches.binarySearch(rows.patch(row))
         own.relative[patches].forEachIndexed { q, answer ->
             factors[q] = inputs.whiteTolerance * predicted[row] * answer
@@ -137,11 +137,11 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
 
         // A relative change of the lamp changes the signals of patch and white: (R - ŷ ρ_w) L s dλ / W.
         fun change(along: Array<DoubleArray>, q: Int) = along[patch][q] - predicted[row] * along[patches][q]
-        val bends = smooth.columns.size
+        val lampModes = smooth.columns.size
         val width = inputs.lamps[rows.shot(row)].tolerance
-        for (q in 0 until bends) factors[lampFrom + q] = width * change(own.bends, q)
-        factors[lampFrom + bends] = drift * predicted[row]
-        for (q in own.modes[patches].indices) factors[lampFrom + bends + 1 + q] = change(own.modes, q)
+        for (q in 0 until lampModes) factors[lampFrom + q] = width * change(own.lampModes, q)
+        factors[lampFrom + lampModes] = drift * predicted[row]
+        for (q in own.modes[patches].indices) factors[lampFrom + lampModes + 1 + q] = change(own.modes, q)
     }
 
     private fun block(at: Int): Array<DoubleArray> {
@@ -163,7 +163,7 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
 
     /** Derivative of a row by its patch's errors: relative, absolute, of wavelength. */
     private fun chart(row: Int, at: Int): DoubleArray {
-        val own = seen[rows.shot(row)][rows.channel(row)]
+        val own = linearised[rows.shot(row)][rows.channel(row)]
         val width = tolerance[rows.patch(row)]
         val long = own.relative[at].size
         val short = own.edges[at].size

@@ -19,15 +19,15 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
     private val errors = shared[0].size
 
     /** V (rows, errors). */
-    private val leaning = Array(shared.size) { shared[it].copyOf() }
+    private val whitened = Array(shared.size) { shared[it].copyOf() }
 
     /** Cholesky factor of C. */
     private val root: Triangle
 
     init {
-        for ((b, own) in roots.withIndex()) own.forward(leaning, starts[b])
+        for ((b, own) in roots.withIndex()) own.forward(whitened, starts[b])
         val capacity = Array(errors) { a -> DoubleArray(errors).also { it[a] = 1.0 } }
-        for (row in leaning) {
+        for (row in whitened) {
             for (a in 0 until errors) add(capacity[a], row[a], row, a + 1)
         }
         root = Triangle.root(capacity)
@@ -35,14 +35,14 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
 
     /** w, followed by m, of an error v. */
     fun weighed(values: DoubleArray): DoubleArray {
-        val beside = values.copyOf()
-        for ((b, own) in roots.withIndex()) own.forward(beside, starts[b])
-        val taken = DoubleArray(errors)
-        for (i in beside.indices) add(taken, beside[i], leaning[i], errors)
-        root.forward(taken)
-        root.backward(taken)
-        for (i in beside.indices) beside[i] -= dot(leaning[i], taken)
-        return beside + taken
+        val solved = values.copyOf()
+        for ((b, own) in roots.withIndex()) own.forward(solved, starts[b])
+        val correction = DoubleArray(errors)
+        for (i in solved.indices) add(correction, solved[i], whitened[i], errors)
+        root.forward(correction)
+        root.backward(correction)
+        for (i in solved.indices) solved[i] -= dot(whitened[i], correction)
+        return solved + correction
     }
 
     /**
@@ -53,7 +53,7 @@ internal class Precision(blocks: List<Array<DoubleArray>>, shared: Array<DoubleA
      */
     fun alone(block: Int, weighed: DoubleArray): Double {
         val own = weighed.copyOfRange(starts[block], starts[block + 1])
-        val shares = List(own.size) { leaning[starts[block] + it].copyOf().also { share -> root.forward(share) } }
+        val shares = List(own.size) { whitened[starts[block] + it].copyOf().also { share -> root.forward(share) } }
         val left = Array(own.size) { a ->
             DoubleArray(own.size) { b -> (if (a == b) 1.0 else 0.0) - dot(shares[a], shares[b]) }
         }

@@ -219,7 +219,7 @@ class SignalsTest {
             assertEquals(two.dark.slice(own), one.dark.toList())
             assertEquals(two.used.slice(n * j until n * (j + 1)), one.used.toList())
         }
-        val odd = two.askedFor(BooleanArray(n) { it == 1 })
+        val odd = two.restrictedTo(BooleanArray(n) { it == 1 })
         assertEquals(listOf(1, n + 1), odd.used.indices.filter { odd.used[it] })
         assertEquals(listOf(1), odd.only(1).used.indices.filter { odd.only(1).used[it] })
     }
@@ -238,7 +238,7 @@ class SignalsTest {
     @Test
     fun `a patch that was not usable is not asked for`() {
         val lost = means(frame({ if (it / 3 == 5) 500.0 else 0.0 }) { 300.0 }, flat, dark)
-        val found = signals(lost).askedFor(BooleanArray(n) { it >= 4 })
+        val found = signals(lost).restrictedTo(BooleanArray(n) { it >= 4 })
         assertEquals(listOf(4, 6, 7), found.used.indices.filter { found.used[it] })
     }
 }

@@ -6,7 +6,7 @@ import org.junit.jupiter.api.Assertions.assertSame
 import org.junit.jupiter.api.Test
 
 /** Whom rule 3 accuses, at the limits of rules.json, and what rule 2 calls a goodness of fit. */
-class SuspectsTest {
+class ExplanationsTest {
     private fun goodnessOfFit(total: Double, vararg all: Explanation) = GoodnessOfFit(total, 0.0, 60, all.toList())
 
     private fun of(cause: Cause, gain: Double, amount: Double = 0.1) = Explanation(cause, null, gain, amount)

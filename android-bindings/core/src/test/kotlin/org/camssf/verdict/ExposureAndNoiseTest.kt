@@ -8,7 +8,7 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Test
 
 /** What speaks against the second of two shots, at the limits of rules.json; the first is spoiled in every way. */
-class SamplesTest {
+class ExposureAndNoiseTest {
     private val table = ChartTable.read("classic24")
     private val n = 16
 

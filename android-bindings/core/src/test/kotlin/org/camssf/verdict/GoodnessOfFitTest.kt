@@ -24,7 +24,7 @@ import kotlin.math.sqrt
 import kotlin.random.Random
 
 /** Rules 1 to 3 on a camera of three bells. */
-class SurpriseTest {
+class GoodnessOfFitTest {
     private val table = ChartTable.read("classic24")
     private val grid = Grid.WAVELENGTHS
     private val n = 24

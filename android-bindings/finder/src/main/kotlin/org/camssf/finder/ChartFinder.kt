@@ -16,7 +16,7 @@ public class ChartFinder {
     private val half = Codes()
     private val blobs = Blobs()
     private val lattices = Lattices(blobs)
-    private val naming = Naming(blobs)
+    private val orientation = Orientation(blobs)
 
     /**
      * Finds charts in the picture; if there is none, in the picture at half its size.
@@ -44,19 +44,19 @@ public class ChartFinder {
         val accept = if (codes.channels == 3) ACCEPT else ACCEPT_LUMA
         val sightings = ArrayList<Sighting>()
         for (grid in lattices.find().take(MOST_GRIDS)) {
-            var best: Named? = null
+            var best: OrientedGrid? = null
             for (kind in KINDS) {
-                val match = naming.named(codes, grid, kind) ?: continue
+                val match = orientation.orient(codes, grid, kind) ?: continue
                 if (match.score >= accept && match.score > (best?.score ?: -2.0)) best = match
             }
             if (best == null) continue
-            val (h, seen) = naming.placed(grid, best) ?: continue
+            val (h, seen) = orientation.placed(grid, best) ?: continue
             sightings += sighting(codes, h, best, seen)
         }
         return apart(sightings.sortedBy { -it.confidence })
     }
 
-    private fun sighting(codes: Codes, h: DoubleArray, found: Named, seen: Int): Sighting {
+    private fun sighting(codes: Codes, h: DoubleArray, found: OrientedGrid, seen: Int): Sighting {
         val kind = found.kind
         val edge = kind.side / 2
         val last = kind.columns - 1 + edge

@@ -29,8 +29,8 @@ public enum class ChartKind(public val columns: Int, public val rows: Int, publi
     ;
 
     private val stored: JsonObject by lazy { FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject }
-    private val coloured: DoubleArray by lazy { Naming.features(colours(), 3) }
-    private val grey: DoubleArray by lazy { Naming.features(colours(), 1) }
+    private val coloured: DoubleArray by lazy { Orientation.features(colours(), 3) }
+    private val grey: DoubleArray by lazy { Orientation.features(colours(), 1) }
 
     /** Edge of a patch in pitches. */
     internal val side: Double by lazy { stored.getValue("side").jsonPrimitive.double }

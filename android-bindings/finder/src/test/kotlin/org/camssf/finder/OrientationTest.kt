@@ -8,10 +8,10 @@ import org.junit.jupiter.api.Test
 import kotlin.math.abs
 
 /** A lattice that is given, over a chart that was drawn: 24 patches, 40 px apart, about a point. */
-class NamingTest {
+class OrientationTest {
     private val kind = ChartKind.CLASSIC_24
     private val blobs = Blobs()
-    private val naming = Naming(blobs)
+    private val orientation = Orientation(blobs)
     private val all = (0..5).flatMap { i -> (0..3).map { i to it } }
 
     /** The chart's patch (0, 0) stands at place (3, -2) of the lattice. */
@@ -28,10 +28,10 @@ class NamingTest {
 
     private fun codes(painter: Painter) = Codes().also { it.read(painter.picture()) }
 
-    private fun named(x: Double, y: Double, seen: List<Pair<Int, Int>> = all): Named? =
-        naming.named(codes(Painter().chart(x, y, 40.0)), grid(x, y, seen), kind)
+    private fun orient(x: Double, y: Double, seen: List<Pair<Int, Int>> = all): OrientedGrid? =
+        orientation.orient(codes(Painter().chart(x, y, 40.0)), grid(x, y, seen), kind)
 
-    private fun assertUpright(found: Named?) {
+    private fun assertUpright(found: OrientedGrid?) {
         assertTrue(found!!.score > 0.99, "${found.score}")
         assertArrayEquals(IntArray(24) { it % 6 + 3 }, found.u)
         assertArrayEquals(IntArray(24) { it / 6 - 2 }, found.v)
@@ -40,7 +40,7 @@ class NamingTest {
 
     @Test
     fun `patches are named in the chart's order`() {
-        val found = named(300.0, 250.0)
+        val found = orient(300.0, 250.0)
         assertUpright(found)
         assertEquals(kind, found!!.kind)
         // Nine digits: another library's logarithms must not choose.
@@ -50,12 +50,12 @@ class NamingTest {
     @Test
     fun `a chart that stands on its head or is seen in a mirror is told so`() {
         val over = codes(Painter().chart(300.0, 250.0, 40.0, 180.0))
-        val head = naming.named(over, grid(300.0, 250.0, all), kind)!!
+        val head = orientation.orient(over, grid(300.0, 250.0, all), kind)!!
         assertArrayEquals(IntArray(24) { 8 - it % 6 }, head.u)
         assertArrayEquals(IntArray(24) { 1 - it / 6 }, head.v)
         assertTrue(!head.mirrored && head.score > 0.99)
         val mirror = codes(Painter().chart(300.0, 250.0, 40.0, mirrored = true))
-        val seen = naming.named(mirror, grid(300.0, 250.0, all), kind)!!
+        val seen = orientation.orient(mirror, grid(300.0, 250.0, all), kind)!!
         assertArrayEquals(IntArray(24) { 8 - it % 6 }, seen.u)
         assertArrayEquals(IntArray(24) { it / 6 - 2 }, seen.v)
         assertTrue(seen.mirrored && seen.score > 0.99)
@@ -65,9 +65,9 @@ class NamingTest {
     @Test
     fun `every patch must lie in the picture`() {
         val inside = listOf(107.6 to 250.0, 531.4 to 250.0, 300.0 to 67.6, 300.0 to 411.4)
-        for ((x, y) in inside) assertUpright(named(x, y))
+        for ((x, y) in inside) assertUpright(orient(x, y))
         for ((x, y) in listOf(107.4 to 250.0, 531.6 to 250.0, 300.0 to 67.4, 300.0 to 411.6)) {
-            assertTrue((named(x, y)?.score ?: -1.0) < 0.9, "$x, $y")
+            assertTrue((orient(x, y)?.score ?: -1.0) < 0.9, "$x, $y")
         }
     }
 
@@ -75,14 +75,14 @@ class NamingTest {
     fun `eleven of twenty-four patches must have been seen, anywhere on the chart`() {
         for (step in listOf(5, 7, 11)) {
             val some = List(11) { all[it * step % 24] }
-            assertUpright(named(300.0, 250.0, some))
-            assertNull(named(300.0, 250.0, some.drop(1)))
+            assertUpright(orient(300.0, 250.0, some))
+            assertNull(orient(300.0, 250.0, some.drop(1)))
         }
         // Some at one end: the rest is looked for beyond them.
-        assertUpright(named(300.0, 250.0, all.filter { it.first < 3 }))
-        assertUpright(named(300.0, 250.0, all.filter { it.first > 2 }))
-        assertUpright(named(300.0, 250.0, all.filter { it.second > 1 }))
-        assertUpright(named(300.0, 250.0, all.filter { it.second < 2 }))
+        assertUpright(orient(300.0, 250.0, all.filter { it.first < 3 }))
+        assertUpright(orient(300.0, 250.0, all.filter { it.first > 2 }))
+        assertUpright(orient(300.0, 250.0, all.filter { it.second > 1 }))
+        assertUpright(orient(300.0, 250.0, all.filter { it.second < 2 }))
     }
 
     /** Of the 24 places around a chart seven may hold patches. */
@@ -92,26 +92,26 @@ class NamingTest {
             (-1..6).map { it to -1 }, (-1..6).map { it to 4 }, (-1..3).map { -1 to it } + (0..3).map { 6 to it },
         )
         for (side in sides) {
-            assertUpright(named(300.0, 250.0, all + side.take(7)))
-            assertTrue((named(300.0, 250.0, all + side.take(8))?.score ?: -1.0) < 0.9)
+            assertUpright(orient(300.0, 250.0, all + side.take(7)))
+            assertTrue((orient(300.0, 250.0, all + side.take(8))?.score ?: -1.0) < 0.9)
         }
         // What lies two places away is another's.
-        assertUpright(named(300.0, 250.0, all + (-1..6).map { it to -2 }))
+        assertUpright(orient(300.0, 250.0, all + (-1..6).map { it to -2 }))
     }
 
     @Test
     fun `brightness alone has one number a patch`() {
         val painter = Painter().chart(300.0, 250.0, 40.0)
         val codes = Codes().also { it.read(Picture.luma(Plane(painter.planes[1], 640), 640, 480)) }
-        assertUpright(naming.named(codes, grid(300.0, 250.0, all), kind))
+        assertUpright(orientation.orient(codes, grid(300.0, 250.0, all), kind))
     }
 
     private fun placed(seen: List<Pair<Int, Int>>, off: Double): Pair<DoubleArray, Int>? {
-        val found = named(300.0, 250.0)!!
+        val found = orient(300.0, 250.0)!!
         val grid = grid(300.0, 250.0, seen)
         // In pitches of 40 px; the third blob in the order of places.
         blobs.x[2] += 40 * off
-        return naming.placed(grid, found)
+        return orientation.placed(grid, found)
     }
 
     @Test

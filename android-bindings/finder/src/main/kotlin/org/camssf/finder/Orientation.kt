@@ -17,7 +17,7 @@ import kotlin.math.sqrt
  * @property u first lattice coordinate of the patches, in the chart's order.
  * @property v second lattice coordinate of the patches, in the chart's order.
  */
-internal class Named(
+internal class OrientedGrid(
     val kind: ChartKind,
     val score: Double,
     val mirrored: Boolean,
@@ -26,7 +26,7 @@ internal class Named(
 )
 
 /** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
-internal class Naming(private val blobs: Blobs) {
+internal class Orientation(private val blobs: Blobs) {
     private var logs = DoubleArray(0)
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
@@ -46,7 +46,7 @@ internal class Naming(private val blobs: Blobs) {
     private var channels = 0
 
     /** The part of the lattice that agrees best with the chart's colours; null if no part can be the chart. */
-    fun named(codes: Codes, grid: Grid, kind: ChartKind): Named? {
+    fun orient(codes: Codes, grid: Grid, kind: ChartKind): OrientedGrid? {
         val span = max(kind.columns, kind.rows) - 1
         channels = codes.channels
         left = grid.u.min() - span
@@ -91,7 +91,7 @@ internal class Naming(private val blobs: Blobs) {
         }
         if (bestTurn < 0) return null
         turn(kind, bestTurn)
-        return Named(
+        return OrientedGrid(
             kind,
             best,
             bestTurn % 2 == 1,
@@ -106,7 +106,7 @@ internal class Naming(private val blobs: Blobs) {
      *
      * It is fitted to all blobs, and again without outliers, such as a blob that covers half a patch or two patches.
      */
-    fun placed(grid: Grid, found: Named): Pair<DoubleArray, Int>? {
+    fun placed(grid: Grid, found: OrientedGrid): Pair<DoubleArray, Int>? {
         var count = 0
         for (i in 0 until grid.size) {
             val k = found.u.indices.firstOrNull { found.u[it] == grid.u[i] && found.v[it] == grid.v[i] } ?: continue
