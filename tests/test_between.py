@@ -218,7 +218,7 @@ def test_auto_weighs_the_kinds() -> None:
     assert np.abs(found.signals - named.signals).max() < 0.03
     assert np.trace(found.parts["lamp"].mean(axis=0)) > np.trace(named.parts["lamp"].mean(axis=0))
     assert np.abs(found.covariance - sum(found.parts.values())).max() < 1e-15
-    with pytest.raises(InvalidArgument, match="Nothing tells"):
+    with pytest.raises(InvalidArgument, match="lamp is unknown"):
         convert(source, target, "auto", y)
     with pytest.raises(LampUnfit, match="not white under A"):
         convert(source, target, "A", y, reference=Reference(raw=raw))
@@ -243,7 +243,7 @@ def test_what_cannot_be_converted_is_refused() -> None:
         convert(exact(), other(), LAMP, np.ones(3), -1.0)
     twins = exact()
     twins.values[:, 1] = twins.values[:, 0]
-    with pytest.raises(InvalidArgument, match="Nothing leads"):
+    with pytest.raises(InvalidArgument, match="No conversion"):
         convert(twins, other(), LAMP, np.ones(3))
     ultraviolet = replace(read_lamp(LAMP), values=np.where(WAVELENGTHS < 381, 1.0, 0.0), tolerance=0.0)
     blind = other()
@@ -328,11 +328,11 @@ def test_the_command_says_no(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     no.write_bytes(document_bytes(refused()))
     base = ["colour", "--from", a, "--to", b]
     for words, text in (
-        (["colour"], "through a result"),
-        (["colour", a], "through a result"),
-        (["colour", a, "photo.dng", "--signal", "1,1,1"], "through a result"),
-        (["colour", "--from", a], "between two cameras"),
-        (["colour", "--to", a], "between two cameras"),
+        (["colour"], "needs a result"),
+        (["colour", a], "needs a result"),
+        (["colour", a, "photo.dng", "--signal", "1,1,1"], "needs a result"),
+        (["colour", "--from", a], "needs two cameras"),
+        (["colour", "--to", a], "needs two cameras"),
         (["colour", "--from", str(no), "--to", b], "refused"),
         (["colour", "--from", a, "--to", str(no)], "refused"),
         (["colour", "--from", "-", "--to", "-"], "one result"),
@@ -342,10 +342,10 @@ def test_the_command_says_no(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         ([*base, "--region", "1,2,3,4"], "either from a photo"),
         ([*base, "photo.dng", "--region", "1,2,3,4"], "needs a region, and a white"),
         ([*base, "photo.dng", "other.dng"], "at most one photo"),
-        ([*base, "--signal", "1,2"], "is no signal"),
-        ([*base, "--signal", "1,2,x"], "is no signal"),
+        ([*base, "--signal", "1,2"], "is not a signal"),
+        ([*base, "--signal", "1,2,x"], "is not a signal"),
         ([*base, "--signal", "1,2,nan"], "finite"),
-        ([*base, "--lamp", "auto"], "Nothing tells"),
+        ([*base, "--lamp", "auto"], "lamp is unknown"),
     ):
         assert cli.main(words) == 2, words
         said = capsys.readouterr()

@@ -100,7 +100,7 @@ def test_a_told_basis_is_no_choice() -> None:
     found = recover(given, basis="phones", prior_scale=2.0)
     assert (found.settings.basis, found.settings.prior_scale, found.choice) == ("phones", 2.0, ())
     assert (found.values == answer(given, "phones", prior_scale=2.0).values).all()
-    with pytest.raises(InvalidArgument, match="wide"):
+    with pytest.raises(InvalidArgument, match="prior_scale"):
         recover(replace(given, chart_tolerance=np.zeros(12)), basis="gaussian", prior_scale=2.0)
 
 
@@ -487,7 +487,7 @@ def test_the_choice_in_words() -> None:
     half = choice_of(weighed(("phones", 1.0, 5.0, 0.4), ("phones", 2.0, 4.0, 0.1), ("cameras", 1.0, 5.0, 0.5)))
     assert half is not None
     assert half.wide == pytest.approx(0.1)
-    assert "mixed by their probabilities" in half.words[0]
+    assert "averaged with the probabilities" in half.words[0]
     assert "With a probability of 10.0 %" in half.words[-1]
     outweighed = choice_of(weighed(("phones", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
     assert outweighed is not None

@@ -451,7 +451,7 @@ def test_other_commands_replace_no_result(good: Path, tmp_path: Path, capsys: py
     (good / "result.json").write_text(json.dumps(real), "utf-8")
     before = state(good)
     assert cli.main(["demo", "-o", str(good)]) == 2
-    assert "holds a result that is no demo's" in capsys.readouterr().err
+    assert "holds a result that is not from a demo" in capsys.readouterr().err
     for name in ("result.json", "ssf.csv", "report.html"):
         assert cli.main(["export", str(good.parent / "other.json"), "--to", "csv", "-o", str(good / name)]) == 2
         assert "belongs to the result in" in capsys.readouterr().err

@@ -213,11 +213,11 @@ def test_without_a_scale_nothing_is_exported_that_needs_one(to: str) -> None:
     given = result()
     given["shots"][0]["lamp"] |= {"name": "lost.csv"}
     del given["shots"][0]["lamp"]["power"]
-    with pytest.raises(InvalidArgument, match=r"ties the three channels.*lost\.csv"):
+    with pytest.raises(InvalidArgument, match=r"scale between the channels.*lost\.csv"):
         export(given, to)
     assert export(given, "icc", created=THEN)  # its white is balanced
     given = result(channel_gain=[0.5, 1.0, -0.1])
-    with pytest.raises(InvalidArgument, match="ties the three channels"):
+    with pytest.raises(InvalidArgument, match="scale between the channels"):
         export(given, to)
 
 

@@ -349,7 +349,7 @@ def test_a_camera_may_be_arrays() -> None:
     found = read_camera((WAVELENGTHS, named.values))
     assert np.abs(found.values - named.values).max() < 1e-9
     for given in ((WAVELENGTHS, named.values.T), ("a", "b"), 5):
-        with pytest.raises(InvalidArgument, match="is no camera"):
+        with pytest.raises(InvalidArgument, match="cannot be used as a camera"):
             read_camera(given)  # type: ignore[arg-type]
 
 

@@ -209,7 +209,7 @@ def test_damaged_and_unknown_files_are_refused(tmp_path: Path) -> None:
         with pytest.raises(UnreadableRaw):
             read_raw(path)
     (tmp_path / "b.cr3").write_bytes(b"\0\0\0\x18ftypcrx \0\0\0\x01" + bytes(500))
-    with pytest.raises(UnsupportedRaw, match=r"no DNG, and LibRaw [\d.]+ does not know") as caught:
+    with pytest.raises(UnsupportedRaw, match=r"not a DNG, and LibRaw [\d.]+ does not know") as caught:
         read_raw(tmp_path / "b.cr3")
     assert "DNG converter" in caught.value.advice
     for kind, name, content in (

@@ -811,7 +811,7 @@ def test_page_without_bands_says_so() -> None:
     made["ssf_std"] = None
     made["verdict"]["checks"] = [each for each in made["verdict"]["checks"] if each["name"] != "vague"]
     page = Page(report(made).html)
-    assert "so it gives no band" in page.text
+    assert "so there is no band" in page.text
     assert "width of" not in page.text
     assert "band's width" not in page.text
     assert "lopsided" not in page.text
@@ -1085,7 +1085,7 @@ def test_a_passport_of_another_result_is_refused() -> None:
     data = report(made).result_json
     own = replace(passport(made), result_sha256=hashlib.sha256(data).hexdigest())
     check_belongs(own, data)
-    with pytest.raises(PassportInvalid, match="of another result"):
+    with pytest.raises(PassportInvalid, match="belongs to another result"):
         check_belongs(own, data + b" ")
 
 

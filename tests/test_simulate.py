@@ -441,10 +441,10 @@ def test_settings_out_of_range(tmp_path: Path, setting: dict[str, Any], words: s
 
 
 def test_no_lamp_no_light_wrong_chart(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="without a lamp"):
+    with pytest.raises(InvalidArgument, match="needs a lamp"):
         simulate(CAMERA, [], tmp_path, chart=table(), scene=Scene(size=SIZE))
     blind = CameraCurves("blind", CAMERA.values * [1, 1, 0], "test")
-    with pytest.raises(InvalidArgument, match="sees nothing"):
+    with pytest.raises(InvalidArgument, match="without response"):
         simulate(blind, FLAT, tmp_path, chart=table(), scene=Scene(size=SIZE))
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InvalidArgument, match="24 patches do not fit"):

@@ -70,8 +70,6 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
     Raises:
         InvalidArgument: unknown `iteration`.
     """
-    if iteration not in LAYERS:
-        raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     g = Graph(f"camssf-{basis.name}")
     given = {name: Value(g, name) for name in INPUTS}
     r = basis.dictionary.shape[2]
@@ -91,8 +89,10 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
     if iteration == "splitting":
         assert inverses is not None
         layer = splitting(problem, inverses.slice(-p, 2**31, 0))
-    else:
+    elif iteration == "ista":
         layer = ista(problem)
+    else:
+        raise InvalidArgument(f"There are no layers {iteration!r}.", f"Take one of {', '.join(LAYERS)}.")
     z = unroll(problem, layer, depth)
     before = gap_of(problem, z)
     if finish:

@@ -188,11 +188,11 @@ def revoke(
     if old is not None:
         called |= names_of(read_bytes(str(old), LARGEST_LIST, PassportInvalid), {key_name(public): public})
     elif not called:
-        raise InvalidArgument("Nothing is called back.", "Name passports or keys, or renew a list by --list.")
+        raise InvalidArgument("Nothing to revoke was named.", "Name passports or keys, or renew a list by --list.")
     if out.exists() and (old is None or not out.samefile(old)):
         raise InvalidArgument(f"{out} exists already, and the names in it would be lost.", f"Renew it: --list {out}.")
     write_file(spare(out, key), sign_revocations(called, signer, days=days))
-    say("", f"{len(called)} called back, good for {days:g} days: {out}")
+    say("", f"{len(called)} revoked, list valid for {days:g} days: {out}")
 
 
 @passport.command(epilog="Example: camssf passport show camera.jws")

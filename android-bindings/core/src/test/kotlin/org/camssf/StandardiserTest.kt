@@ -212,7 +212,7 @@ class StandardiserTest {
         val shots = Json.parseToJsonElement("""[{"lamp": {"name": "desk.csv"}}]""")
         val strange = JsonObject(result + ("shots" to shots)).toString()
         val error = assertThrows(InvalidArgument::class.java) { Standardiser.read(strange, null, white) }
-        assertTrue("which lamp" in error.message)
+        assertTrue("lamp is unknown" in error.message)
         assertNull(Standardiser.read(strange, d55, white).chiSquared)
     }
 

@@ -38,7 +38,7 @@ class LampTest {
         for (kind in light.kinds) assertArrayEquals(Lamp.read(kind.name).values, kind.values)
         for (wrong in listOf({ light.values }, { light.withTolerance("2%") }, { Lamp.read(" Auto ") })) {
             val error = assertThrows(InvalidArgument::class.java) { wrong() }
-            assertTrue("nobody named" in error.message && error.advice.isNotEmpty(), error.message)
+            assertTrue("is not named" in error.message && error.advice.isNotEmpty(), error.message)
         }
         assertTrue("auto" !in Lamp.names() && !Lamp.read("A").unnamed)
     }

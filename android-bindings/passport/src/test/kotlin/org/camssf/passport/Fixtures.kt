@@ -47,7 +47,7 @@ internal object Fixtures {
     /** A whole result, about as short as one can be. */
     val SMALL = content.getValue("small").jsonPrimitive.content
 
-    /** Lists of what was called back, and what Python says of them. */
+    /** Revocation lists, and what Python says of them. */
     val LISTS = content.getValue("lists").jsonArray.map { it.jsonObject }
     val LATER: Instant = case("small").at
     val SIGNER: PublicKey = PassportKeys.readPublic(pem("signer").toByteArray())

@@ -82,7 +82,7 @@ class SigningTest {
         }
         refused("not sound JSON", "{")
         refused("not sound JSON", "{\"a\":1,\"a\":1}")
-        refused("is no object", "[]")
+        refused("is not an object", "[]")
         refused("has no camera", "{}")
         refused("has no shots", """{"camera":{}}""")
         refused("another format", Fixtures.SMALL.replace("result/1", "result/2"))
@@ -129,7 +129,7 @@ class SigningTest {
     }
 
     @Test
-    fun `what was called back`() {
+    fun `a revoked passport is refused`() {
         val good = Fixtures.LISTS.single { it.getValue("name").jsonPrimitive.content == "good" }
         val list = good.getValue("data").jsonPrimitive.content.toByteArray()
         val names = PassportKeys.readRevoked(list, listOf(Fixtures.SIGNER), Fixtures.LATER)
@@ -137,7 +137,7 @@ class SigningTest {
         val error = assertThrows<PassportInvalid> {
             Passport.verify(small, listOf(Fixtures.SIGNER), names, Fixtures.LATER)
         }
-        assertTrue("The passport was called back" in error.message)
+        assertTrue("The passport was revoked" in error.message)
         val kid = setOf(Fixtures.keyName("signer"))
         assertThrows<PassportInvalid> { Passport.verify(small, listOf(Fixtures.SIGNER), kid, Fixtures.LATER) }
         Passport.verify(small, listOf(Fixtures.SIGNER), names - Passport.show(small).passport.id, Fixtures.LATER)
@@ -160,7 +160,7 @@ class SigningTest {
         val error = assertThrows<PassportInvalid> {
             Passport.verify(data, listOf(keys.public), now = now, result = result)
         }
-        assertTrue("excerpt is not what" in error.message)
+        assertTrue("excerpt differs" in error.message)
     }
 
     @Test
