@@ -149,6 +149,7 @@ def make_problem(
         "gamma": np.array(float(gamma)),
         "nonnegative": np.array(float(nonnegative)),
         "prior_scale": np.array(1.0),
+        "explain": np.array(0.0),
     }
     return Problem(inputs, basis, label)
 

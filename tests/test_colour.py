@@ -479,7 +479,7 @@ def test_modes_of_bands_have_the_bands() -> None:
 
 
 def test_a_camera_must_have_the_grid_and_a_peak() -> None:
-    with pytest.raises(InvalidArgument, match="cannot be used as a camera"):
+    with pytest.raises(InvalidArgument, match="do not fit together"):
         Camera("x", np.ones((3, 681)), np.zeros((0, 681, 3)))
     with pytest.raises(InvalidArgument, match="peak"):
         Camera("x", np.zeros((681, 3)), np.zeros((0, 681, 3)))
@@ -651,8 +651,8 @@ def test_the_command_says_no(calibrated: tuple[Path, dict[str, Any]], capsys: py
     for arguments, status, words in (
         ([], 2, "needs a region"),
         (here, 2, "needs a region"),
-        (["--region", "1,2,3", *white], 2, "no rectangle"),
-        (["--region", "1,2,x,4", *white], 2, "no rectangle"),
+        (["--region", "1,2,3", *white], 2, "not a rectangle"),
+        (["--region", "1,2,x,4", *white], 2, "not a rectangle"),
         ([*here, *white, "--observer", "1932"], 2, "observer"),
         ([*here, *white, "--adapt", "D55"], 2, "D55"),
         ([*here, *white, "--lamp", "A"], 6, "not white under A"),

@@ -169,7 +169,7 @@ def test_plots_refuse_what_they_cannot_draw(result: Calibration) -> None:
         (lambda: result.plot("spectrum"), "no plot 'spectrum'"),  # type: ignore[arg-type]
         (lambda: result.plot(shot=2), "no shot 2"),
         (lambda: result.plot(shot=True), "no shot True"),
-        (lambda: result.plot(ax="axes"), "A str is no axes"),  # type: ignore[arg-type]
+        (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),  # type: ignore[arg-type]
         (lambda: result.to_pandas("all"), "no table 'all'"),  # type: ignore[arg-type]
     ):
         with pytest.raises(InvalidArgument, match=words):
@@ -208,7 +208,7 @@ def test_a_loaded_result_serves_for_colour_and_exports(result: Calibration, tmp_
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0], found[2])
     assert export(again, "csv") == export(result.document(), "csv")
-    with pytest.raises(InvalidArgument, match="A str is no camera for colour"):
+    with pytest.raises(InvalidArgument, match="A str cannot be used as a camera"):
         standard_colour("result.json", "A", signals)  # type: ignore[arg-type]
 
 
@@ -349,7 +349,7 @@ def test_a_camera_may_be_arrays() -> None:
     found = read_camera((WAVELENGTHS, named.values))
     assert np.abs(found.values - named.values).max() < 1e-9
     for given in ((WAVELENGTHS, named.values.T), ("a", "b"), 5):
-        with pytest.raises(InvalidArgument, match="cannot be used as a camera"):
+        with pytest.raises(InvalidArgument, match="is not a camera"):
             read_camera(given)  # type: ignore[arg-type]
 
 

@@ -18,7 +18,7 @@ from camssf.recovery.linear_model import SOURCES, LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import SHIPPED, Model, load_model, onnx_runtime
 from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import Ssf, answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.recovery.unnamed_light import by_modes, posterior
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
@@ -239,7 +239,8 @@ def test_budget_and_bands_are_the_reference_s(seed: int) -> None:
         scale = 1.0 if seed % 4 else 2.0
         given = told(**a | more)[0]
         found = outputs_of(model, given, scale)
-        ssf = answer(given, a["basis"], prior_scale=scale, l2=1.0, gamma=0.05, nonnegative=False, engine="reference")
+        settings = SolverSettings(l2=1.0, gamma=0.05, nonnegative=False, engine="reference")
+        ssf = answer(given, a["basis"], prior_scale=scale, settings=settings)
         shares = explain(given, basis=a["basis"], prior_scale=scale)
         assert tuple(shares) == (*SOURCES, "unseen")
         assert found["budget"] == pytest.approx(np.array(list(shares.values())), abs=1e-10)

@@ -691,11 +691,11 @@ def test_png_shows_curves_bands_and_truth() -> None:
     untrue = pixels(made)
     made["ssf_std"] = None
     bare = pixels(made)
-    for hue in ((184, 50, 42), (35, 121, 74), (42, 87, 176)):
+    for hue in ((200, 53, 43), (38, 138, 84), (58, 99, 208)):
         assert share(bare, hue) > 1000
     ink = (36, 38, 43)
     assert share(full, ink) > share(untrue, ink) + 500
-    pale = (245, 228, 227)  # the red's band on white, 16 %: 255 - 0.16 (255 - 184)
+    pale = (246, 223, 221)  # the red's band on white, 16 %: 255 - 0.16 (255 - 200)
     assert share(untrue, pale) > share(bare, pale) + 1000
 
 

@@ -189,7 +189,7 @@ def test_white_that_is_dark(level: float) -> None:
 def test_white_and_dark_swapped(values: tuple[float, float, float]) -> None:
     swapped = replace(SHOT, white=means(514.0, 3), dark=means(np.array(values, dtype=float), 20))
     with pytest.raises(
-        FramesDiffer, match="Shot 2: the dark frame is brighter than the white frame: they look swapped"
+        FramesDiffer, match="Shot 2: the dark frame is brighter than the white frame: they seem to be swapped"
     ):
         normalise([SHOT, swapped], CLASSIC)
 
@@ -202,7 +202,7 @@ def test_two_dark_frames_are_not_called_swapped() -> None:
 
 
 def test_white_that_is_noise() -> None:
-    with pytest.raises(Underexposed, match="known to 10%"):
+    with pytest.raises(Underexposed, match="standard error is 10%"):
         normalise([replace(SHOT, white=means(1514.0, 100.0))], CLASSIC)
 
 

@@ -690,8 +690,8 @@ def test_rawtoaces() -> None:
     ("spec", "advice"),
     [
         ("Nikon D510", "Did you mean Nikon D5100"),
-        ("", "Cameras:"),
-        (None, "Cameras:"),
+        ("", "camssf cameras"),
+        (None, "camssf cameras"),
         (r"C:\cameras.csv", "Check the path"),
         (r"C:\cameras.csv:Canon EOS 5D", "Check the path"),
         ("x.csv:" + "y" * 5000, "Check the path"),

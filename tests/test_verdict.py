@@ -415,7 +415,7 @@ def test_a_black_level_that_is_off() -> None:
     for off in (0.008, -0.008):
         verdict = without_dark(off)
         (reason,) = [reason for reason in verdict.reasons if reason.code == "frames_differ"]
-        assert "black level were off by 0." in reason.message
+        assert "black level seems wrong by 0." in reason.message
         assert reason.threshold == rules().number("verdict.black")
         assert verdict.status == "doubtful"
         assert without_dark(off, dark=True).status == "accepted"
@@ -647,7 +647,7 @@ def test_poor_pose_and_wide_bands() -> None:
     mixed = replace(scene.signals, values=values)
     verdict = scene.judged(signals=mixed, ssf=replace(scene.ssf, predicted=values))
     assert codes(verdict) == ["chart_unfit"]
-    assert "the chart's own colours" in first(verdict).message
+    assert "match the chart's colours" in first(verdict).message
     band = scene.ssf.posterior
     assert band is not None
     wide = replace(scene.ssf, posterior=replace(band, std=band.std * 5))

@@ -49,7 +49,7 @@ from camssf.grid import Floats
 from camssf.learning.basis import learn
 from camssf.learning.training import HANDFUL, Enlargement, maker_of, read_curves
 from camssf.recovery.basis import Basis, interpolate, read_basis
-from camssf.recovery.hypotheses import SCALES, UNUSUAL
+from camssf.recovery.hypotheses import SCALES, UNFAMILIAR_CAMERA
 from camssf.recovery.hypotheses import choose as chosen
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
@@ -188,7 +188,7 @@ def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, 
     found = {name: (each[0].peak(), nats(each[0])) for name, each in scaled.items()}
     if CAMERAS not in device.bases:  # where enlargements are compared nothing is chosen
         return found
-    beliefs = np.log([1.0 - UNUSUAL, UNUSUAL] * 2)
+    beliefs = np.log([1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA] * 2)
     for name in device.bases:
         if name != CAMERAS:
             found[auto(name)] = chosen(observation, [*scaled[name], *scaled[CAMERAS]], beliefs).peak(), float("nan")

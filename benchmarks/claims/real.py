@@ -39,7 +39,7 @@ from camssf.learning.basis import learn
 from camssf.learning.training import maker_of, read_curves
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import Basis, interpolate
-from camssf.recovery.hypotheses import FAMILIES, SCALES, UNUSUAL, choose, recover
+from camssf.recovery.hypotheses import FAMILIES, SCALES, UNFAMILIAR_CAMERA, choose, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.spectra import ChartTable, Lamp, read_chart
@@ -187,7 +187,7 @@ def automatic(given: Observation, left_out: Basis) -> Ssf:
         for basis in bases
         for scale in SCALES
     ]
-    return choose(given, answers, np.log(np.tile([1.0 - UNUSUAL, UNUSUAL], len(bases))))
+    return choose(given, answers, np.log(np.tile([1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA], len(bases))))
 
 
 def solve(

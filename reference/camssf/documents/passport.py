@@ -134,7 +134,7 @@ def create_passport(
     try:
         ends = begins + max(timedelta(seconds=1), timedelta(days=request.days))
     except OverflowError:
-        raise InvalidArgument("The passport would end after the year 9999.", "Let it begin earlier.") from None
+        raise InvalidArgument("The passport must end before the year 9999.", "Let it begin earlier.") from None
     return Passport(
         id=secrets.token_hex(16),
         issued=issued,

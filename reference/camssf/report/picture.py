@@ -6,7 +6,7 @@ from typing import Any
 
 from camssf.fonts import prepare_matplotlib
 from camssf.report.notebook import HUES
-from camssf.report.plots import draw_curves
+from camssf.report.plots import INK, draw_curves
 from camssf.report.sections.curves import curves_of
 from camssf.report.sections.text import Json, camera_name
 
@@ -21,7 +21,7 @@ def picture(document: Json) -> bytes:
     from matplotlib.figure import Figure
 
     curves = curves_of(document)
-    ink, quiet = "#24262b", "#6b7079"
+    quiet = "#6b7079"
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white")
@@ -41,7 +41,7 @@ def picture(document: Json) -> bytes:
         if curves.truth is not None:
             note += f"; dashed: {_short_name(document['truth']['name'])}"
         # Names are untrusted input: "$" must not start a formula, and rare characters may have no glyph.
-        figure.text(0.075, 0.94, _title(document), color=ink, fontsize=14, fontweight="bold", parse_math=False)
+        figure.text(0.075, 0.94, _title(document), color=INK, fontsize=14, fontweight="bold", parse_math=False)
         figure.text(0.075, 0.895, note, color=quiet, fontsize=10.5, parse_math=False)
         file = BytesIO()
         FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})

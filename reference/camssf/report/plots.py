@@ -15,6 +15,8 @@ from camssf.report.sections.curves import DrawnCurves, curves_of
 
 Json: TypeAlias = dict[str, Any]
 
+INK = "#24262b"
+
 
 def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
     """Draw one kind of plot of a result, on new axes if none are given.
@@ -56,7 +58,7 @@ def draw_curves(ax: Any, drawn: DrawnCurves) -> None:
             ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.16, linewidth=0)
         ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
         if drawn.truth is not None:
-            ax.plot(WAVELENGTHS, drawn.truth[:, c], color=hue, linestyle="--", linewidth=1)
+            ax.plot(WAVELENGTHS, drawn.truth[:, c], color=INK, dashes=(4, 3), linewidth=1.1)
     ax.set_xlim(380, 720)
     ax.set_xlabel("wavelength, nm")
     ax.set_ylabel("relative response, peak = 1")

@@ -29,7 +29,8 @@ class RulesTest {
         assertEquals("glare", rules.wording("veil").code)
         assertEquals(listOf("explanation", "hopeless"), rules.wording("veil").limits)
         assertEquals(
-            "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all patches.",
+            "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all " +
+                "patches.",
             rules.wording("veil").message(mapOf("shot" to "shot 2", "amount" to 0.0312)),
         )
     }

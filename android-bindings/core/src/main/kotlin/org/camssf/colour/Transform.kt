@@ -100,7 +100,9 @@ internal class Transform private constructor(
                 }!!
             }
             val found = predicted.getValue(best)
-            val residual = DoubleArray(found.size) { (found[it] - learned.xyz[it]) / level(learned.signals, it - it % 3) }
+            val residual = DoubleArray(found.size) {
+                (found[it] - learned.xyz[it]) / level(learned.signals, it - it % 3)
+            }
             return Transform(best, fit(learned, best) ?: throw alike(), lamp, residual, learned.signals)
         }
 

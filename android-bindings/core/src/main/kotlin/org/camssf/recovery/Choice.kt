@@ -48,7 +48,9 @@ internal object Choice {
      */
     fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
         val odds = prior[engine.basis] ?: 1.0
-        SCALES.zip(listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
+        SCALES.zip(listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)) { scale, prior ->
+            Family(engine, scale, ln(odds * prior))
+        }
     }
 
     /**

@@ -15,7 +15,7 @@ import kotlin.math.hypot
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
- * @property toleranceKelvin one standard deviation of its colour temperature, K, which [modes] holds; null if not given.
+ * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [modes]; null if not given.
  * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(

@@ -75,7 +75,8 @@ internal class GoodnessOfFit(
         val favour = Rules.shipped.number("verdict.veil_favour")
         val strongest = possible.maxByOrNull { it.gain * if (it.cause in OFFSETS) favour else 1.0 } ?: return null
         val share = Rules.shipped.number("verdict.share")
-        return strongest to if (z > GOODNESS_OF_FIT) share * (total - count) else Rules.shipped.number("verdict.explanation")
+        val bound = if (z > GOODNESS_OF_FIT) share * (total - count) else Rules.shipped.number("verdict.explanation")
+        return strongest to bound
     }
 
     /**

@@ -19,7 +19,10 @@ internal fun second(at: Long): Instant = Instant.fromEpochSeconds(at)
 internal fun end(begins: Long, days: Double): Long {
     val length = maxOf(1L, floor(round(days * 86400e6) / 1e6).toLong())
     if (begins < 0 || begins + length >= AFTER_ALL) {
-        throw InvalidArgument("The passport would end after the year 9999.", "Let it begin earlier, after 1970.")
+        throw InvalidArgument(
+            "The passport must begin after 1970 and end before the year 9999.",
+            "Choose another begin or a shorter validity.",
+        )
     }
     return begins + length
 }
