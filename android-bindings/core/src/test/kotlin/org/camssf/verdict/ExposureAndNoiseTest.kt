@@ -65,7 +65,7 @@ class ExposureAndNoiseTest {
             val found = reasons(of(96.0)).single()
             assertEquals("underexposed", found.code)
             assertEquals(0.096, found.value!!, 1e-12)
-            val words = "shot 2: the brightest channel of the white reaches 10% of the sensor's range."
+            val words = "shot 2: the white is too dark. Its brightest channel reaches 10% of the sensor's range."
             assertEquals(words, found.message)
         }
         // Half the patches at 4 %, half at 12 %: 8 % in all.

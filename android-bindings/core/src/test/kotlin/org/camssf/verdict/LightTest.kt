@@ -23,7 +23,7 @@ class LightTest {
         val found = rivalLamp(Rival(0, "FL2", 7.0), Rival(1, "FL7", 3.0), Rival(1, "LED-B1", 8.0)).single()
         val odds = (exp(3.0) + exp(8.0)) / 2 * 0.05 / 0.95
         assertTrue(odds / (1 + odds) > 0.985 && odds / (1 + odds) < 0.995)
-        assertTrue(found.message.startsWith("shot 2: the photo fits LED-B1 better than A;"), found.message)
+        assertTrue(found.message.startsWith("shot 2: the photo fits LED-B1 better than A."), found.message)
         assertTrue("probability of 99%" in found.message, found.message)
         assertEquals("lamp_unfit", found.code)
         assertEquals(8.0 to 4.0, found.value to found.threshold)

@@ -226,7 +226,7 @@ public class Passport internal constructor(
         private fun document(result: ByteArray): Members {
             if (result.size > LARGEST_DOCUMENT) throw noResult("is larger than $LARGEST_DOCUMENT bytes")
             return try {
-                Sound.parse(Sound.text(result)) as? Members ?: throw noResult("is no object")
+                Sound.parse(Sound.text(result)) as? Members ?: throw noResult("is not an object")
             } catch (error: UnsoundException) {
                 throw noResult("is not sound JSON (${error.message})")
             }

@@ -69,13 +69,13 @@ class PhotosTest {
         fun refused(said: PassportRequest, photos: List<Photo>): String =
             assertThrows<InvalidArgument> { Passport.create(result, said, now, photos) }.message
         val words = refused(PassportRequest(CameraUnit(serial = "x")), listOf(photo))
-        assertEquals("Another camera by what a.dng says: serial is 'body 9' there, not 'x'.", words)
+        assertEquals("a.dng names another camera: serial is 'body 9' there, not 'x'.", words)
         val sizes = refused(PassportRequest(CameraUnit(focalLength = 50.0)), listOf(photo))
-        assertEquals("Another camera by what a.dng says: focal_length is 24.7 there, not 50.0.", sizes)
+        assertEquals("a.dng names another camera: focal_length is 24.7 there, not 50.0.", sizes)
         val other = photo("other.dng", "2026:11:20 09:16:00")
         assertEquals("The result was not made from other.dng.", refused(PassportRequest(), listOf(other)))
         assertTrue(
-            "what the result says: model is 'Model 1'" in
+            "the result names another camera: model is 'Model 1'" in
                 refused(PassportRequest(CameraUnit(model = "2")), emptyList()),
         )
     }
