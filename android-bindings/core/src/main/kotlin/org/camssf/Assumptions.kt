@@ -74,8 +74,8 @@ internal object Assumptions {
         val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }
         return "the light was not named and was estimated from the signals: $kinds, " +
-            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. All kinds have the same prior probability; " +
-            "other kinds of light and mixtures of two are not considered."
+            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. All kinds have the same prior " +
+            "probability; other kinds of light and mixtures of two are not considered."
     }
 
     private fun shading(shot: MeasuredShot): String {

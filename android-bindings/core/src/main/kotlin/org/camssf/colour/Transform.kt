@@ -117,7 +117,9 @@ internal class Transform private constructor(
             val found = DoubleArray(learned.xyz.size)
             for (fold in 0 until FOLDS) {
                 val fitted = fit(learned, kind) { it % FOLDS != fold } ?: throw alike()
-                for (i in fold until found.size / 3 step FOLDS) kind.apply(fitted, learned.signals, 3 * i, found, 3 * i)
+                for (i in fold until found.size / 3 step FOLDS) {
+                    kind.apply(fitted, learned.signals, 3 * i, found, 3 * i)
+                }
             }
             return found
         }

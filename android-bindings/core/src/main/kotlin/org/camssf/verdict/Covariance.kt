@@ -70,7 +70,8 @@ internal class Covariance(private val inputs: VerdictInputs, private val rows: R
     private val slopes = Spectra(patches + 1) { at, m -> if (at < patches) slope(rows.patches[at], m) else 1.0 }
 
     /** Of each shot and channel. */
-    private val linearised = List(inputs.lamps.size) { shot -> List(3) { channel -> LinearisedSignals(shot, channel) } }
+    private val linearised =
+        List(inputs.lamps.size) { shot -> List(3) { channel -> LinearisedSignals(shot, channel) } }
 
     /**
      * Integrals of spectra with a channel's curve and a shot's lamp: for each spectrum a row, along the directions of

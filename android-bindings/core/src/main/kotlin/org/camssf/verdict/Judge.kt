@@ -76,7 +76,8 @@ internal object Judge {
             reasons += disagreeing(j, case.single[j], checks)
         }
         val whites = case.shots.indices.map { j ->
-            Light.whiteBalanceMismatch(j, case.unnamed.getOrElse(j) { false }, case.neutrals[j], case.single[j], checks)
+            val unnamed = case.unnamed.getOrElse(j) { false }
+            Light.whiteBalanceMismatch(j, unnamed, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
         reasons += vague(inputs.ssf, checks)
@@ -109,7 +110,8 @@ internal object Judge {
             val value = if (hopeless) excess else explanation.gain
             val words = words(explanation, table) + ("shot" to "shot ${j + 1}")
             val slight = !hopeless && explanation.gain <= one.strongestExplanation()!!.second
-            Reasons.because(accusation(explanation), value, words, hopeless, if (slight) GoodnessOfFit.BLACK else null)
+            val bound = if (slight) GoodnessOfFit.BLACK else null
+            Reasons.because(accusation(explanation), value, words, hopeless, bound)
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)
