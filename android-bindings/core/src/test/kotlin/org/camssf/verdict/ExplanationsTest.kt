@@ -5,7 +5,7 @@ import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertSame
 import org.junit.jupiter.api.Test
 
-/** Whom rule 3 accuses, at the limits of rules.json, and what rule 2 calls a goodness of fit. */
+/** Which explanation rule 3 names, at the limits of rules.json, and what rule 2 calls a poor fit. */
 class ExplanationsTest {
     private fun goodnessOfFit(total: Double, vararg all: Explanation) = GoodnessOfFit(total, 0.0, 60, all.toList())
 
@@ -31,7 +31,7 @@ class ExplanationsTest {
 
     /** 160 for 60 rows: 100 too much, of which a explanation must explain 30. */
     @Test
-    fun `of a goodness of fit a explanation must explain its share`() {
+    fun `of a poor fit an explanation must explain its share`() {
         assertNull(goodnessOfFit(160.0, of(Cause.WHITE, 29.9)).bestExplanation())
         assertEquals(Cause.WHITE, goodnessOfFit(160.0, of(Cause.WHITE, 30.1)).bestExplanation()!!.cause)
         // At z of 3.5 and less it is none: 24 are enough.
