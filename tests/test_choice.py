@@ -481,17 +481,17 @@ def test_the_choice_in_words() -> None:
     assert found is not None
     assert (found.basis, found.odds, found.prior_odds) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
     assert found.words == (
-        "The signals speak for phones, 30 : 1 against cameras, so it answers alone.",
-        "The file's word for the maker is in these odds: 20 : 1 for phones.",
+        "Sensor family: phones (30 : 1 against cameras). This basis is used alone.",
+        "These odds include the maker's name in the file: 20 : 1 for phones.",
     )
     half = choice_of(weighed(("phones", 1.0, 5.0, 0.4), ("phones", 2.0, 4.0, 0.1), ("cameras", 1.0, 5.0, 0.5)))
     assert half is not None
     assert half.wide == pytest.approx(0.1)
-    assert "averaged with the probabilities" in half.words[0]
+    assert "averaged with their probabilities" in half.words[0]
     assert "With a probability of 10.0 %" in half.words[-1]
     outweighed = choice_of(weighed(("phones", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
     assert outweighed is not None
-    assert outweighed.words[1] == "The file's word for the maker is in these odds: 20 : 1 for cameras."
+    assert outweighed.words[1] == "These odds include the maker's name in the file: 20 : 1 for cameras."
     assert choice_of({}) is choice_of({"choice": []}) is choice_of(weighed(("phones", 1.0, 0.0, 0.0))) is None
     one = choice_of(weighed(("phones", 1.0, 0.0, 1.0)))
     assert one is not None

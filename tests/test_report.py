@@ -562,9 +562,9 @@ def test_the_page_says_which_basis_answered() -> None:
     """With what odds, and why; nothing where the basis was told."""
     page = report(document()).html
     assert "<h2>Which basis answered</h2>" in page
-    assert "The signals speak for cameras, 48 : 1 against phones, so it answers alone." in page
-    assert "The file&#39;s word for the maker" in page
-    assert "With a probability of 0.7 % the camera lies further out" in page
+    assert "Sensor family: cameras (48 : 1 against phones). This basis is used alone." in page
+    assert "These odds include the maker&#39;s name" in page
+    assert "With a probability of 0.7 % the camera is unlike" in page
     assert '<th scope="row">phones</th><td>2</td><td>\u22128.1</td><td>&lt; 0.1 %</td>' in page
     assert '<th scope="row">cameras</th><td>1</td><td>0.0</td><td>97.3 %</td>' in page
     assert "Which basis answered" not in report(document() | {"choice": []}).html
@@ -1190,7 +1190,7 @@ def test_an_unnamed_light_is_drawn_with_its_kinds_and_their_probabilities() -> N
     assert "5,480 ± 210 K" in page.text
     bars = [a["style"] for _, a in page.tags if a.get("class") == "bar"]
     assert bars == ["--share:0.9300", "--share:0.0400", "--share:0.0300", "--share:0.0000"]
-    assert "the light is to blame for: red 10 %, green 15 %, blue 17 %" in page.text
+    assert "Share of the light in the curves' variance: red 10 %, green 15 %, blue 17 %" in page.text
 
 
 def patches_of(signal: np.ndarray, error: np.ndarray, predicted: np.ndarray) -> list[Document]:

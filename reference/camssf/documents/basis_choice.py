@@ -95,19 +95,19 @@ def _probability(each: Json) -> float:
 def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide: float) -> list[str]:
     words = []
     if others:
-        told = f"The signals speak for {basis}, {odds_in_words(odds)} against {others}"
+        family = f"Sensor family: {basis} ({odds_in_words(odds)} against {others})."
         words.append(
-            f"{told}, so it answers alone."
+            f"{family} This basis is used alone."
             if odds >= CLEAR
-            else f"{told}; below {CLEAR:g} : 1 neither answers alone: the curves of both are mixed by their "
-            "probabilities, and the band holds by how much they differ."
+            else f"{family} Below {CLEAR:g} : 1 the curves of both are averaged with their probabilities, and the "
+            "band includes their difference."
         )
         if prior_odds is not None and abs(math.log(prior_odds)) > 0.01:
-            likely, how = (basis, prior_odds) if prior_odds > 1 else (others, 1 / prior_odds)
-            words.append(f"The file's word for the maker is in these odds: {odds_in_words(how)} for {likely}.")
+            likely, prior = (basis, prior_odds) if prior_odds > 1 else (others, 1 / prior_odds)
+            words.append(f"These odds include the maker's name in the file: {odds_in_words(prior)} for {likely}.")
     if wide > 0:
         words.append(
-            f"With a probability of {100 * wide:.1f} % the camera lies further out than those that its basis was "
-            "learned from; a wider prior, and with it a wider band, counts for so much."
+            f"With a probability of {100 * wide:.1f} % the camera is unlike those that its basis was learned from; "
+            "the wider prior and its wider band have this weight."
         )
     return words
