@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.shared import chart
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis
 from camssf.recovery.elastic_net import ElasticNet as Convex
 from camssf.recovery.layers import DEPTH, LAYERS
@@ -256,8 +256,3 @@ def open_model(content: bytes) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("mlas.disable_kleidiai", "1")
     return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-
-
-def white_scale(inputs: dict[str, Floats], s: Floats) -> Floats:
-    """(3,) Σ ρ_w L s dλ of curves (3, 681) for the first lamp."""
-    return np.asarray(s @ (inputs["white_reflectance"] * inputs["lamp"][0]) * STEP)

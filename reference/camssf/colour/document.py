@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from camssf.colour.between import Conversion, Converted
-from camssf.colour.indices import Quality
 from camssf.colour.reach import REACH
 from camssf.colour.regions import Region
 from camssf.colour.standard import Colours
@@ -135,18 +134,4 @@ def _converted(
         "converted": found.signals[i].tolist(),
         "covariance": found.covariance[i].tolist(),
         "parts": {name: np.sqrt(np.diagonal(part[i])).tolist() for name, part in found.parts.items()},
-    }
-
-
-def quality_document(quality: Quality) -> dict[str, Any]:
-    """Luther condition, SMI and transforms as plain data."""
-    return {
-        "luther": quality.luther,
-        "vora": quality.vora,
-        "smi": quality.smi,
-        "lamp": quality.lamp,
-        "transforms": [
-            {"kind": each.kind, "coefficients": each.coefficients.tolist(), "delta_e00": each.delta_e00[each.kind]}
-            for each in (quality.matrix, quality.polynomial)
-        ],
     }

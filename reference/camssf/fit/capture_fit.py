@@ -150,7 +150,7 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
     differs = options.light_per_patch
     number = isinstance(differs, int | float) and not isinstance(differs, bool)
     if differs is not None and not (number and 0.0 < differs <= 1.0):
-        raise InvalidArgument(f"--light-per-patch must lie between 0 and 1; got {differs}.", "Write 8 % as 0.08.")
+        raise InvalidArgument(f"`light_per_patch` must lie between 0 and 1; got {differs}.", "Write 8 % as 0.08.")
     allowed = _patches_to_fit(options.fit, len(capture.chart.patches))
     signals = normalise([shot.means for shot in capture.shots], capture.chart)
     signals = replace(signals, used=signals.used & allowed)

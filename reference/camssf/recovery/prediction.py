@@ -78,10 +78,10 @@ def predict(
     values = predict_signals(ssf.values, every, ssf.light.lamp, observation.white_reflectance)
     used = np.ones((k, n), dtype=bool) if observation.used is None else observation.used
     modes = np.concatenate([observation.gain_modes, other_gains], axis=2)
-    known = (
-        ssf.light.gain_code if ssf.light.gain_code.shape == (k, g) else np.zeros((k, 0))
-    )  # else of another observation
-    relit = values / levels(known, modes)[:, :, None]  # as they would have been measured in this light
+    gain_code = ssf.light.gain_code
+    if gain_code.shape != (k, g):  # it belongs to another observation
+        gain_code = np.zeros((k, 0))
+    relit = values / levels(gain_code, modes)[:, :, None]  # as they would have been measured in this light
     extended = replace(
         observation,
         signals=np.concatenate([np.where(used[:, :, None], observation.signals, relit[:, :n]), relit[:, n:]], axis=1),
