@@ -989,9 +989,11 @@ def test_a_list_is_renewed(desk: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert f"--list {here}" in " ".join(capsys.readouterr().err.split())
     assert (desk / "revoked.jws").read_bytes() == before
     assert cli.main([*call, "e" * 32, "--list", here]) == 0
-    assert cli.main([*call, "--list", here, "--days", "1"]) == 0
+    hyphen = "-I" + "o" * 41  # a key's name may look like options
+    assert cli.main([*call, "--list", here, hyphen, "--days", "1"]) == 0
+    assert cli.main([*call, "--list", here, "--", "-" + "k" * 42]) == 0
     keys = read_public([public])
-    assert read_revoked((desk / "revoked.jws").read_bytes(), keys) == {"e" * 32, "f" * 32}
+    assert read_revoked((desk / "revoked.jws").read_bytes(), keys) == {"e" * 32, "f" * 32, hyphen, "-" + "k" * 42}
     assert cli.main([*call[:-1], private, "f" * 32, "--list", here]) == InvalidArgument.exit_status
     (desk / "own").mkdir()
     make_key(desk / "own")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import typer
+import typer.core
 
 from camssf.cli.options import CameraId, Captured, Document, Lens
 from camssf.cli.reading import check_captured, given_paths, parse_time, read_bytes, read_list, read_received, spare
@@ -155,7 +155,19 @@ def verify(
         say("", f"the whole result was not checked: its SHA-256 is {found.result_sha256}; give it by --result")
 
 
+class _Names(typer.core.TyperCommand):
+    """One key in 64 has a name that begins with a hyphen; it is an argument all the same."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        from camssf.documents.keys import KEY_ID
+
+        names = [each for each in args if each.startswith("-") and KEY_ID.fullmatch(each)]
+        rest = [each for each in args if each not in names]
+        return super().parse_args(ctx, [*rest, "--", *names] if names and "--" not in rest else args)
+
+
 @passport.command(
+    cls=_Names,
     epilog="Example: camssf passport revoke ID --key passport-key.pem --list revoked.jws -o revoked.jws"
 )
 def revoke(
