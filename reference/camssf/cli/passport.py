@@ -167,8 +167,7 @@ class _Names(typer.core.TyperCommand):
 
 
 @passport.command(
-    cls=_Names,
-    epilog="Example: camssf passport revoke ID --key passport-key.pem --list revoked.jws -o revoked.jws"
+    cls=_Names, epilog="Example: camssf passport revoke ID --key passport-key.pem --list revoked.jws -o revoked.jws"
 )
 def revoke(
     key: Private,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +45,10 @@ def blobs_in(codes: SearchImage) -> list[Blob]:
     corner[1:, 1:] = np.cumsum(np.cumsum(bright, axis=0), axis=1)
     kept: list[Blob] = []
     cells: dict[tuple[int, int], list[int]] = {}
+    window = cache(partial(_window, corner))
     for reach, sixteenths in PASSES:
-        for blob in _shapes(_brighter(bright, corner, reach, sixteenths)):
+        total, count = window(reach)
+        for blob in _shapes(16 * bright * count > sixteenths * total):
             if len(kept) < MOST and _new(blob, kept, cells):
                 cells.setdefault((int(blob.y) // CELL, int(blob.x) // CELL), []).append(len(kept))
                 kept.append(blob)
@@ -59,15 +62,14 @@ CELL = 16
 """Edge of the squares of the index by which blobs are looked up, px."""
 
 
-def _brighter(bright: NDArray[np.int64], corner: NDArray[np.int64], reach: int, sixteenths: int) -> NDArray[np.bool_]:
-    """True where a pixel exceeds `sixteenths` / 16 of its window's mean; windows end at the picture's edges."""
-    height, width = bright.shape
+def _window(corner: NDArray[np.int64], reach: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sum and number (h, w) of the pixels in each pixel's window; windows end at the picture's edges."""
+    height, width = corner.shape[0] - 1, corner.shape[1] - 1
     y, x = np.arange(height), np.arange(width)
     top, bottom = np.maximum(y - reach, 0), np.minimum(y + reach + 1, height)
     left, right = np.maximum(x - reach, 0), np.minimum(x + reach + 1, width)
-    total = corner[bottom][:, right] - corner[bottom][:, left] - corner[top][:, right] + corner[top][:, left]
-    count = (bottom - top)[:, None] * (right - left)[None, :]
-    return np.asarray(16 * bright * count > sixteenths * total)
+    rows = corner[bottom] - corner[top]
+    return rows[:, right] - rows[:, left], (bottom - top)[:, None] * (right - left)[None, :]
 
 
 def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
@@ -75,9 +77,10 @@ def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
     from scipy import ndimage
 
     labels, count = ndimage.label(mask)
-    if count == 0:
-        return []
-    y, x = np.nonzero(labels)
+    area = np.bincount(labels.ravel(), minlength=count + 1)
+    fits = (area >= SMALLEST_AREA) & (area * LARGEST_SHARE <= mask.size)
+    fits[0] = False  # what is not bright
+    y, x = np.nonzero(fits[labels])
     name = labels[y, x]
     sums = [
         np.bincount(name, weights=w, minlength=count + 1)[1:]
@@ -85,7 +88,7 @@ def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
     ]
     n, sx, sy, sxx, sxy, syy = sums
     found = []
-    for i in np.nonzero((n >= SMALLEST_AREA) & (n * LARGEST_SHARE <= mask.size))[0]:
+    for i in np.flatnonzero(n):
         a = n[i]
         # Pixels are squares, not points: each adds a variance of 1/12 along both axes.
         xx = (sxx[i] * a - sx[i] * sx[i]) / (a * a) + 1 / 12
