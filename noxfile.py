@@ -1,6 +1,6 @@
 """The chores: `nox -s quick` while working, `nox -l` for all of them, `.ci/run` before a change goes in.
 
-    nox -s quick                       the tests that are not slow, in a minute
+    nox -s quick                       the README's tests, three minutes
     nox -s quick -- tests/test_ssf.py  one stage's
     nox -s tests-3.13                  every test, on one Python
     nox -s benchmarks -- certify       one or more benchmarks, by name
@@ -35,16 +35,16 @@ def install(session: nox.Session, *what: str) -> None:
 
 @nox.session
 def quick(session: nox.Session) -> None:
-    """The tests that are not slow."""
+    """The README's tests."""
     install(session)
-    session.run("python", "-m", "pytest", "-q", "-m", "not slow", *session.posargs)
+    session.run("python", "-m", "pytest", "-q", *session.posargs)
 
 
 @nox.session(python=PYTHONS)
 def tests(session: nox.Session) -> None:
     """Every test."""
     install(session)
-    session.run("python", "-m", "pytest", *session.posargs)
+    session.run("python", "-m", "pytest", "-m", "full or not full", *session.posargs)
 
 
 @nox.session

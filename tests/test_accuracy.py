@@ -50,7 +50,7 @@ def measured(*names: str, methods: tuple[str, ...] = (PRODUCT,)) -> dict[str, di
     return accuracy.measure([NAMED[name] for name in names], methods, 1, cameras, bases)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_product_is_better_than_what_stands_beside_it() -> None:
     found = measured("exact, D55, 24", methods=METHODS)["exact, D55, 24"]
     rmse = {method: float(scores.rmse.mean()) for method, scores in found.items()}
@@ -61,7 +61,7 @@ def test_the_product_is_better_than_what_stands_beside_it() -> None:
     assert found[PAPER].covered is None
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_more_lamps_cancel_more_of_a_foreign_table() -> None:
     names = [name for name in NAMED if name.startswith("Ohta")]
     one, two, three = (scores[PRODUCT].rmse.mean() for scores in measured(*names).values())
@@ -70,7 +70,7 @@ def test_more_lamps_cancel_more_of_a_foreign_table() -> None:
     assert three < 0.028
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_lamps_that_are_off_and_declared_cost_little() -> None:
     off = measured("lamps off, D55", "lamps off, D55 + A")
     known = measured("Ohta, D55", "Ohta, D55 + A", "Ohta, D55 + A + LED-B3")
@@ -80,7 +80,7 @@ def test_lamps_that_are_off_and_declared_cost_little() -> None:
 
 
 @pytest.mark.requirement("R-CAMERAS")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_bands_cover(name: str) -> None:
     """Of left-out cameras; one draw of 52 cameras, so the bars of the benchmark with 1 % more to each side."""
@@ -90,7 +90,7 @@ def test_bands_cover(name: str) -> None:
 
 
 @pytest.mark.requirement("R-CAMERAS")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["exact, D55, 24", "Ohta, D55 + A", "lamps off, D55 + A"])
 def test_monte_carlo_agrees_with_the_bands(name: str) -> None:
     """GUM Supplement 1 with the shipped model; 300 draws know the ratio to about 3 %."""
@@ -183,7 +183,7 @@ def test_a_chart_drawn_for_the_channels_is_theirs_in_part() -> None:
 
 
 @pytest.mark.requirement("R-CAMERAS")
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_left_out_maker_is_not_in_its_basis() -> None:
     _, bases = accuracy.left_out()
     curves = read_curves(CURVES)
@@ -206,7 +206,7 @@ def test_true_lamps_scatter_as_declared() -> None:
     assert (accuracy.true_lamp("A", False, rng) == lamp("A")).all()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("off", [False, True])
 @pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
 def test_predicted_colours_lie_within_their_bands(lamps: tuple[str, ...], off: bool) -> None:

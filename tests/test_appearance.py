@@ -82,7 +82,7 @@ def test_shipped_tables_are_the_library_s() -> None:
     assert np.abs(smooth(uneven, values) - theirs).max() < 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_calibrating_loads_no_colour_science(tmp_path: Path) -> None:
     """With a truth and a report, too; without a report no matplotlib either."""
     simulate(read_camera("Canon EOS 5D Mark II"), "D55", tmp_path, scene=Scene(size=(900, 675)))

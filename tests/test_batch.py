@@ -82,7 +82,7 @@ def visits(out: Path, name: str) -> int:
     return len((out / name / "visits").read_text().splitlines())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
     manifest = write(
         tmp_path,
@@ -163,7 +163,7 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
 def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
@@ -206,7 +206,7 @@ def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -
     assert [o.resumed for o in here(manifest, out)] == [False]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_it_uses_the_processes(tmp_path: Path) -> None:
     """Two sleepers at once are in two processes, each with one thread for its algebra; jobs=1 takes one process."""
     manifest = write(tmp_path, ["one,a,D55,,,", "two,b,D55,,,"], {"a": "1", "b": "2"})
@@ -444,7 +444,7 @@ def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").rglob(".camssf-*"))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path) -> None:
     manifest = write(tmp_path, [f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
     out = tmp_path / "out"

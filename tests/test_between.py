@@ -353,7 +353,7 @@ def test_the_command_says_no(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         assert said.out == ""
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_regions_of_a_photo_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From a simulated photo by the one camera; what the other would have seen is known."""
     from camssf.simulation.frames import simulate

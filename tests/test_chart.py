@@ -112,7 +112,7 @@ def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_po
         np.testing.assert_allclose(means.chart.mean[number] - means.black, theirs, rtol=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_rendered_scenes() -> None:
     """At least 17 of 18 found, every patch centre within a quarter of a patch, right way up."""
     failures = {}
@@ -170,7 +170,7 @@ def test_corners_by_hand_from_any_corner_either_way_around(first: int, way: int)
     assert (pose.method, pose.quarter_turns, pose.notes) == ("by hand", 1, ())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scene", [Scene(fill=0.5, rotation=20, tilt=15), Scene(fill=0.25, rotation=190, blur=2.0)])
 def test_corners_by_hand_half_a_patch_off(scene: Scene) -> None:
     """All the same way, or each another way: by half the patch's edge, in eight directions."""
@@ -293,7 +293,7 @@ def test_agreement_knows_no_exposure_and_no_cast() -> None:
     assert agreement(seen * cast, expected) == pytest.approx(agreement(seen, expected), abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("printed", ["classic24", "nano24", "passport24"])
 def test_refine_measures_position_and_gap(printed: str) -> None:
     """A quarter of a pitch off and with another chart's gap, to a hundredth of a pitch."""

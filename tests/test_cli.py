@@ -142,7 +142,7 @@ def test_the_pipe_is_calibrate_in_steps(
     assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_real_pipe_of_processes(triple: list[str]) -> None:
     camssf_ = [sys.executable, "-m", "camssf"]
     first = subprocess.Popen([*camssf_, "patches", *triple], stdout=subprocess.PIPE)
@@ -331,7 +331,7 @@ def test_the_readme_s_python_runs(
     assert capsys.readouterr().out.startswith(("accepted", "doubtful"))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     manifest = tmp_path / "manifest.csv"
     chart, _, _, _, white, _, dark = triple
@@ -597,7 +597,7 @@ def test_solve_takes_no_other_result(result: Path, capsys: pytest.CaptureFixture
 FULL = Path("/dev/full")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("command", ["calibrate", "patches", "validate", "lamps", "--version", "--help", "refused"])
 def test_a_full_disk_behind_stdout_is_said(command: str, triple: list[str], result: Path, shots: Path) -> None:
@@ -803,7 +803,7 @@ def spoken(arguments: list[str], coding: str = "utf-8:strict") -> subprocess.Com
     return subprocess.run(command, capture_output=True, env=environment, timeout=120)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform != "linux", reason="names are Unicode there")
 def test_names_that_are_no_utf8(shots: Path, tmp_path: Path) -> None:
     """Every command that takes or writes files, in a folder and with files of such names."""
@@ -857,7 +857,7 @@ def test_names_that_are_no_utf8(shots: Path, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("coding", ["ascii", "latin-1", "utf-16"])
 def test_json_is_utf8_on_a_terminal_of_another_coding(coding: str, result: Path, tmp_path: Path) -> None:
     document = json.loads((result / "result.json").read_text("utf-8"))

@@ -589,7 +589,7 @@ def place(document: dict[str, Any], patch: int) -> str:
     return f"{x:.0f},{y:.0f},56,56"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_result_s_own_covariance_is_taken(calibrated: tuple[Path, dict[str, Any]]) -> None:
     document = calibrated[1]
     camera = camera_of_result(document)
@@ -613,7 +613,7 @@ def test_a_result_s_own_covariance_is_taken(calibrated: tuple[Path, dict[str, An
 
 
 @pytest.mark.requirement("R-COLOUR")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("told", ["A", "bulb", "auto"])
 def test_the_command_states_true_colours(
     told: str, calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
@@ -642,7 +642,7 @@ def test_the_command_states_true_colours(
     assert said.err.count("region ") == len(patches)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_command_says_no(calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
     folder, document = calibrated
     base = ["colour", str(folder / "result.json"), str(folder / "chart-D55.dng")]
@@ -670,7 +670,7 @@ def test_the_command_says_no(calibrated: tuple[Path, dict[str, Any]], capsys: py
     assert "each has its own curves" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
     calibrated: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -720,7 +720,7 @@ def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:
     return given
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("seed", range(12))
 def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: tuple[Path, dict[str, Any]]) -> None:
     from camssf.exports import FORMATS, export

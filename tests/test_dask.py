@@ -27,7 +27,7 @@ distributed = pytest.importorskip("distributed", reason="distributed is not here
 
 __all__ = ["templates"]
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.full,
     pytest.mark.skipif(sys.platform == "win32", reason="signals differ there"),
     pytest.mark.filterwarnings("default"),  # of Dask and Tornado at their ends: not ours to mend
 ]

@@ -60,7 +60,7 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
     return float(np.abs(found.dispersions[role].wavelength(x) - nm)[(nm >= 400) & (nm <= 700)].max())
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("light", ["AM1.5", "daylight"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
@@ -80,7 +80,7 @@ def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored:
     assert np.median((found.std / found.values.max(axis=0))[VISIBLE]) < 0.005
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("tilt", [-3.0, 0.0, 3.0])
 def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     curves = np.stack([np.interp(FINE, WAVELENGTHS, c, 0.0, 0.0) for c in nikon().values.T], axis=1)
@@ -96,7 +96,7 @@ def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
     assert np.abs(found.wavelength(pixel) - nm)[(nm > 400) & (nm < 700)].max() < 0.4
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Path]) -> None:
     paths = frames
     flat = divide(paths["rgb.dng"], paths["mono.tif"], dark=paths["rgb-dark.dng"], mono_dark=paths["mono-dark.tif"])
@@ -106,7 +106,7 @@ def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Pat
     assert any("taken for flat" in message for _, message in flat.assumptions)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) -> None:
     paths = frames
     found = divide(paths["rgb.dng"], paths["mono.tif"], response=paths["mono-response.csv"])
@@ -116,7 +116,7 @@ def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) ->
     assert "darkest tenth of the rows" in black
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
     """Noise-free tables: I = L S |dλ/dx| on two bent scales gives S back; without dλ/dx red to blue were 3 % off."""
     paths = {}
@@ -202,7 +202,7 @@ def test_light_without_lines_is_refused() -> None:
         assert caught.value.threshold == FEWEST
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["FL2", "FL3.7", "FL3.9", "FL11", "HP1", "HP4", "LED-RGB1"])
 def test_lamps_with_lines_of_their_own_are_no_sun(name: str) -> None:
     """FL3.7, FL3.9 and HP4 are, of all CIE lamps, those whose lines come nearest to the sun's by chance."""
@@ -241,7 +241,7 @@ def test_a_clipped_mono_frame_is_refused_whatever_its_bits(frames: dict[str, Pat
         divide(paths["rgb.dng"], clipped)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_eight_bits_are_few_levels_but_no_heap(frames: dict[str, Path], tmp_path: Path) -> None:
     """Many samples share the largest of few levels without being clipped; at 255 they are."""
     paths = frames
@@ -272,7 +272,7 @@ def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path)
         divide(rgb, mono, dark=small)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
     """A mono table that ends at 640 nm has lines enough, but no red."""
     paths = frames
@@ -285,7 +285,7 @@ def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_pa
         divide(paths["rgb.dng"], table)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("kind", ["zeros", "noise", "small", "row", "spikes", "slope"])
 def test_pictures_of_something_else_are_refused(frames: dict[str, Path], tmp_path: Path, kind: str) -> None:
     rng = np.random.default_rng(0)
@@ -428,7 +428,7 @@ def test_a_calibration_s_curves_are_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "ssf.csv").read_text() == "calibrated"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_command(frames: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = {name: str(path) for name, path in frames.items()}
     out = tmp_path / "out"

@@ -189,7 +189,7 @@ def test_the_penalties_are_told_as_they_are() -> None:
         assert f"unless given, {weights['cameras']}, on `gaussian` {weights['gaussian']}" in str(text)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -299,7 +299,7 @@ def test_the_pages_need_no_other_server() -> None:
             assert (path.parent / place).is_file(), place
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
     """As the nox session `site` deploys, with the theme and settings of ours, on one page."""
     pytest.importorskip("mike", reason="mike is not installed: no versions of the documentation")

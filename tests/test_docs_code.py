@@ -63,7 +63,7 @@ def there(field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     plt.close("all")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {"__name__": "__main__"}
@@ -123,7 +123,7 @@ def camera(name: str) -> Any:
     return read_camera(next(each for each in camera_names() if each.startswith(name))).values
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_the_commands_of_a_page_run(page: Path, workshop: Path, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.full
 
 ROOT = Path(__file__).parents[1]
 D850 = ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json"

@@ -37,7 +37,7 @@ def test_one_temperature_mode_reaches_its_neighbours(family: str, warm: str, coo
         assert np.sqrt(np.mean(off**2)) < limit + 0.2 * np.sqrt(np.mean(lamp.modes[0] ** 2))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["white-led", "fluorescent"])
 def test_modes_are_the_members_own_spread(name: str) -> None:
     family = FAMILIES[name]

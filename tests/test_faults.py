@@ -215,7 +215,7 @@ def test_only_the_last_lamp_s_shot_is_spoilt(tmp_path: Path) -> None:
 
 
 @pytest.mark.requirement("R-FAULTS")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "codes"),
     [

@@ -45,7 +45,7 @@ def preview(drawing: Drawing) -> FoundCharts:
     return find_sightings(codes_of_bytes(as_preview(small)))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.requirement("R-FINDER")
 @pytest.mark.parametrize("name", SCENES)
 def test_rendered_scenes_are_found(name: str) -> None:
@@ -57,7 +57,7 @@ def test_rendered_scenes_are_found(name: str) -> None:
     assert distance < 0.1 * edge(frames.pose)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("drawing", DRAWINGS, ids=lambda d: d.name)
 def test_drawings_are_found_as_previews(drawing: Drawing) -> None:
     found = preview(drawing)

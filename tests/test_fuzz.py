@@ -28,7 +28,7 @@ def test_sound_files_are_read(reader: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.requirement("R-HOSTILE")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "dng"])
 def test_damaged_files(reader: str, tmp_path: Path) -> None:
     outcomes = [read(reader, seed, tmp_path) for seed in range(60)]
@@ -37,7 +37,7 @@ def test_damaged_files(reader: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.requirement("R-HOSTILE")
-@pytest.mark.slow
+@pytest.mark.full
 def test_damaged_photos_in_a_process_of_their_own() -> None:
     seen = []
     found, findings = fuzz("dng", range(400), lambda: seen.append(1))

@@ -319,7 +319,7 @@ def test_gain_modes_that_do_not_fit_are_refused() -> None:
         told(np.ones(24), gain_own=-0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_photo_without_a_white_frame(tmp_path: Path) -> None:
     """From the DNG on: a rendered phone's chart under 50 % vignetting, as good without a white frame as with one."""
     camera = CameraCurves("phone", resolve(PHONE), "golden")

@@ -386,7 +386,7 @@ def test_the_zero_code_is_the_basis_mean() -> None:
 # -- able to fail -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", RUNNABLE)
 def test_a_falsified_value_breaks_its_limit(name: str) -> None:
     """Every limit by itself, with the answer just outside its bound."""
@@ -464,7 +464,7 @@ def test_drift_is_found_and_rounding_is_not() -> None:
         assert generate.drift(stored, stored | {key: value}) == [f"{key} differs"]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_nothing_drifted(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev): the oracle cannot be asked anew")
     assert generate.main(["--check"]) == 0, capsys.readouterr().out

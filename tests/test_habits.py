@@ -67,7 +67,7 @@ def inner(folder: Path, source: str, require: str | None) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", SKIPS)
 def test_a_skip_for_want_of_a_required_tool_fails_the_run(name: str, tmp_path: Path) -> None:
     status, said = inner(tmp_path, SKIPS[name], "frobnicator")
@@ -116,7 +116,7 @@ def test_the_numerical_files_exist() -> None:
 def test_markers_are_registered_and_strict() -> None:
     options = PROJECT["tool"]["pytest"]["ini_options"]
     assert "--strict-markers" in options["addopts"]
-    assert {line.partition(":")[0] for line in options["markers"]} == {"slow", "numerical", "requirement(name)"}
+    assert {line.partition(":")[0] for line in options["markers"]} == {"full", "numerical", "requirement(name)"}
 
 
 # -- other processors ---------------------------------------------------------------------------------------------

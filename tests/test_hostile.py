@@ -59,7 +59,7 @@ def test_no_file_becomes_code_and_nothing_calls_home(path: Path) -> None:
                 assert keywords.get("allow_pickle") == "False"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_it_works_without_a_network(shots: Path, tmp_path: Path) -> None:
     """Every socket that anybody opens raises, in a process of its own."""
     code = (
@@ -77,7 +77,7 @@ def test_it_works_without_a_network(shots: Path, tmp_path: Path) -> None:
         assert word not in page
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="no resource limits there")
 @pytest.mark.parametrize("room", [0, 3_000, 60_000])
 @pytest.mark.parametrize("command", ["calibrate", "simulate"])
@@ -103,7 +103,7 @@ def test_a_disk_that_is_full_leaves_nothing(command: str, room: int, shots: Path
     assert sorted(out.rglob("*")) == []
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.6, 1.0])
 def test_ctrl_c_leaves_all_or_nothing(delay: float, shots: Path, tmp_path: Path) -> None:

@@ -412,7 +412,7 @@ def test_report_and_validate_read_it(
     assert main(["validate", str(place), "--truth", str(truth)]) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.requirement("R-HOSTILE")
 def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
     """Both read the same samples and levels, or refuse with the same code."""

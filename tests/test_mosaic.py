@@ -438,7 +438,7 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.requirement("R-HOSTILE")
-@pytest.mark.slow
+@pytest.mark.full
 def test_damaged_bytes_give_typed_errors_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(20)
     files = list(odd_ones().values())

@@ -460,7 +460,7 @@ def command() -> Any:
     return __main__
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out
@@ -468,7 +468,7 @@ def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert out.splitlines()[-1] == "3 passed, 0 failed"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_models_keep_every_golden_case(capsys: pytest.CaptureFixture[str]) -> None:
     from golden import models
 

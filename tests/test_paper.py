@@ -194,7 +194,7 @@ def test_the_large_chart_is_not_the_small_one() -> None:
     assert apart.min() > 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_cameras_learn_nothing_of_their_maker() -> None:
     every = paper.cameras()
     assert len(every) == 54
@@ -206,7 +206,7 @@ def test_cameras_learn_nothing_of_their_maker() -> None:
     assert len(nikon.training) == 52 - sum(c.maker == "nikon" and not c.name.endswith("(NPL)") for c in every)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_one_camera_through_fig_4_and_the_charts() -> None:
     index = 4
     fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
@@ -224,7 +224,7 @@ def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
     assert row["ignored"]["A"]["rmsre_percent"] < 3.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_phone_through_files() -> None:
     camera = next(c for c in paper.cameras() if c.name in captures.PHONES)
     made = captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)

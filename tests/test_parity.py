@@ -143,7 +143,7 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(("stage", "words", "falsify"), FALSE, ids=[f"{s}-{w[:12]}" for s, w, _ in FALSE])
 def test_the_first_difference_is_named(
     result: Json, shots: Path, stage: str, words: str, falsify: Callable[[Json], object]

@@ -315,7 +315,7 @@ def turned(data: bytes) -> Iterator[bytes]:
 
 
 @pytest.mark.requirement("R-PASSPORT")
-@pytest.mark.slow
+@pytest.mark.full
 def test_any_bit_matters() -> None:
     """Some 3,000 documents, none accepted; and the one that was not changed is, so that this test can fail."""
     short = sign_jws({"format": FORMAT}, TYPE, key())
@@ -372,7 +372,7 @@ def with_signature(data: bytes, r: int, s: int) -> bytes:
 
 
 @pytest.mark.requirement("R-PASSPORT")
-@pytest.mark.slow
+@pytest.mark.full
 def test_ten_thousand_changed_passports_of_a_whole_result() -> None:
     data = sign(create_passport(result_json(), PassportRequest(), now=NOW), key())
     verify(data, trusted(), now=LATER)
@@ -905,7 +905,7 @@ def run(folder: Path, *words: str, stdin: bytes = b"") -> subprocess.CompletedPr
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_sign_verify_show(desk: Path) -> None:
     data = (desk / "camera.jws").read_bytes()
     for words, stdin in ((["camera.jws"], b""), (["-"], data)):
@@ -936,7 +936,7 @@ def test_sign_verify_show(desk: Path) -> None:
         assert (done.returncode, done.stdout) == (InvalidArgument.exit_status, b""), more
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_private_key_is_nowhere(desk: Path) -> None:
     """In no output, no passport, no traceback; and no passphrase either."""
     (desk / "phrase").write_text("correct horse\n")

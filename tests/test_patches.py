@@ -64,7 +64,7 @@ def test_a_turned_quad_selects_what_lies_inside() -> None:
     assert measure_patches(mosaic(flat()), pose_of(diamond)).chart.count[0, 0] == inside
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @settings(deadline=None)  # the machine's load is no fault
 @given(st.integers(0, 2**32 - 1))
 def test_mean_and_error_against_exact_fractions(seed: int) -> None:

@@ -271,7 +271,7 @@ def judged() -> dict[str, dict[str, Runs]]:
     return phones.measure(phones.phones_left_out(read_curves(Path(str(TABLE)))), JUDGED, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @needs_the_table
 def test_phones_are_better_served_by_other_phones() -> None:
     """The bars of docs/accuracy.md with two draws instead of eight: 1 % more to each side of coverage."""
@@ -283,7 +283,7 @@ def test_phones_are_better_served_by_other_phones() -> None:
         assert bases[OTHER_MAKER].row("abcdef")["rmse"] < 0.9 * theirs["rmse"], setting
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @needs_the_table
 def test_the_evidence_chooses_phones_for_phones() -> None:
     """Whatever the setting and draw, `cameras` is never clearly ahead; seen under two lamps, phones are."""

@@ -156,7 +156,7 @@ assert report(result.document()).ssf_png
 """
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> None:
     watch = getattr(places, WAYS[0])
     for words in (
@@ -194,7 +194,7 @@ def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
         assert bool(seen) == expected
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_calibration_needs_no_network(places: Places) -> None:
     away = ("unshare", "-rn")
     if not shutil.which("unshare") or subprocess.run([*away, "true"], capture_output=True).returncode:
@@ -205,7 +205,7 @@ def test_a_calibration_needs_no_network(places: Places) -> None:
     assert places.left() == []
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> None:
     """Who uses matplotlib keeps his settings and his list of fonts, in the process and on the disk."""
     settings, caches = places.home / ".config" / "matplotlib", places.cache / "matplotlib"

@@ -257,7 +257,7 @@ def test_the_page_s_numbers_are_what_is_measured_now() -> None:
                 assert now["passes"][each]["coverage"] == pytest.approx(then["passes"][each]["coverage"], abs=0.012)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
     then = json.loads((DOCS / "real.json").read_text("utf-8"))["photo"]
     now = real.photograph()

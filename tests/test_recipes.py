@@ -24,7 +24,7 @@ ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
 MINUTES = 5
 """From the empty folder to the result, Maven's downloads left out: they are the network's."""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("java") is None:
     pytest.skip("there is no Java or no Maven: the recipes of the docs are not run", allow_module_level=True)
 if not (REPOSITORY / "org" / "camssf" / "camssf-bom").is_dir():

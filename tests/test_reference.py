@@ -91,7 +91,7 @@ print("a stranger's ten minutes end well")
 """
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(
     "CAMSSF_FRESH" not in os.environ, reason="installs from a package index for minutes: set CAMSSF_FRESH=1"
 )
@@ -111,7 +111,7 @@ def test_a_stranger_s_ten_minutes_in_an_empty_environment(tmp_path: Path) -> Non
     _ends_well([str(python)], tmp_path, clean)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_stranger_s_ten_minutes_once_installed(tmp_path: Path) -> None:
     _ends_well([sys.executable], tmp_path, dict(os.environ))
 

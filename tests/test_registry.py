@@ -310,7 +310,7 @@ def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.slow
+@pytest.mark.full
 def test_eight_writers_two_of_them_killed(one: Registry) -> None:
     """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
     rows = {number: 200 if number > 2 else 1_000_000 for number in range(1, 9)}  # victims never end by themselves

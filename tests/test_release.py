@@ -17,7 +17,7 @@ import pytest
 BINDINGS = Path(__file__).parents[1] / "android-bindings"
 FILES = ("camssf-core-{}.jar", "camssf-core-{}.pom", "camssf-core-{}-sources.jar")
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform == "win32":
     pytest.skip("there is no Java build (mvn) or no gpg: signing is not rehearsed", allow_module_level=True)
 

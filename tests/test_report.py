@@ -462,7 +462,7 @@ ODD = st.sampled_from(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_the_check_agrees_with_a_full_validator(data: st.DataObject) -> None:
@@ -672,7 +672,7 @@ def test_csv_without_bands() -> None:
         assert report(made).ssf_csv == text
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_png_shows_curves_bands_and_truth() -> None:
     import cv2
 
@@ -1660,7 +1660,7 @@ CONTROL = """<!DOCTYPE html><style>p { width: 40px; overflow-wrap: anywhere }</s
 <text x="92" y="22">over it</text></svg>"""
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
     """No sideways scrolling, no broken word, no text beyond its box or over another, nothing on the console."""
     pages = {(name, width): opened(page) for name, page in shown().items() for width in WIDTHS}
@@ -1695,7 +1695,7 @@ def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
             assert 700 < certificate_ends < SHEET_HEIGHT, "the certificate is more than one sheet"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "most"),
     [
@@ -1722,7 +1722,7 @@ def test_ci_gets_the_axe_core_that_these_tests_were_written_for() -> None:
     assert re.search(rf"[0-9a-f]{{64}}  axe-core-{re.escape(AXE)}\.tgz", script)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("name", ["one shot", "two shots", "an unnamed light", "refused, with its photo"])
 def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> None:
@@ -1759,7 +1759,7 @@ def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> N
         assert [each[0] for each in faults(spoilt, "spoilt.html")] == ["image-alt"]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_saved_page_in_a_browser(tmp_path: Path) -> None:
     report(document(), [preview()]).save(tmp_path / "out")
     dom, console = browse(tmp_path / "out" / "report.html", tmp_path / "profile")

@@ -143,7 +143,7 @@ CHEAP = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_every_changed_number_is_noticed_by_a_golden_case() -> None:
     numbers = sum(len(DOCUMENT["numbers"][group]) for group in ("verdict", "covariance", "signals", "patches"))
     assert len(CHEAP) == numbers - 2
@@ -168,7 +168,7 @@ def test_without_a_jar_kotlin_is_skipped_visibly(
     assert "Kotlin: SKIPPED" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_process_is_as_before_after_a_mutant() -> None:
     import camssf.verdict.judge as now
 

@@ -362,7 +362,7 @@ def test_a_lamp_left_out_of_its_family_is_found_out() -> None:
     assert np.median(list(shares.values())) < 0.3, shares
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_lamps_far_off_leave_the_bands_honest() -> None:
     """Cameras of the prior, LEDs drawn from their family's own modes: 95 % bands hold, and the LED helps a little."""
     basis, led = read_basis("cameras"), read_lamp("white-led")

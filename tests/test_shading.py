@@ -204,7 +204,7 @@ def colours(capture: Capture) -> np.ndarray:
     return np.asarray(above / above.mean(axis=0))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
     truth = colours(measure(shots["even chart"], "D55"))
     stored = colours(measure(shots["shaded chart"], "D55")) / truth - 1
@@ -246,7 +246,7 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
     assert "as-stored or apply" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
     import json
 

@@ -71,7 +71,7 @@ def test_theory_under_half_the_light_in_the_corners() -> None:
     assert np.abs(uncorrected.values[0] * truth[WHITE] / truth - 1).max() > 0.05  # the scene does test it
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_every_cfa_and_every_quarter_turn_give_the_same() -> None:
     reference, _ = measured(Scene(fill=0.5))
     for cfa in CFA_ORDERS:
@@ -89,7 +89,7 @@ def test_noise_stays_within_the_standard_errors() -> None:
     assert np.abs(z).max() < 4.5
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("white", [True, False])
 @pytest.mark.parametrize("dark", [True, False])
 def test_propagated_errors_against_sampling(white: bool, dark: bool) -> None:

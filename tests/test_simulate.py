@@ -289,7 +289,7 @@ def test_blur_spreads_edges_as_an_error_function_and_keeps_the_light() -> None:
     np.testing.assert_allclose(after[round(patch[:, 1].mean())], wanted, atol=0.004)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_blur_has_no_seams_between_strips() -> None:
     """The renderer works in strips; the whole picture filtered at once must be the same."""
     from scipy.ndimage import gaussian_filter

@@ -784,7 +784,7 @@ def outcome(read: Callable[[str], Lamp | ChartTable | CameraCurves], spec: str) 
         return error
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @settings(max_examples=250, derandomize=True, deadline=None)
 @given(data=ANYTHING, suffix=st.sampled_from(["csv", "txt", "sp", "cxf"]))
 @example(data=b"\xff\xfe\x00", suffix="txt")
@@ -814,7 +814,7 @@ def test_any_name_gets_a_typed_error_or_an_answer(spec: str) -> None:
         assert not isinstance(found := outcome(read, spec), CalibrationError) or found.advice
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_nothing_warns_without_the_optional_packages() -> None:
     """colour-science warns at import where Matplotlib is missing: a user must not see it, nor must pytest."""
     code = (

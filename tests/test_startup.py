@@ -60,7 +60,7 @@ def minimal(code: str, *arguments: str, folder: Path) -> subprocess.CompletedPro
     )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tmp_path: Path) -> None:
     simulate(read_camera("Canon EOS 5D Mark II"), "D55", tmp_path, scene=Scene(size=(900, 675)))
     command = "from camssf.cli import main\nsys.exit(main(sys.argv[1:]))"
@@ -94,7 +94,7 @@ def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tm
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_ctrl_c_while_it_loads_is_no_traceback() -> None:
     code = (
         "import sys\n"

@@ -223,7 +223,7 @@ def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
     assert len(set(seen)) == len(seen)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform != "linux", reason="in other units elsewhere")
 def test_a_million_rows_are_streamed(tmp_path: Path) -> None:
     """The first job at once; the names alone are remembered."""
@@ -467,7 +467,7 @@ def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     assert desk.run().by_status["failed"] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
 def test_a_run_that_is_killed_is_taken_up(desk: Desk) -> None:
     """What was in the archive and not yet in the registry is not done again."""
@@ -514,7 +514,7 @@ def test_progress_tells_rate_and_time(desk: Desk) -> None:
     assert said[-1][1] == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A real capture, its twin under another name, and one that is no photo."""
     monkeypatch.chdir(tmp_path)

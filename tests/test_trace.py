@@ -32,9 +32,9 @@ def test_every_requirement_has_a_test_and_every_claim_is_one(capsys: pytest.Capt
 
 MARKED = """
 import pytest
-pytestmark = [pytest.mark.slow, pytest.mark.requirement("R-FILE")]
+pytestmark = [pytest.mark.full, pytest.mark.requirement("R-FILE")]
 # @pytest.mark.requirement("R-COMMENT")
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.requirement("R-ONE", "R-TWO")
 def test_a(): pass
 def test_b(): pass

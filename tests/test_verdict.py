@@ -291,7 +291,7 @@ def test_surprise_is_the_evidence_of_the_gaussian_model() -> None:
     assert scene.goodness_of_fit().count == 3 * used.sum()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     """Camera, chart, white, lamp, drift and noise drawn from the model: T, and the explanations' gains."""
     rng = np.random.default_rng(4)
