@@ -391,7 +391,7 @@ def test_sizes_are_told_as_they_are() -> None:
     assert float(most) * 0.9 < size / 1e6 <= float(most)
     verification = (ROOT / "android-bindings" / "VERIFICATION.md").read_text("utf-8")
     (said,) = re.findall(r"models, tables and rules (\d+) kB", verification)
-    assert int(said) == round(size / 1000)
+    assert abs(int(said) * 1000 - size) <= 0.01 * size
     # the code's size stands in two places, and they agree
     (here,) = re.findall(r"\((\d+) kB on ", android)
     (there,) = re.findall(r"(\d+) kB of them compressed", verification)

@@ -213,7 +213,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "signals" to frames.chart.shape,
             "predicted" to frames.chart.shape,
             "predicted_std" to frames.chart.shape,
-            "budget" to intArrayOf(7, 3),
+            "budget" to intArrayOf(found["budget"].size / 3, 3),
             "evidence" to intArrayOf(),
         )
         return (ModelOutputs.NAMES - setOf("lamp_estimate", "gain_code")).associateWith { name ->
