@@ -28,6 +28,8 @@ from camssf.recovery.sensitivity import LARGEST_GAP
 from camssf.recovery.solve import solve
 from tests.problems import random_sensing
 
+pytestmark = pytest.mark.full
+
 
 @pytest.fixture(autouse=True)
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -185,7 +187,6 @@ def test_the_oracle_takes_the_one_problem() -> None:
 
 
 @pytest.mark.requirement("R-OPTIMUM")
-@pytest.mark.full
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
     status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
@@ -515,7 +516,6 @@ def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> No
     assert not isinstance(last.value, ast.Constant)
 
 
-@pytest.mark.full
 def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
     from benchmarks.claims import lamps
@@ -541,7 +541,6 @@ def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixtur
     assert status == ("MISSED" in capsys.readouterr().out)
 
 
-@pytest.mark.full
 def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -578,7 +577,6 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     assert [float(each) for each in order] == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.full
 def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from benchmarks.claims import colour
 
@@ -588,7 +586,6 @@ def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 @pytest.mark.requirement("R-COLOUR")
-@pytest.mark.full
 def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

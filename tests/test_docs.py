@@ -37,8 +37,6 @@ PAGES = [
 README = (ROOT / "README.md").read_text("utf-8")
 CLI = typer.main.get_command(app)
 
-by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-
 
 def blocks(text: str, language: str) -> list[str]:
     found = re.findall(rf"^( *)```{language}\n(.*?)^\1```", text, re.DOTALL | re.MULTILINE)
@@ -69,11 +67,14 @@ def written() -> list[str]:
 
 
 @pytest.mark.requirement("R-DOCS")
-@pytest.mark.parametrize("line", sorted(set(written())))
-def test_a_written_command_is_one(line: str) -> None:
+def test_every_written_command_is_one() -> None:
     """Parsed by the command line itself, which knows every option and its type; nothing is run."""
-    for arguments in calls(line):
-        parse(arguments)
+    for line in sorted(set(written())):
+        for arguments in calls(line):
+            try:
+                parse(arguments)
+            except Exception as error:
+                raise AssertionError(line) from error
 
 
 def parse(arguments: list[str]) -> None:
@@ -111,8 +112,12 @@ def test_the_readme_s_two_commands_make_their_own_environment() -> None:
 
 
 @pytest.mark.requirement("R-DOCS")
-@by_page
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere() -> None:
+    for page in PAGES:
+        links_of(page)
+
+
+def links_of(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if target.startswith(("https://", "mailto:")):
@@ -121,24 +126,22 @@ def test_links_lead_somewhere(page: Path) -> None:
         aim = (page.parent / name).resolve() if name else page
         if aim.suffix == ".png" and not aim.exists():
             pytest.fail(f"{target}: run `camssf demo -o out/` and copy out/ssf.png there")
-        assert aim.exists(), target
+        assert aim.exists(), (page.name, target)
         if anchor:
             headings = re.findall(r"^#+ (.*)$", aim.read_text("utf-8"), re.MULTILINE)
-            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, target
+            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, (
+                page.name,
+                target,
+            )
 
 
 @pytest.mark.requirement("R-DOCS")
-@by_page
-def test_files_named_in_backticks_exist(page: Path) -> None:
-    for name in re.findall(
-        r"`((?:tests|docs|reference|export|golden|benchmarks|\.ci)/[\w./-]+)`", page.read_text("utf-8")
-    ):
-        assert (ROOT / name).exists(), name
-
-
-@by_page
-def test_docs_name_no_place_of_one_machine(page: Path) -> None:
-    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text("utf-8"))
+def test_files_named_in_backticks_exist_and_no_place_of_one_machine_is_named() -> None:
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        for name in re.findall(r"`((?:tests|docs|reference|export|golden|benchmarks|\.ci)/[\w./-]+)`", text):
+            assert (ROOT / name).exists(), (page.name, name)
+        assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", text), page.name
 
 
 def test_the_readme_s_python_is_sound() -> None:
