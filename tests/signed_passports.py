@@ -19,17 +19,17 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature, encode_dss_signature
 from cryptography.hazmat.primitives.hashes import SHA256
-from test_report import document
+from documents import document
 
 from camssf.documents import revocations
 from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import ORDER
 from camssf.documents.keys import key_name, unpadded
 from camssf.documents.passport import Passport, PassportRequest, create_passport, read, sign, verify
+from camssf.documents.result_json import document_bytes
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
 from camssf.photo.read.unit import Unit
-from camssf.report.build import report
 
 FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -328,7 +328,7 @@ def stored() -> dict[str, Any]:
 
 
 def main() -> None:
-    result = report(rounded(document())).result_json
+    result = document_bytes(rounded(document()))
     desk = gather(result)
     keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
     both = {"result": result.decode(), "small": json.dumps(small_document())}

@@ -21,13 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_report import document, refused
+from documents import document, refused
 
 from camssf import cli
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument, PassportInvalid, UnreadableRaw
 from camssf.exports import read_result
 from camssf.photo.read.unit import Taken, Unit, read_unit
-from camssf.report.build import report
 
 pytest.importorskip("cryptography", reason="cryptography is not here")
 
@@ -98,7 +98,7 @@ def signed() -> bytes:
 
 @cache
 def result_json() -> bytes:
-    return report(document()).result_json
+    return document_bytes(document())
 
 
 def refuses(data: bytes, words: str = "", number: int = 0, **more: Any) -> None:
@@ -156,7 +156,7 @@ def test_no_two_are_alike() -> None:
 )
 def test_what_cannot_be_signed(data: Any, wanted: PassportRequest, words: str) -> None:
     with pytest.raises(InvalidArgument, match=words):
-        create_passport(report(refused()).result_json if data is None else data() if callable(data) else data, wanted)
+        create_passport(document_bytes(refused()) if data is None else data() if callable(data) else data, wanted)
 
 
 def test_its_time() -> None:
@@ -868,9 +868,9 @@ def test_photos_speak_for_the_unit(tmp_path: Path) -> None:
     given = copy.deepcopy(document())
     given["camera"] = {"make": "Maker", "model": "Model"}
     with pytest.raises(InvalidArgument, match="not made from"):
-        create_passport(report(given).result_json, PassportRequest(), photos=[file])
+        create_passport(document_bytes(given), PassportRequest(), photos=[file])
     given["shots"][0]["photo"]["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
-    data = report(given).result_json
+    data = document_bytes(given)
     found = create_passport(data, PassportRequest(Unit(camera_id="2")), photos=[file])
     assert (found.unit, found.captured) == (replace(WHOLE, camera_id="2"), "2026-11-20T09:15:00+01:00")
     assert (

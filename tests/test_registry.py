@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import document, refused
 from registries import START, bells, made, plain
-from test_report import document, refused
 
 from camssf import cli
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.photo.read.unit import Unit
-from camssf.report.build import report
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
@@ -46,7 +46,7 @@ def keys(each: Registry) -> list[str]:
 
 
 def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
-    data = report(document("D55", "A")).result_json
+    data = document_bytes(document("D55", "A"))
     unit = Unit(camera_id="2", serial="A1", lens="24 mm", focal_length=24.7, aperture=1.8)
     origin = Origin(unit, "2026-11-20T10:00:00+01:00", "cam", "m" * 64, "p" * 32, "x/result.json", {"site": "Ω '\";"})
     mine = row(data, document("D55", "A"), origin)
@@ -69,7 +69,7 @@ def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
 
 def test_no_name_of_a_photo_is_kept(one: Registry, tmp_path: Path) -> None:
     """A file's name may tell the place and the hour; the row has its hash."""
-    one.add([row(report(document()).result_json, document(), Origin())])
+    one.add([row(document_bytes(document()), document(), Origin())])
     photo = document()["shots"][0]["photo"]["name"]
     assert photo
     (found,) = one.query("SELECT * FROM rows")
@@ -77,7 +77,7 @@ def test_no_name_of_a_photo_is_kept(one: Registry, tmp_path: Path) -> None:
 
 
 def test_a_refused_result_has_a_row_without_curves(one: Registry) -> None:
-    one.add([row(report(refused()).result_json, refused(), Origin())])
+    one.add([row(document_bytes(refused()), refused(), Origin())])
     (found,) = one.query("SELECT status, red, blue_std, gap, captured FROM rows")
     assert found == {"status": "refused", "red": [], "blue_std": [], "gap": None, "captured": None}
 
@@ -554,7 +554,7 @@ def run(*words: object) -> int:
 def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, result = tmp_path / "phones", tmp_path / "out" / "result.json"
     result.parent.mkdir()
-    result.write_bytes(report(document()).result_json)
+    result.write_bytes(document_bytes(document()))
     assert run("add", folder, result, "--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00") == 0
     assert run("add", folder, result, "--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00") == 0
     capsys.readouterr()
@@ -614,7 +614,7 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 
     make_key(tmp_path)
     drawn = create_passport(
-        report(document()).result_json, PassportRequest(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC)
+        document_bytes(document()), PassportRequest(Unit(serial="S"), "2026-01-02"), now=datetime.now(UTC)
     )
     file, folder = tmp_path / "a.jws", tmp_path / "phones"
     file.write_bytes(sign(drawn, read_private(tmp_path / "passport-key.pem")))
@@ -633,7 +633,7 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert not found["code_covariance"]
     # With the whole result, or with what `passport verify` printed: the same row, and nothing of it is lost.
     (tmp_path / "y.json").write_text(json.dumps(as_document(file.read_bytes(), drawn)), "utf-8")
-    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
     assert run("add", folder, tmp_path / "y.json") == 2  # a passport wants a key, in this form, too
     capsys.readouterr()
     assert run("add", folder, tmp_path / "result.json", tmp_path / "y.json", "--key", tmp_path / PUBLIC) == 0
@@ -723,7 +723,7 @@ def test_an_older_result_that_was_left_out_is_listed(one: Registry, capsys: pyte
 
 
 def test_a_time_to_come_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
     words = ("add", tmp_path / "new", tmp_path / "result.json", "--serial", "A", "--captured", "9000-01-01")
     assert run(*words) == InvalidArgument.exit_status
     assert "lies in the future" in capsys.readouterr().err
@@ -739,7 +739,7 @@ def test_what_a_spread_and_the_nearest_leave_out_is_counted(
     out, err = capsys.readouterr()
     assert validated(json.loads(out), "camssf-spread/1")["left_out"] == {"doubtful": 1, "refused": 1}
     assert "left out: 1 doubtful, 1 refused" in err
-    (tmp_path / "result.json").write_bytes(report(document()).result_json)
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
     assert run("compare", one.folder, "--result", tmp_path / "result.json") == 0
     out, err = capsys.readouterr()
     assert validated(json.loads(out), "camssf-registry-nearest/1")["left_out"] == {"doubtful": 1, "refused": 1}
@@ -777,7 +777,7 @@ def test_messages_say_what_is_wrong_and_what_to_do(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Registry("phones", new=True).add([made(1, bells())])
-    Path("result.json").write_bytes(report(document()).result_json)
+    Path("result.json").write_bytes(document_bytes(document()))
     for folder, mark in (("else", "letter.txt"), ("newer", MARK)):
         Path(folder).mkdir()
         (Path(folder) / mark).write_text('{"format": "camssf-registry/9"}')
@@ -798,8 +798,8 @@ def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     Registry("phones", new=True).add([made(1, bells())])
     Path("empty.json").write_text("{}")
-    Path("result.json").write_bytes(report(document()).result_json)
-    Path("refused.json").write_bytes(report(refused()).result_json)
+    Path("result.json").write_bytes(document_bytes(document()))
+    Path("refused.json").write_bytes(document_bytes(refused()))
     before = sorted(str(path) for path in tmp_path.rglob("*"))
     assert run(*words) == InvalidArgument.exit_status
     assert sorted(str(path) for path in tmp_path.rglob("*")) == before

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import document
 from registries import made
 from schemas import check_schema
-from test_report import document
 
 import camssf
 import camssf.learning.training
 from camssf import cli
 from camssf.documents.basis_choice import choice_of
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.fleet.rows import Origin, Row, row, widths_of
 from camssf.grid import Floats
@@ -37,7 +38,6 @@ from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import SolverSettings, answer
-from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
@@ -378,7 +378,7 @@ def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
 
 def test_the_row_holds_what_learning_needs() -> None:
     given = document("D55", "A")
-    found = row(report(given).result_json, given, Origin())
+    found = row(document_bytes(given), given, Origin())
     assert (found.l2, found.gamma) == (given["l2"], max(given["gamma"]))
     assert list(found.code_covariance) == given["code_covariance"]
     assert sum(found.prior_share) <= 1.0 + 1e-12
