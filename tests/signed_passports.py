@@ -12,6 +12,7 @@ import gzip
 import json
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,11 @@ def numbers(r: int, s: int) -> bytes:
 
 def small_result() -> dict[str, Any]:
     """The excerpt of a result, as short as its form allows."""
+    return copy.deepcopy(_small_result())
+
+
+@cache
+def _small_result() -> dict[str, Any]:
     names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
              "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
     short = {name: value for name, value in excerpt(document()).items() if name in names}
@@ -168,6 +174,7 @@ CURVES: dict[str, Any] = {
 }  # fmt: skip
 
 
+@cache
 def other_results() -> dict[str, dict[str, Any]]:
     """Results of which most are none."""
     found = {}
