@@ -141,40 +141,25 @@ def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
     assert len(keys(Registry(one.folder))) == 2
 
 
-@pytest.mark.parametrize(
-    "damage", [lambda data: data[:-9], lambda data: b"", lambda data: b"PAR", lambda _: b"x" * 99]
-)
-def test_a_damaged_file_is_named(one: Registry, damage: Any) -> None:
-    one.add([made(1)])
-    one.add([made(2)])
-    file = sorted((one.folder / "results").glob("*.parquet"))[1]
-    file.write_bytes(damage(file.read_bytes()))
-    with pytest.raises(InvalidArgument, match=file.name) as caught:
-        one.listing()
-    assert "Move it away" in caught.value.advice
-    before = sorted((one.folder / "results").iterdir())
-    with pytest.raises(InvalidArgument):
-        one.gather()
-    assert sorted((one.folder / "results").iterdir()) == before
-
-
 def flipped(data: bytes, start: int, count: int = 400) -> bytes:
     return data[:start] + bytes(byte ^ 0x5A for byte in data[start : start + count]) + data[start + count :]
 
 
-@pytest.mark.parametrize("back", range(500, 3500, 500))
-def test_a_file_with_other_bytes_in_it_is_named(one: Registry, back: int) -> None:
-    """Whatever DuckDB says of them: near the file's end stands what it reads first."""
+def test_a_damaged_file_is_named(one: Registry, tmp_path: Path) -> None:
+    """Whatever DuckDB says of it: near the file's end stands what it reads first."""
     one.add([made(n, bells()) for n in range(50)])
     one.add([made(n, bells()) for n in range(100, 150)])
-    file = sorted((one.folder / "results").glob("*.parquet"))[1]
-    whole = file.read_bytes()
-    file.write_bytes(flipped(whole, len(whole) - back))
-    for attempt in (one.listing, one.gather, lambda: one.export(one.folder.parent / "all.parquet")):
-        with pytest.raises(InvalidArgument, match=file.name) as caught:
-            attempt()
-        assert "Move it away" in caught.value.advice
-    assert file.exists()
+    files = sorted((one.folder / "results").glob("*.parquet"))
+    whole = files[1].read_bytes()
+    spoilt = [whole[:-9], b"", b"PAR", b"x" * 99]
+    spoilt += [flipped(whole, len(whole) - back) for back in range(500, 3500, 500)]
+    for number, data in enumerate(spoilt):
+        files[1].write_bytes(data)
+        for attempt in (one.listing, one.gather, lambda: one.export(tmp_path / "all.parquet")):
+            with pytest.raises(InvalidArgument, match=files[1].name) as caught:
+                attempt()
+            assert "Move it away" in caught.value.advice, number
+        assert sorted((one.folder / "results").iterdir()) == files, number
 
 
 def test_a_file_of_another_kind_is_named(one: Registry) -> None:
@@ -189,22 +174,20 @@ def test_a_file_of_another_kind_is_named(one: Registry) -> None:
         file.unlink()
 
 
-@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
-def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
-    curves = bells()
-    curves[1, 30] = wrong
-    one.add(history(5, 0))
-    one.add([made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
-    with registry.connection() as con:
-        told = "SELECT filename FROM read_parquet(?, filename = true) WHERE key = ?"
-        (place,) = con.execute(told, [f"{one.folder}/results/*.parquet", f"{77:064x}"]).fetchone()
-    for attempt in (
-        lambda: compare.spread(one, Unit(model="Model")),
-        lambda: drift_of(one, Unit(serial="A1")),
-        lambda: compare.nearest(one, bells()),
-    ):
-        with pytest.raises(InvalidArgument, match=f"{Path(place).name} is damaged: of the result 00000000000"):
-            attempt()
+def test_curves_that_cannot_be_are_named(tmp_path: Path) -> None:
+    for wrong in (float("nan"), float("inf"), -1e30, 7.0):
+        one = Registry(tmp_path / f"{wrong}", new=True)
+        curves = bells()
+        curves[1, 30] = wrong
+        one.add([*history(5, 0), made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
+        (place,) = (one.folder / "results").glob("*.parquet")
+        for attempt in (
+            lambda one=one: compare.spread(one, Unit(model="Model")),
+            lambda one=one: drift_of(one, Unit(serial="A1")),
+            lambda one=one: compare.nearest(one, bells()),
+        ):
+            with pytest.raises(InvalidArgument, match=f"{place.name} is damaged: of the result 00000000000"):
+                attempt()
 
 
 def test_curves_of_another_length_are_named(one: Registry) -> None:
@@ -585,24 +568,15 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
 
 
-@pytest.mark.parametrize(
-    ("data", "word"),
-    [
-        (b"II*\0" + bytes(99), "DNG"),
-        (b"\x89PNG\r\n", "PNG"),
-        (b"name,photo\nx,y\n", "text"),
-        (bytes(9) + b"..", "binary"),
-    ],
-)
-def test_what_is_added_is_called_what_it_is(
-    data: bytes, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "chart.dng").write_bytes(data)
-    for more in ((), ("--serial", "x")):
-        assert run("add", tmp_path / "phones", tmp_path / "chart.dng", *more) == InvalidArgument.exit_status
-        told = capsys.readouterr().err
-        assert word in told
-        assert "no passport" in " ".join(told.split())
+def test_what_is_added_is_called_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for data, word in ((b"II*\0" + bytes(99), "DNG"), (b"\x89PNG\r\n", "PNG"), (b"name,photo\nx,y\n", "text"),
+                       (bytes(9) + b"..", "binary")):  # fmt: skip
+        (tmp_path / "chart.dng").write_bytes(data)
+        for more in ((), ("--serial", "x")):
+            assert run("add", tmp_path / "phones", tmp_path / "chart.dng", *more) == InvalidArgument.exit_status
+            told = capsys.readouterr().err
+            assert word in told
+            assert "no passport" in " ".join(told.split())
     assert not (tmp_path / "phones").exists()
 
 
@@ -746,63 +720,45 @@ def test_what_a_spread_and_the_nearest_leave_out_is_counted(
     assert "left out: 1 doubtful, 1 refused" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["list", "missing"], "There is no folder missing. Name the folder that `camssf registry add`"),
-        (["list", "else"], "else is no registry: it holds no registry.json."),
-        (["add", "else", "result.json"], "Name a new or an empty folder."),
-        (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),
-        (["list", "phones", "--status", "bad"], "'bad' is not a status of a result. Use one of accepted, doubtful,"),
-        (["compare", "phones"], "Nothing to compare was named. Give --model to compare its units, --serial to"),
-        (
-            ["compare", "phones", "--serial", "none"],
-            "The registry has no result of a unit with the serial number none.",
-        ),
-        (
-            ["compare", "phones", "--model", "Model"],
-            "There is 1 unit of Model with a serial number and accepted results",
-        ),
-        (["learn", "phones", "-o", "x.npz", "--leave", "day"], "--leave takes model or maker; got 'day'."),
-        (["learn", "phones", "-o", "x.txt"], "The basis file x.txt does not end in .npz."),
-        (["export", "phones", "-o", "x.txt"], "x.txt ends in neither .parquet nor .csv."),
-    ],
-)
-def test_messages_say_what_is_wrong_and_what_to_do(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+WRONG = [
+    (["list", "missing"], "There is no folder missing. Name the folder that `camssf registry add`"),
+    (["list", "else"], "else is no registry: it holds no registry.json."),
+    (["add", "else", "result.json"], "Name a new or an empty folder."),
+    (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),
+    (["list", "phones", "--status", "bad"], "'bad' is not a status of a result. Use one of accepted, doubtful,"),
+    (["compare", "phones"], "Nothing to compare was named. Give --model to compare its units, --serial to"),
+    (["compare", "phones", "--serial", "none"], "The registry has no result of a unit with the serial number none."),
+    (["compare", "phones", "--model", "Model"], "There is 1 unit of Model with a serial number and accepted results"),
+    (["learn", "phones", "-o", "x.npz", "--leave", "day"], "--leave takes model or maker; got 'day'."),
+    (["learn", "phones", "-o", "x.txt"], "The basis file x.txt does not end in .npz."),
+    (["export", "phones", "-o", "x.txt"], "x.txt ends in neither .parquet nor .csv."),
+    (["compare", "phones", "--model", "x", "--result", "y"], ""),
+    (["add", "phones", "no.json"], ""),
+    (["add", "phones", "empty.json"], ""),
+    (["add", "phones", "result.json", "--captured", "soon"], ""),
+    (["compare", "phones", "--result", "refused.json"], ""),
+    (["export", "phones", "-o", "no/where.csv"], ""),
+    (["compare", "phones", "--result", "result.json", "--make", "foo"], ""),
+]
+"""Calls that are wrong, and words of the message."""
+
+
+def test_messages_say_what_is_wrong_and_nothing_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    Registry("phones", new=True).add([made(1, bells())])
-    Path("result.json").write_bytes(document_bytes(document()))
-    for folder, mark in (("else", "letter.txt"), ("newer", MARK)):
-        Path(folder).mkdir()
-        (Path(folder) / mark).write_text('{"format": "camssf-registry/9"}')
-    assert run(*words) == InvalidArgument.exit_status
-    assert message in " ".join(capsys.readouterr().err.split())
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["list", "missing"], ["compare", "phones"], ["compare", "phones", "--model", "x", "--result", "y"],
-        ["export", "phones", "-o", "all.xlsx"], ["add", "phones", "no.json"], ["add", "phones", "empty.json"],
-        ["add", "phones", "result.json", "--captured", "soon"], ["compare", "phones", "--result", "refused.json"],
-        ["export", "phones", "-o", "no/where.csv"], ["compare", "phones", "--result", "result.json", "--make", "foo"],
-    ],
-)  # fmt: skip
-def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Registry("phones", new=True).add([made(1, bells())])
     Path("empty.json").write_text("{}")
     Path("result.json").write_bytes(document_bytes(document()))
     Path("refused.json").write_bytes(document_bytes(refused()))
+    for folder, mark in (("else", "letter.txt"), ("newer", MARK)):
+        Path(folder).mkdir()
+        (Path(folder) / mark).write_text('{"format": "camssf-registry/9"}')
     before = sorted(str(path) for path in tmp_path.rglob("*"))
-    assert run(*words) == InvalidArgument.exit_status
-    assert sorted(str(path) for path in tmp_path.rglob("*")) == before
+    for words, message in WRONG:
+        assert run(*words) == InvalidArgument.exit_status, words
+        assert message in " ".join(capsys.readouterr().err.split()), words
+        assert sorted(str(path) for path in tmp_path.rglob("*")) == before, words
 
 
 def test_rows_know_what_they_must() -> None:

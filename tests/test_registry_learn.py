@@ -42,7 +42,8 @@ from camssf.spectra import read_chart, read_lamp
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet.learn import FOLDS, Judgement, LearnRequest, judge_gains, learn_basis
+from camssf.fleet import learn
+from camssf.fleet.learn import Judgement, LearnRequest, judge_gains, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
@@ -346,30 +347,29 @@ def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
             learn_basis(one)
 
 
-@pytest.mark.parametrize(
-    ("wanted", "words"),
-    [
+def test_what_cannot_be_learned(registry: Registry) -> None:
+    for wanted, words in (
         (LearnRequest(basis="gaussian"), "--basis takes cameras or phones"),
         (LearnRequest(basis="cameras"), "on cameras"),
         (LearnRequest(leave="unit"), "--leave takes model or maker; got 'unit'"),
         (LearnRequest(model="P9"), "No result of P9"),
         (LearnRequest(model="P1", make="Other"), "No result of P1"),
         (LearnRequest(table=Path("none.csv")), "cannot be read"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_learned(registry: Registry, wanted: LearnRequest, words: str) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        learn_basis(registry, wanted)
+    ):
+        with pytest.raises(InvalidArgument, match=words):
+            learn_basis(registry, wanted)
 
 
-def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
+def test_more_groups_than_folds_are_all_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learn, "FOLDS", 2)
+    monkeypatch.setattr(learn, "OF_MODEL", 3)
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]
-    one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(FOLDS + 3)])
-    assert learn_basis(one).judgement.groups == FOLDS + 3
-    one.add([replace(good, key=f"{i:064d}", model="m0", serial=str(i)) for i in range(100, 131)])
+    one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(5)])
+    assert learn_basis(one).judgement.groups == 5
+    one.add([replace(good, key=f"{i:064d}", model="m0", serial=str(i)) for i in range(100, 104)])
     (reason,) = (found := learn_basis(one)).left_aside
-    assert "older than the newest 30 of their model" in reason
+    assert "older than the newest 3 of their model" in reason
     assert found.left_aside[reason] == 2
 
 
