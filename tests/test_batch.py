@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -89,27 +90,26 @@ def visits(out: Path, name: str) -> int:
     return len((out / name / "visits").read_text().splitlines())
 
 
-@pytest.mark.full
-def test_it_goes_on_after_bad_rows_and_a_crash(tmp_path: Path) -> None:
+def test_it_goes_on_after_bad_rows(tmp_path: Path) -> None:
     manifest = write(
-        tmp_path,
-        ["good,a,D55,,,", "bug,b,D55,,,", "dies,c,D55,,,", "lost,missing,D55,,,", "refused,d,D55,,,", "last,a,A,,,"],
-        {"a": "fine", "b": "bug", "c": "dies", "d": "refused"},
-    )
-    outcomes = run_batch(manifest, tmp_path / "out", jobs=2, work=stub)
-    assert [(o.name, o.status) for o in outcomes] == [
-        ("good", "accepted"),
-        ("bug", "failed"),
-        ("dies", "failed"),
-        ("lost", "failed"),
-        ("refused", "refused"),
-        ("last", "accepted"),
-    ]
+        tmp_path, ["good,a,D55,,,", "bug,b,D55,,,", "lost,missing,D55,,,", "refused,d,D55,,,", "last,a,A,,,"],
+        {"a": "fine", "b": "bug", "d": "refused"},
+    )  # fmt: skip
+    outcomes = here(manifest, tmp_path / "out")
+    told = {"good": "accepted", "bug": "failed", "lost": "failed", "refused": "refused", "last": "accepted"}
+    assert [(o.name, o.status) for o in outcomes] == list(told.items())
     assert "RuntimeError: two lines" in outcomes[1].reason
-    assert "died" in outcomes[2].reason
     rows = list(csv.DictReader((tmp_path / "out" / "summary.csv").read_text("utf-8").splitlines()))
     assert [row["name"] for row in rows] == [o.name for o in outcomes]
-    assert rows[4]["code"] == "overexposed"
+    assert rows[3]["code"] == "overexposed"
+
+
+@pytest.mark.full
+def test_it_goes_on_after_a_crash(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["good,a,D55,,,", "dies,c,D55,,,", "last,a,A,,,"], {"a": "fine", "c": "dies"})
+    outcomes = run_batch(manifest, tmp_path / "out", work=stub)
+    assert [(o.name, o.status) for o in outcomes] == [("good", "accepted"), ("dies", "failed"), ("last", "accepted")]
+    assert "died" in outcomes[1].reason
 
 
 def test_it_resumes(tmp_path: Path) -> None:
@@ -170,23 +170,30 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("meanwhile", ["refused", "refused with evidence", "bug", "dies late"])
-def test_what_came_between_is_not_forgotten(tmp_path: Path, meanwhile: str) -> None:
+def came_between(tmp_path: Path, meanwhile: str, run: Callable[[Path, Path], tuple[Outcome, ...]]) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
-    good = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
+    good = write(tmp_path, ["one,a,D55,,,"], {"a": "fine", "b": meanwhile})
     out = tmp_path / "out"
-    assert [o.status for o in run_batch(good, out, work=stub)] == ["accepted"]
+    assert [o.status for o in here(good, out)] == ["accepted"]
     other = tmp_path / "other.csv"
     other.write_text(good.read_text().replace("one,a", "one,b"))
-    (tmp_path / "b").write_text(meanwhile)
-    (between,) = run_batch(other, out, work=stub)
+    (between,) = run(other, out)
     assert not between.ok
     assert not (out / "one" / MARK).exists()
-    (again,) = run_batch(good, out, work=stub)
+    (again,) = here(good, out)
     assert (again.status, again.resumed) == ("accepted", False)
     assert json.loads((out / "one" / "result.json").read_text())["verdict"]["status"] == "accepted"
-    assert [o.resumed for o in run_batch(good, out, work=stub)] == [True]
+    assert [o.resumed for o in here(good, out)] == [True]
+
+
+def test_what_came_between_is_not_forgotten(tmp_path: Path) -> None:
+    for meanwhile in ("refused", "refused with evidence", "bug"):
+        came_between(tmp_path / meanwhile, meanwhile, here)
+
+
+@pytest.mark.full
+def test_a_death_between_is_not_forgotten(tmp_path: Path) -> None:
+    came_between(tmp_path, "dies late", partial(run_batch, work=stub))
 
 
 def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path) -> None:

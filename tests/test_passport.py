@@ -14,7 +14,8 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -885,15 +886,23 @@ def desk(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, *words: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
-    return subprocess.run(
-        [sys.executable, "-m", "camssf", "passport", *words],
-        cwd=folder, input=stdin, capture_output=True, timeout=120, env=os.environ | {"PYTHONPATH": search},
-    )  # fmt: skip
+@dataclass
+class Done:
+    returncode: int
+    stdout: bytes
+    stderr: bytes
 
 
-@pytest.mark.full
+def run(folder: Path, *words: str, stdin: bytes = b"") -> Done:
+    """The command in this folder: what it reads and writes is bytes, as in a process of its own."""
+    out, err, given = (io.TextIOWrapper(io.BytesIO(data), "utf-8") for data in (b"", b"", stdin))
+    with chdir(folder), redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patched:
+        patched.setattr("sys.stdin", given)
+        status = cli.main(["passport", *words])
+    out.flush(), err.flush()
+    return Done(status, out.buffer.getvalue(), err.buffer.getvalue())  # type: ignore[attr-defined]
+
+
 def test_sign_verify_show(desk: Path) -> None:
     data = (desk / "camera.jws").read_bytes()
     for words, stdin in ((["camera.jws"], b""), (["-"], data)):
@@ -924,7 +933,6 @@ def test_sign_verify_show(desk: Path) -> None:
         assert (done.returncode, done.stdout) == (InvalidArgument.exit_status, b""), more
 
 
-@pytest.mark.full
 def test_the_private_key_is_nowhere(desk: Path) -> None:
     """In no output, no passport, no traceback; and no passphrase either."""
     (desk / "phrase").write_text("correct horse\n")
@@ -955,13 +963,17 @@ def test_the_private_key_is_nowhere(desk: Path) -> None:
     assert not [secret for secret in secrets if secret in said]
 
 
-def test_the_commands_in_this_process(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """So that a change of the terminal's words or statuses is seen without a process of its own."""
-    assert cli.main(["passport", "verify", str(desk / "camera.jws"), "--key", str(desk / PUBLIC)]) == 0
-    out, err = capsys.readouterr()
-    assert json.loads(out)["format"] == "camssf-result/1"
-    assert "serial A1" in err
-    assert "verified" in err
+@pytest.mark.full
+def test_a_process_of_its_own_verifies(desk: Path) -> None:
+    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
+    call = [sys.executable, "-m", "camssf", "passport", "verify", "-", "--key", PUBLIC]
+    done = subprocess.run(
+        call, cwd=desk, input=(desk / "camera.jws").read_bytes(), capture_output=True, timeout=120, check=True,
+        env=os.environ | {"PYTHONPATH": search},
+    )  # fmt: skip
+    assert json.loads(done.stdout)["format"] == "camssf-result/1"
+    assert b"serial A1" in done.stderr
+    assert b"verified" in done.stderr
 
 
 def test_a_list_is_renewed(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
