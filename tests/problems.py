@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS, Floats
@@ -16,6 +17,12 @@ from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
+
+
+def seeds(*bounds: int) -> list[Any]:
+    """`range` for a parametrised test: six of it by default, all in the full run."""
+    every = range(*bounds)
+    return [*every[:6], *(pytest.param(seed, marks=pytest.mark.full) for seed in every[6:])]
 
 
 def bell(centre: float, width: float) -> Floats:
