@@ -25,6 +25,12 @@ def seeds(*bounds: int) -> list[Any]:
     return [*every[:6], *(pytest.param(seed, marks=pytest.mark.full) for seed in every[6:])]
 
 
+def near(found: NDArray[Any], expected: NDArray[Any], rel: float = 0.0, abs: float = 1e-12) -> bool:
+    """`found == pytest.approx(expected, ...)` of large arrays, without a Python loop."""
+    assert found.shape == expected.shape
+    return bool(np.all(np.abs(found - expected) <= np.maximum(rel * np.abs(expected), abs)))
+
+
 def bell(centre: float, width: float) -> Floats:
     return np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2)
 
