@@ -195,11 +195,10 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
     modes = np.zeros((k, 5, WAVELENGTHS.size))
     modes[-1] = read_lamp("white-led").modes
     given = told(**a | {"lamp_modes": modes, "lamp_tolerance": 0.02})[0]
-    for evidence in (given, by_modes(given)):
-        for scale in (1.0, 1.7):
-            found = modes_told(load_model(basis), evidence, scale)
-            assert found[0].shape == evidence.lamp_modes.shape[:2]
-            assert unlike(found, posterior(linear_model(evidence, widened(read_basis(basis), scale)))) <= 1e-10
+    for evidence, scale in ((given, 1.7), (by_modes(given), 1.0)):
+        found = modes_told(load_model(basis), evidence, scale)
+        assert found[0].shape == evidence.lamp_modes.shape[:2]
+        assert unlike(found, posterior(linear_model(evidence, widened(read_basis(basis), scale)))) <= 1e-10
 
 
 @pytest.mark.parametrize("seed", seeds(0, 40, 4))
