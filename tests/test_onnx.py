@@ -318,6 +318,7 @@ def rows_apart(own: tuple[Floats, Floats], linear: LinearModel) -> float:
     return float(max(apart))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ROWS)
 def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
@@ -340,6 +341,7 @@ def unfinished(iteration: str, depth: int) -> Model:
     return opened(build(read_basis("cameras"), iteration=iteration, depth=depth, finish=False))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_the_layers_alone_as_a_model(name: str) -> None:
     """Built without the finish: every limit of the case, and where the shipped model serves, its very bits."""
@@ -351,6 +353,7 @@ def test_the_layers_alone_as_a_model(name: str) -> None:
         assert found["ssf"].tobytes() == run(case, "onnx")["ssf"].tobytes()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", range(0, 12, 3))
 def test_seeded_problems_against_cvxpy(seed: int) -> None:
     pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
@@ -476,6 +479,7 @@ def test_the_models_keep_every_golden_case(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().out == f"{len(CASES)} passed, 0 failed\n"
 
 
+@pytest.mark.full
 def test_build_is_deterministic_and_atomic(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -488,6 +492,7 @@ def test_build_is_deterministic_and_atomic(
     assert "nodes" in capsys.readouterr().out
 
 
+@pytest.mark.full
 def test_check_fails_on_other_bytes(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -517,6 +522,7 @@ def test_a_broken_golden_case_fails(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     assert out.splitlines()[-1] == "0 passed, 1 failed"
 
 
+@pytest.mark.full
 def test_a_missing_model_says_what_to_do(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -525,6 +531,7 @@ def test_a_missing_model_says_what_to_do(
     assert "python -m camssf_onnx build" in capsys.readouterr().err
 
 
+@pytest.mark.full
 def test_faults_are_found(command: Any) -> None:
     import onnx
 
