@@ -151,6 +151,7 @@ def test_problems_are_the_same_every_time_and_of_every_kind() -> None:
     assert all(np.array_equal(again.inputs[name], value) for name, value in problem.inputs.items())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("nonnegative", [False, True])
 def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegative: bool) -> None:
     pytest.importorskip("cvxpy")
@@ -170,6 +171,7 @@ def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegati
     assert not oracle.determined(twins[0], b0, x, basis.dictionary[:1], basis.mean[:1], 0.0, 0.1, nonnegative)
 
 
+@pytest.mark.full
 def test_the_oracle_takes_the_one_problem() -> None:
     """72 unknowns, three curves: as the three problems apart, where no row knows of two channels."""
     pytest.importorskip("cvxpy")
@@ -257,6 +259,7 @@ def test_a_call_of_the_product_is_judged_by_both_engines(index: int) -> None:
         assert found[f"{engine}_off"] <= certify.ALONE_BAR
 
 
+@pytest.mark.full
 def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
     results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -277,6 +280,7 @@ def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
     assert f"oracle refused: Clarabel gave no answer to {count} of {count}" in capsys.readouterr().out
 
 
+@pytest.mark.full
 def test_the_model_s_own_rows_are_read() -> None:
     pytest.importorskip("onnx")
     for index in range(4):

@@ -445,6 +445,7 @@ def test_the_profile_s_identifier_is_its_own() -> None:
     assert hashlib.md5(content, usedforsecurity=False).digest() == known
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("lamp", ["D65", "A"])
 def test_opencolorio_applies_the_clf(lamp: str, tmp_path: Path) -> None:
     ocio = pytest.importorskip("PyOpenColorIO")
@@ -462,6 +463,7 @@ def test_opencolorio_applies_the_clf(lamp: str, tmp_path: Path) -> None:
     assert np.abs(got - y @ matrices(read_result(result()), lamp).to_aces.T).max() < 3e-7  # it works in float32
 
 
+@pytest.mark.full
 def test_each_clf_has_an_id_of_its_own(tmp_path: Path) -> None:
     ocio = pytest.importorskip("PyOpenColorIO")
     found, other = [], result()

@@ -323,6 +323,7 @@ def rows_apart(own: tuple[Floats, Floats], linear: LinearModel) -> float:
     return float(max(apart))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ROWS)
 def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
@@ -345,6 +346,7 @@ def unfinished(iteration: str, depth: int) -> Model:
     return opened(build(read_basis("cameras"), iteration=iteration, depth=depth, finish=False))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_the_layers_alone_as_a_model(name: str) -> None:
     """Built without the finish: every limit of the case, and where the shipped model serves, its very bits."""
@@ -473,6 +475,7 @@ def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert out.splitlines()[-1] == "3 passed, 0 failed"
 
 
+@pytest.mark.full
 def test_build_is_deterministic_and_atomic(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -485,6 +488,7 @@ def test_build_is_deterministic_and_atomic(
     assert "nodes" in capsys.readouterr().out
 
 
+@pytest.mark.full
 def test_check_fails_on_other_bytes(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -521,6 +525,7 @@ def test_the_runner_of_the_cases_can_fail(
     assert out.splitlines()[-1] == "1 passed, 1 failed"
 
 
+@pytest.mark.full
 def test_a_missing_model_says_what_to_do(
     command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -529,6 +534,7 @@ def test_a_missing_model_says_what_to_do(
     assert "python -m camssf_onnx build" in capsys.readouterr().err
 
 
+@pytest.mark.full
 def test_faults_are_found(command: Any) -> None:
     import onnx
 
