@@ -359,7 +359,7 @@ def test_another_install_in_ci_would_be_seen(call: str) -> None:
 
 def test_ci_runs_the_readme_s_commands() -> None:
     text = (ROOT / ".ci" / "run").read_text("utf-8")
-    # camssf and its extra `test` come from the README's lines, so that the two cannot drift; torch is the twin's alone
+    # camssf and its extra `test` come from the README's lines, so that the two cannot drift
     assert {word for words in pip_calls(text) for word in words} <= OWN
     assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111

@@ -55,7 +55,7 @@ SMALL_LETTERS: set[str] = set()
 """Files whose messages do not all begin like sentences yet: the list only shrinks."""
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",
-    "cryptography", "duckdb", "dask", "distributed", "jinja2", "pandas", "xarray", "jsonschema_rs",
+    "cryptography", "duckdb", "dask", "distributed", "jinja2", "pandas", "xarray",
 )  # fmt: skip
 MODULES = sorted(
     path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")

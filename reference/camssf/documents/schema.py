@@ -1,17 +1,18 @@
 """Checks a document against its JSON Schema and reports the first fault: its place and what would be correct.
 
-The library jsonschema-rs finds the faults; this module words them. The library accepts Python values that JSON does
-not have (infinite or NumPy numbers, keys that are not strings), so these are rejected first.
+It knows the keywords that data/*.schema.json use; tests/test_report.py compares it with jsonschema. Python values
+that JSON does not have (infinite or NumPy numbers, keys that are not strings) are rejected first.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from camssf.files import readable
 
@@ -34,27 +35,133 @@ def check(document: Any, name: str, member: str | None = None) -> None:
         _check_values(document, "")
     except RecursionError:
         raise BrokenError("", "is nested too deep") from None
-    try:
-        faults = list(_validator(name, member).iter_errors(document))
-    except UnicodeEncodeError:  # a lone surrogate in a file's name, written as U+FFFD
-        document = json.loads(readable(json.dumps(document, ensure_ascii=False)))
-        faults = list(_validator(name, member).iter_errors(document))
+    root = schema(name)
+    form = root if member is None else root["properties"][member]
+    faults = list(_faults(document, form, root, ()))
     if faults:
-        raise BrokenError(*_words(faults, document))
+        raise BrokenError(*map(readable, _words(faults)))  # a name may hold a lone surrogate
 
 
-@cache
-def _validator(name: str, member: str | None) -> Any:
-    import jsonschema_rs
+class _Fault(NamedTuple):
+    """Where a value breaks its schema, and what would be correct; `alternatives` are the faults of each `anyOf`."""
 
-    forms = [schema(each) for each in dict.fromkeys((name, "result"))]  # other schemas refer to the result's
-    own = forms[0]["$id"] if member is None else f"{forms[0]['$id']}#/properties/{member}"
-    registry = jsonschema_rs.Registry([(form["$id"], form) for form in forms])
-    return jsonschema_rs.Draft202012Validator({"$ref": own}, registry=registry)
+    path: tuple[str | int, ...]
+    words: str
+    lacking: str | None = None
+    alternatives: tuple[list[_Fault], ...] = ()
+
+
+FORBIDDEN = "must be missing here"
+TYPES: Mapping[str, type | tuple[type, ...]] = {
+    "object": dict, "array": list, "string": str, "null": type(None), "boolean": bool, "number": (int, float),
+}  # fmt: skip
+SIZES = (("Items", list, " entries"), ("Length", str, " characters"), ("Properties", dict, " keys"))
+"""Endings of the keywords that bound a size, what they are about, and the unit."""
+
+
+def _is(value: Any, kind: str) -> bool:
+    if isinstance(value, bool):
+        return kind == "boolean"
+    if kind == "integer":
+        return isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+    return isinstance(value, TYPES[kind])
+
+
+def _referred(reference: str, root: Json) -> tuple[Any, Json]:
+    """What `$ref` names, and the schema that it is in: this one, or the result's."""
+    base, _, pointer = reference.partition("#")
+    form = root = root if base in ("", root["$id"]) else schema("result")
+    for step in pointer.split("/")[1:]:
+        form = form[step]
+    return form, root
+
+
+def _faults(value: Any, form: Any, root: Json, path: tuple[str | int, ...]) -> Iterator[_Fault]:
+    """All faults of a value, in no order."""
+    if form is False:
+        yield _Fault(path, FORBIDDEN)
+    if isinstance(form, bool):
+        return
+    if "$ref" in form:
+        yield from _faults(value, *_referred(form["$ref"], root), path)
+    for ending, kind, unit in SIZES:
+        if isinstance(value, kind):
+            least, most = form.get(f"min{ending}", 0), form.get(f"max{ending}", math.inf)
+            if not least <= len(value) <= most:
+                bound = f"least {least}" if len(value) < least else f"most {most}"
+                yield _Fault(path, f"must be at {bound}{unit}, is {len(value)}")
+    yield from (_Fault(path, f"{words}, is {short(value)}") for words in _own_faults(value, form))
+    if isinstance(value, list) and "items" in form and not _numbers_within(value, form["items"], root):
+        for i, entry in enumerate(value):
+            yield from _faults(entry, form["items"], root, (*path, i))
+    if isinstance(value, dict):
+        yield from _faults_of_object(value, form, root, path)
+    for word in {"anyOf", "oneOf"} & form.keys():
+        branches = [list(_faults(value, branch, root, path)) for branch in form[word]]
+        fit = branches.count([])
+        if fit == 0 or (word == "oneOf" and fit > 1):
+            yield _Fault(path, f"breaks the schema ({word})", alternatives=tuple(branches) if fit == 0 else ())
+    if "if" in form:
+        word = "else" if any(_faults(value, form["if"], root, path)) else "then"
+        yield from _faults(value, form.get(word, True), root, path)
+
+
+def _numbers_within(values: list[Any], form: Json, root: Json) -> bool:
+    """Whether floats fit a form of bounds alone; False otherwise, or where it takes a look at each. For speed."""
+    while form.keys() - {"description"} == {"$ref"}:
+        form, root = _referred(form["$ref"], root)
+    plain = form.keys() <= {"type", "description", "minimum", "maximum"} and form.get("type") == "number"
+    least, most = form.get("minimum", -math.inf), form.get("maximum", math.inf)
+    return plain and _all_floats(values) and bool(least <= min(values) and max(values) <= most)
+
+
+def _own_faults(value: Any, form: Json) -> Iterator[str]:
+    """What a value itself must be and is not, whatever is in it."""
+    kinds = form.get("type", [])
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    if kinds and not any(_is(value, kind) for kind in kinds):
+        yield f"must be of type {' or '.join(kinds)}"
+    options = form.get("enum", [form["const"]] if "const" in form else None)
+    if options is not None and not any(
+        value == o and isinstance(value, bool) == isinstance(o, bool) for o in options
+    ):
+        yield f"must be {' or '.join(map(json.dumps, options))}"
+    if _is(value, "number"):
+        if value < form.get("minimum", -math.inf):
+            yield f"must be at least {form['minimum']}"
+        if value > form.get("maximum", math.inf):
+            yield f"must be at most {form['maximum']}"
+        if "exclusiveMinimum" in form and value <= form["exclusiveMinimum"]:
+            yield f"must be above {form['exclusiveMinimum']}"
+    if isinstance(value, str) and "pattern" in form and not re.search(form["pattern"].replace("$", r"\Z"), value):
+        yield f"must match {form['pattern']}"
+
+
+def _faults_of_object(value: Json, form: Json, root: Json, path: tuple[str | int, ...]) -> Iterator[_Fault]:
+    for name in form.get("required", ()):
+        if name not in value:
+            yield _Fault(path, f"lacks {name}", lacking=name)
+    known, more = form.get("properties", {}), form.get("additionalProperties", True)
+    unknown = [name for name in value if name not in known]
+    if more is False and unknown:
+        yield _Fault(path, f"has an unknown key, {short(unknown[0])}")
+    for name, entry in value.items():
+        if name in known or more is not False:
+            yield from _faults(entry, known.get(name, more), root, (*path, name))
+
+
+def _words(faults: list[_Fault]) -> tuple[str, str]:
+    """Place and description of the outermost fault, with all keys that are missing there."""
+    first = min(faults, key=lambda fault: (len(fault.path), fault.words != FORBIDDEN))
+    if first.alternatives:  # the schemas use `this, or null`: report the faults of `this`
+        return _words([fault for branch in first.alternatives for fault in branch])
+    lacking = [fault.lacking for fault in faults if fault.path == first.path and fault.lacking]
+    words = f"lacks {', '.join(dict.fromkeys(lacking))}" if first.lacking else first.words
+    return _place(first.path), words
 
 
 LARGEST_BITS = 1000
-"""Longest integer: a float ends at 2^1024, and the library does not check longer integers."""
+"""Longest integer: a float ends at 2^1024, and arithmetic may need one."""
 _PLAIN = (dict, list, str, bool, int, float, type(None))
 
 
@@ -66,7 +173,7 @@ def _check_values(value: Any, where: str) -> None:
                 raise BrokenError(where, f"has a key that is no text, {short(key)}")
             _check_values(entry, f"{where}.{key}")
     elif isinstance(value, list):
-        if all(type(entry) is float and math.isfinite(entry) for entry in value):  # fast path for most of a document
+        if _all_floats(value) and all(map(math.isfinite, value)):  # fast path for most of a document
             return
         for i, entry in enumerate(value):
             _check_values(entry, f"{where}[{i}]")
@@ -79,53 +186,12 @@ def _check_values(value: Any, where: str) -> None:
         raise BrokenError(where, f"must be of type number or another of JSON, is {short(value)}")
 
 
-def _words(faults: Iterable[Any], document: Any) -> tuple[str, str]:
-    """Place and description of the outermost fault, with all keys that are missing there."""
-
-    def before(fault: Any) -> tuple[int, bool]:
-        return len(fault.instance_path), type(fault.kind).__name__ != "FalseSchema"
-
-    first, *_ = ordered = sorted(faults, key=before)
-    path, kind = first.instance_path, type(first.kind).__name__
-    if kind == "AnyOf":  # the schemas use `this, or null`: report the faults of `this`
-        inside = [fault for branch in first.kind.context for fault in branch]
-        return _words([fault for fault in inside if fault.instance_path[: len(path)] == path], document)
-    if kind == "Required":
-        lacking = [f.kind.property for f in ordered if f.instance_path == path and hasattr(f.kind, "property")]
-        return _place(path), f"lacks {', '.join(dict.fromkeys(lacking))}"
-    return _place(path), _fault(kind, first.kind, _value(document, path))
+def _all_floats(values: list[Any]) -> bool:
+    return set(map(type, values)) == {float}
 
 
-def _fault(kind: str, of: Any, value: Any) -> str:
-    sizes = {"Items": " entries", "Length": " characters", "Properties": " keys", "imum": ""}
-    for ending, unit in sizes.items():
-        if kind.endswith(ending) and kind[:3] in ("Min", "Max") and hasattr(of, "limit"):
-            size = value if ending == "imum" else len(value)
-            side = "least" if kind.startswith("Min") else "most"
-            return f"must be at {side} {of.limit}{unit}, is {short(size)}"
-    if kind == "Type":
-        return f"must be of type {' or '.join(of.types)}, is {short(value)}"
-    if kind == "Constant":
-        return f"must be {json.dumps(of.expected_value)}, is {short(value)}"
-    if kind == "Enum":
-        return f"must be {' or '.join(map(json.dumps, of.options))}, is {short(value)}"
-    if kind == "Pattern":
-        return f"must match {of.pattern}, is {short(value)}"
-    if kind == "AdditionalProperties":
-        return f"has an unknown key, {short(of.unexpected[0])}"
-    if kind == "FalseSchema":
-        return "must be missing here"
-    return f"breaks the schema ({kind})"
-
-
-def _place(path: Iterable[str | int]) -> str:
+def _place(path: tuple[str | int, ...]) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
-
-
-def _value(document: Any, path: Iterable[str | int]) -> Any:
-    for step in path:
-        document = document[step]
-    return document
 
 
 def short(value: Any) -> str:
