@@ -36,6 +36,8 @@ def to_pandas(document: Json, table: str) -> Any:
     """A DataFrame of curves, patches or the budget."""
     if table not in TABLES:
         raise InvalidArgument(f"There is no table {table!r}.", f"Take one of {', '.join(TABLES)}.")
+    if table != "patches":
+        with_curves(document)
     pandas = library("pandas", NEEDS, "notebook")
     if table == "patches":
         rows = [
@@ -53,7 +55,6 @@ def to_pandas(document: Json, table: str) -> Any:
             for c, channel in enumerate(CHANNELS)
         ]
         return pandas.DataFrame(rows, columns=["shot", "lamp", "patch", "channel", "used", "level", *TRIPLES])
-    with_curves(document)
     if table == "budget":
         parts = (document.get("uncertainty") or {}).get("budget", [])
         index = pandas.Index([part["source"] for part in parts], name="source")
@@ -67,8 +68,8 @@ def to_pandas(document: Json, table: str) -> Any:
 
 def to_xarray(document: Json) -> Any:
     """A Dataset of curves and signals; missing values of a patch are NaN."""
-    xarray = library("xarray", NEEDS, "notebook")
     values: Json = {"ssf": (("wavelength", "channel"), columns(with_curves(document)["ssf"]))}
+    xarray = library("xarray", NEEDS, "notebook")
     if document.get("ssf_std"):
         values["ssf_std"] = (("wavelength", "channel"), columns(document["ssf_std"]))
     shots = document["shots"]
