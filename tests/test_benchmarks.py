@@ -293,6 +293,7 @@ def test_the_model_s_own_rows_are_read() -> None:
             assert (certify.rows_apart(wrong, fine) > certify.ROWS_BAR).all()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("nonnegative", [False, True])
 def test_peers_solve_the_same_problem(nonnegative: bool, recwarn: pytest.WarningsRecorder) -> None:
     """Each one's code is near the known optimum: none is handed another problem."""
@@ -303,6 +304,7 @@ def test_peers_solve_the_same_problem(nonnegative: bool, recwarn: pytest.Warning
     _held((name for name in PEERS if name != "skglm"), (A, b, l2, gamma, nonnegative), best)
 
 
+@pytest.mark.full
 def test_peers_solve_the_one_problem_from_fewer_rows() -> None:
     """p = 1; rows beyond the unknowns are reduced, which changes no code."""
     rng = np.random.default_rng(2)
@@ -348,6 +350,7 @@ def test_the_fastest_compiled_peer_decides_with_its_rows_free() -> None:
     assert not solver.bars_of("gaussian", "gaussian", _rows(ours=1.0, rows=0.5, all=1.6))[0]["met"]
 
 
+@pytest.mark.full
 def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture[str], results: Path) -> None:
     rows, _ = solver.contest(solver.problem_of("cameras", 9), 2, ("Clarabel, called directly",))
     names = [row["contender"] for row in rows]
