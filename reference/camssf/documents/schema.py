@@ -65,7 +65,8 @@ def _validator(name: str, member: str | None) -> Any:
         if isinstance(text, str) and not re.search(form.replace("$", r"\Z"), text):
             yield jsonschema.ValidationError("")
 
-    forms = [schema(each) for each in dict.fromkeys((name, "result"))]  # other schemas refer to the result's
+    # Other schemas refer to the result's. With `$schema` the library would take its own class again.
+    forms = [schema(each) | {"$schema": ""} for each in dict.fromkeys((name, "result"))]
     own = forms[0]["$id"] if member is None else f"{forms[0]['$id']}#/properties/{member}"
     registry = Registry().with_resources((form["$id"], DRAFT202012.create_resource(form)) for form in forms)
     made = jsonschema.validators.extend(
@@ -75,7 +76,7 @@ def _validator(name: str, member: str | None) -> Any:
 
 
 def _numbers_within(values: Any, validator: Any, form: Any) -> bool:
-    """Whether a list holds floats alone, and `form` bounds them alone, and they lie within; else each is looked at."""
+    """Whether a list holds nothing but floats within the bounds of `form`, which asks for nothing else."""
     resolver = validator._resolver
     while isinstance(form, dict) and form.keys() - {"description"} == {"$ref"}:
         found = resolver.lookup(form["$ref"])
@@ -147,7 +148,8 @@ def _fault(fault: Any) -> str:
     if keyword == "pattern":
         return f"must match {limit}, is {short(value)}"
     if keyword == "additionalProperties":
-        return f"has an unknown key, {short(next(name for name in value if name not in fault.schema['properties']))}"
+        unknown = next(name for name in value if name not in fault.schema["properties"])
+        return f"has an unknown key, {short(unknown)}"
     return f"breaks the schema ({keyword})"
 
 
