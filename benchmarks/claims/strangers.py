@@ -22,7 +22,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.claims.any_light import HARM, Taken, capture, judged, unnamed
-from benchmarks.claims.phones import CAMERAS, OTHERS, Device, foreign_cameras, measured_cameras, phones_left_out, taught
+from benchmarks.claims.phones import (
+    CAMERAS,
+    OTHERS,
+    Device,
+    foreign_cameras,
+    measured_cameras,
+    phones_left_out,
+    taught,
+)
 from benchmarks.shared import (
     command_parser,
     console,
@@ -99,7 +107,11 @@ def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ..
     for title, devices in groups:
         for device in devices:
             known = (replace(device.bases[CAMERAS], name="cameras"),) if title == "cameras" else ()
-            for word, maker in (("", maker_of(device.name)), (f", maker {PHONE_MAKER}", PHONE_MAKER), (", no maker", "")):
+            for word, maker in (
+                ("", maker_of(device.name)),
+                (f", says {PHONE_MAKER}", PHONE_MAKER),
+                (", no maker", ""),
+            ):
                 yield title + word, device, known, maker
 
 

@@ -99,8 +99,8 @@ def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide:
         words.append(
             f"{family} This basis is used alone."
             if odds >= CLEAR
-            else f"{family} Below {CLEAR:g} : 1 the curves of these bases are averaged with their probabilities, and the "
-            "band includes their difference."
+            else f"{family} Below {CLEAR:g} : 1 the curves of these bases are averaged with their probabilities, and "
+            "the band includes their difference."
         )
         if prior_odds is not None and abs(math.log(prior_odds)) > 0.01:
             likely, prior = (basis, prior_odds) if prior_odds > 1 else (others, 1 / prior_odds)

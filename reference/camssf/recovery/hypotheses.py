@@ -1,8 +1,9 @@
 """Chooses the basis, or a mixture of bases, by their marginal likelihoods.
 
-Phones, cameras and phones with an RYYB sensor are three families of curves. A hypothesis is a family and a width of its prior; its posterior
-probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A basis with odds of at least
-CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance.
+Phones, cameras and phones with an RYYB sensor are three families of curves. A hypothesis is a family and a width of
+its prior; its posterior probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A
+basis with odds of at least CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the
+law of total variance.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from camssf.rules import rules
 AUTO = "auto"
 FAMILIES = ("phones", "cameras", "ryyb")
 """The bases that `auto` chooses from, in this order."""
-KIND_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
-"""What cameras of a family are: phones or cameras."""
+MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
+"""Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`."""
 SCALES = (1.0, rules().number("choice.wide"))
 """Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
 UNFAMILIAR_CAMERA = rules().number("choice.unfamiliar_camera")
@@ -79,7 +80,7 @@ def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
         for scale, belief in zip(SCALES, (1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA), strict=True)
     } | {("ryyb", 1.0): RYYB * (1.0 - UNFAMILIAR_CAMERA)}
     return [
-        (name, scale, float(np.log(odds.get(KIND_OF[name], 1.0) * belief)))
+        (name, scale, float(np.log(odds.get(MAKERS_OF[name], 1.0) * belief)))
         for (name, scale), belief in beliefs.items()
     ]
 
