@@ -28,7 +28,7 @@ nox.options.error_on_missing_interpreters = False  # here; .github/workflows/ci.
 
 
 def install(session: nox.Session, *what: str) -> None:
-    """Pinned, from PyPI; without arguments camssf with all that its tests need."""
+    """Pinned, from PyPI; without arguments camssf with all that its tests and tools need."""
     pinned = {"PIP_CONSTRAINT": str(ROOT / "constraints.txt"), "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     session.install(*(what or ("-e", ".[dev]")), env=pinned)
 
@@ -36,7 +36,7 @@ def install(session: nox.Session, *what: str) -> None:
 @nox.session
 def quick(session: nox.Session) -> None:
     """The README's tests."""
-    install(session)
+    install(session, "-e", ".[test]")
     session.run("python", "-m", "pytest", "-q", *session.posargs)
 
 

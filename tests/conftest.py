@@ -12,12 +12,16 @@ import importlib.util
 import os
 import re
 import shutil
+from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.main
 
 # Small matrices: on a busy machine several threads only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# `camssf.cli.main` makes the tree of commands at each call; it holds no state, and tests call it hundreds of times.
+typer.main.get_command = cache(typer.main.get_command)
 
 NUMERICAL = {
     "test_basis",

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS, Floats
@@ -16,6 +17,18 @@ from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
+
+
+def seeds(*bounds: int) -> list[Any]:
+    """`range` for a parametrised test: six of it by default, all in the full run."""
+    every = range(*bounds)
+    return [*every[:6], *(pytest.param(seed, marks=pytest.mark.full) for seed in every[6:])]
+
+
+def near(found: NDArray[Any], expected: NDArray[Any], rel: float = 0.0, abs: float = 1e-12) -> bool:
+    """`found == pytest.approx(expected, ...)` of large arrays, without a Python loop."""
+    assert found.shape == expected.shape
+    return bool(np.all(np.abs(found - expected) <= np.maximum(rel * np.abs(expected), abs)))
 
 
 def bell(centre: float, width: float) -> Floats:

@@ -12,6 +12,7 @@ import gzip
 import json
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,17 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature, encode_dss_signature
 from cryptography.hazmat.primitives.hashes import SHA256
-from test_report import document
+from documents import document
 
 from camssf.documents import revocations
 from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import ORDER
 from camssf.documents.keys import key_name, unpadded
 from camssf.documents.passport import Passport, PassportRequest, create_passport, read, sign, verify
+from camssf.documents.result_json import document_bytes
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
 from camssf.photo.read.unit import Unit
-from camssf.report.build import report
 
 FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -110,6 +111,11 @@ def numbers(r: int, s: int) -> bytes:
 
 def small_result() -> dict[str, Any]:
     """The excerpt of a result, as short as its form allows."""
+    return copy.deepcopy(_small_result())
+
+
+@cache
+def _small_result() -> dict[str, Any]:
     names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
              "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
     short = {name: value for name, value in excerpt(document()).items() if name in names}
@@ -168,6 +174,7 @@ CURVES: dict[str, Any] = {
 }  # fmt: skip
 
 
+@cache
 def other_results() -> dict[str, dict[str, Any]]:
     """Results of which most are none."""
     found = {}
@@ -328,7 +335,7 @@ def stored() -> dict[str, Any]:
 
 
 def main() -> None:
-    result = report(rounded(document())).result_json
+    result = document_bytes(rounded(document()))
     desk = gather(result)
     keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
     both = {"result": result.decode(), "small": json.dumps(small_document())}

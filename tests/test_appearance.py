@@ -10,21 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
-from camssf.spectra import camera_names, colour_science, read_camera
+from camssf.spectra import camera_names, colour_science
 from camssf.spectra.appearance import D65, D65_XY, delta_e00, lab, srgb, under_d65
 from camssf.spectra.cameras import LIBRARY
 from camssf.spectra.sampled import smooth
 from camssf.spectra.surfaces import observer
+from tests.captures import photos
 
-colour = colour_science()
 RNG = np.random.default_rng(3)
 XYZ = RNG.uniform(0.0, 1.0, (2000, 3)) ** 3
 WHITE = np.array([1.0985, 1.0, 0.3558])
 
 
 def test_lab_srgb_and_adaptation_are_the_library_s() -> None:
+    colour = colour_science()
     adapted = colour.chromatic_adaptation(XYZ, WHITE, colour.xy_to_XYZ(np.array(D65_XY)), method="Von Kries")
     assert np.abs(under_d65(XYZ, WHITE) - adapted).max() < 1e-13
     d65 = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
@@ -35,6 +34,7 @@ def test_lab_srgb_and_adaptation_are_the_library_s() -> None:
 
 
 def test_the_difference_is_the_library_s() -> None:
+    colour = colour_science()
     pairs = RNG.uniform(-1.0, 1.0, (2, 20_000, 3)) * np.array([50.0, 80.0, 80.0]) + np.array([50.0, 0.0, 0.0])
     pairs[1, :10_000] = pairs[0, :10_000] + RNG.normal(0.0, 1.0, (10_000, 3))
     pairs[:, :100, 1:] = 0.0  # greys
@@ -70,6 +70,7 @@ def test_the_difference_is_the_published_one(
 
 
 def test_shipped_tables_are_the_library_s() -> None:
+    colour = colour_science()
     table = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     nm = np.linspace(380, 720, 681)
     theirs = [np.interp(nm, table.wavelengths, each) for each in np.asarray(table.values).T]
@@ -85,19 +86,19 @@ def test_shipped_tables_are_the_library_s() -> None:
 @pytest.mark.full
 def test_calibrating_loads_no_colour_science(tmp_path: Path) -> None:
     """With a truth and a report, too; without a report no matplotlib either."""
-    simulate(read_camera("Canon EOS 5D Mark II"), "D55", tmp_path, scene=Scene(size=(900, 675)))
+    made = photos()
     code = (
         "import json, sys\nfrom camssf.cli import main\n"
-        "assert main(sys.argv[1:]) == 0\n"
-        "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})), file=sys.stderr)"
+        "call = ['calibrate', sys.argv[1], '--lamp', 'D55', '--white', sys.argv[2], '--basis', 'cameras']\n"
+        "for more in ([], ['--truth', sys.argv[3], '-o', 'out']):\n"
+        "    assert main([*call, *more]) == 0\n"
+        "    print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})), file=sys.stderr)"
     )
-    call = ["calibrate", "chart.dng", "--lamp", "D55", "--white", "white.dng", "--basis", "cameras"]
-    for more, without in (
-        ([], {"colour", "matplotlib", "pandas", "xarray", "duckdb", "cryptography", "torch"}),
-        (["--truth", "truth.csv", "-o", "out"], {"colour", "pandas", "xarray"}),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", code, *call, *more], cwd=tmp_path, capture_output=True, text=True, timeout=120
-        )
-        assert done.returncode == 0, done.stderr
-        assert not without & set(json.loads(done.stderr.splitlines()[-1]))
+    files = [str(path) for path in (made.shots[0].chart, made.shots[0].white, made.truth)]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *files], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    plain, reported = (set(json.loads(line)) for line in done.stderr.splitlines() if line.startswith("["))
+    assert not {"colour", "matplotlib", "pandas", "xarray", "duckdb", "cryptography", "torch"} & plain
+    assert not {"colour", "pandas", "xarray"} & reported

@@ -28,6 +28,8 @@ from camssf.recovery.sensitivity import LARGEST_GAP
 from camssf.recovery.solve import solve
 from tests.problems import random_sensing
 
+pytestmark = pytest.mark.full
+
 
 @pytest.fixture(autouse=True)
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -149,6 +151,7 @@ def test_problems_are_the_same_every_time_and_of_every_kind() -> None:
     assert all(np.array_equal(again.inputs[name], value) for name, value in problem.inputs.items())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("nonnegative", [False, True])
 def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegative: bool) -> None:
     pytest.importorskip("cvxpy")
@@ -168,6 +171,7 @@ def test_the_oracle_finds_a_known_optimum_and_knows_what_is_not_unique(nonnegati
     assert not oracle.determined(twins[0], b0, x, basis.dictionary[:1], basis.mean[:1], 0.0, 0.1, nonnegative)
 
 
+@pytest.mark.full
 def test_the_oracle_takes_the_one_problem() -> None:
     """72 unknowns, three curves: as the three problems apart, where no row knows of two channels."""
     pytest.importorskip("cvxpy")
@@ -185,7 +189,6 @@ def test_the_oracle_takes_the_one_problem() -> None:
 
 
 @pytest.mark.requirement("R-OPTIMUM")
-@pytest.mark.full
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
     status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
@@ -256,6 +259,7 @@ def test_a_call_of_the_product_is_judged_by_both_engines(index: int) -> None:
         assert found[f"{engine}_off"] <= certify.ALONE_BAR
 
 
+@pytest.mark.full
 def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
     results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -276,6 +280,7 @@ def test_an_oracle_without_an_answer_is_counted_and_not_the_end(
     assert f"oracle refused: Clarabel gave no answer to {count} of {count}" in capsys.readouterr().out
 
 
+@pytest.mark.full
 def test_the_model_s_own_rows_are_read() -> None:
     pytest.importorskip("onnx")
     for index in range(4):
@@ -515,7 +520,6 @@ def test_the_status_of_a_benchmark_comes_from_what_it_measured(path: Path) -> No
     assert not isinstance(last.value, ast.Constant)
 
 
-@pytest.mark.full
 def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
     from benchmarks.claims import lamps
@@ -541,7 +545,6 @@ def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixtur
     assert status == ("MISSED" in capsys.readouterr().out)
 
 
-@pytest.mark.full
 def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -578,7 +581,6 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     assert [float(each) for each in order] == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.full
 def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from benchmarks.claims import colour
 
@@ -588,7 +590,6 @@ def test_phones_left_out_are_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 @pytest.mark.requirement("R-COLOUR")
-@pytest.mark.full
 def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import document, refused
 from problems import bell, measured_cameras, toy_camera
-from test_report import document, refused
 
 import camssf
 from camssf import cli
@@ -282,7 +282,7 @@ def test_the_command_converts(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr()
     found = json.loads(said.out)
     validator().validate(found)
-    assert found["from"]["camera"] == "NIKON CORPORATION NIKON D5100"
+    assert found["from"]["camera"] == "NIKON CORPORATION NIKON D850"
     assert found["to"]["camera"] == "Canon EOS 5D"
     assert found["from"]["verdict"] == given["verdict"]["status"]
     assert [each["status"] for each in found["signals"]] == ["ok", "ok"]

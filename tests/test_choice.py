@@ -210,7 +210,7 @@ def test_predictions_stand_on_the_answer_s_own_basis() -> None:
 
 
 DRAWN = 300
-"""Captures of the Monte Carlo: ten seconds."""
+"""Captures of the Monte Carlo."""
 
 
 @cache
@@ -233,6 +233,7 @@ def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
     return found
 
 
+@pytest.mark.full
 def test_bands_of_mixtures_hold() -> None:
     """Where both answers count, 95 % bands hold the truth in 93 to 98 % of all wavelengths, and their error has the
     size that they say; without the distance between the answers in them they would not."""
@@ -249,6 +250,7 @@ def test_bands_of_mixtures_hold() -> None:
     assert np.sqrt(np.mean(ratio)) == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.full
 def test_probabilities_are_as_often_right_as_they_say() -> None:
     """Of captures drawn half and half: what is said of phones, on average, is their share where it is said."""
     said = np.array([shares(found)["phones"] for _, _, found in drawn(DRAWN)])
@@ -304,8 +306,8 @@ def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = N
 
 @pytest.mark.requirement("R-UNUSUAL")
 def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
-    """Four lamps tell so clearly that the maker's 20 : 1 does not carry; the same file of a phone is accepted."""
-    lamps = ["D55", "A", "LED-B3", "FL2"]
+    """Three lamps tell so clearly that the maker's 20 : 1 does not carry; without its name the same is accepted."""
+    lamps = ["A", "LED-B3", "FL2"]
     other = solve(capture(resolve(PHONE), lamps, make="NIKON CORPORATION"))
     assert other.ssf.settings.basis == "phones"
     assert other.verdict.status == "doubtful"
@@ -313,8 +315,7 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     assert reason.code == "camera_unusual"
     assert reason.value is not None
     assert reason.value == pytest.approx(shares(other.ssf)["phones"])
-    for make in ("Apple", ""):
-        assert solve(capture(resolve(PHONE), lamps, make=make)).verdict.status == "accepted"
+    assert solve(capture(resolve(PHONE), lamps)).verdict.status == "accepted"
 
 
 @pytest.mark.requirement("R-UNUSUAL")

@@ -35,6 +35,7 @@ def whitened(linear: LinearModel, channel: int) -> tuple[np.ndarray, np.ndarray]
     return root @ linear.matrix[channel], root @ linear.target[channel]
 
 
+@pytest.mark.full
 @given(sizes, st.sampled_from([1e-4, 1e-2, 0.3]), st.booleans())
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_lasso_agrees_with_scikit_learn(size: tuple[int, int, int], share: float, nonnegative: bool) -> None:
@@ -56,6 +57,7 @@ def test_lasso_agrees_with_scikit_learn(size: tuple[int, int, int], share: float
         assert theirs <= code.objective[c] * (1 + 1e-4) + 1e-7 * np.sum(sensing.target[c] ** 2)
 
 
+@pytest.mark.full
 @given(sizes, st.sampled_from([1e-4, 1e-2, 0.3]), st.sampled_from([1e-3, 1.0, 30.0]))
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_elastic_net_agrees_with_scikit_learn(size: tuple[int, int, int], share: float, l2: float) -> None:

@@ -61,8 +61,7 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("light", ["AM1.5", "daylight"])
-@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("light", "mirrored"), [("AM1.5", True), ("daylight", False)])
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
     """RMSE ≤ 0.01 and wavelengths within 0.5 nm; noise, two detectors, leaning lines, red left or right."""
     device = replace(RGB, mirrored=mirrored)

@@ -63,6 +63,7 @@ def test_libraw_finds_the_same_samples(name: str) -> None:
     assert found == CASES[name]["outputs"]["samples_sha256"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", [name for name in CASES if name not in {*BY_LIBRAW, *OWN}])
 def test_tifffile_finds_the_same_samples(name: str) -> None:
     """What LibRaw does not decode: tifffile with imagecodecs does."""
@@ -85,6 +86,7 @@ def test_what_libraw_lacks_is_tested_elsewhere() -> None:
     assert len(BY_LIBRAW) >= 35
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("bits", [8, 12, 16])
 def test_lossless_jpeg_by_libjpeg(bits: int) -> None:
     imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
@@ -95,6 +97,7 @@ def test_lossless_jpeg_by_libjpeg(bits: int) -> None:
             np.testing.assert_array_equal(found, samples, err_msg=f"{components} {predictor} {restart}")
 
 
+@pytest.mark.full
 def test_a_point_transform_drops_low_bits() -> None:
     imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
     found = imagecodecs.jpeg_decode(lossless_jpeg(chaos(12), 12, predictor=4, transform=3))

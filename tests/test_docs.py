@@ -37,8 +37,6 @@ PAGES = [
 README = (ROOT / "README.md").read_text("utf-8")
 CLI = typer.main.get_command(app)
 
-by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-
 
 def blocks(text: str, language: str) -> list[str]:
     found = re.findall(rf"^( *)```{language}\n(.*?)^\1```", text, re.DOTALL | re.MULTILINE)
@@ -69,11 +67,14 @@ def written() -> list[str]:
 
 
 @pytest.mark.requirement("R-DOCS")
-@pytest.mark.parametrize("line", sorted(set(written())))
-def test_a_written_command_is_one(line: str) -> None:
+def test_every_written_command_is_one() -> None:
     """Parsed by the command line itself, which knows every option and its type; nothing is run."""
-    for arguments in calls(line):
-        parse(arguments)
+    for line in sorted(set(written())):
+        for arguments in calls(line):
+            try:
+                parse(arguments)
+            except Exception as error:
+                raise AssertionError(line) from error
 
 
 def parse(arguments: list[str]) -> None:
@@ -111,8 +112,12 @@ def test_the_readme_s_two_commands_make_their_own_environment() -> None:
 
 
 @pytest.mark.requirement("R-DOCS")
-@by_page
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_lead_somewhere() -> None:
+    for page in PAGES:
+        links_of(page)
+
+
+def links_of(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if target.startswith(("https://", "mailto:")):
@@ -121,24 +126,22 @@ def test_links_lead_somewhere(page: Path) -> None:
         aim = (page.parent / name).resolve() if name else page
         if aim.suffix == ".png" and not aim.exists():
             pytest.fail(f"{target}: run `camssf demo -o out/` and copy out/ssf.png there")
-        assert aim.exists(), target
+        assert aim.exists(), (page.name, target)
         if anchor:
             headings = re.findall(r"^#+ (.*)$", aim.read_text("utf-8"), re.MULTILINE)
-            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, target
+            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, (
+                page.name,
+                target,
+            )
 
 
 @pytest.mark.requirement("R-DOCS")
-@by_page
-def test_files_named_in_backticks_exist(page: Path) -> None:
-    for name in re.findall(
-        r"`((?:tests|docs|reference|export|golden|benchmarks|\.ci)/[\w./-]+)`", page.read_text("utf-8")
-    ):
-        assert (ROOT / name).exists(), name
-
-
-@by_page
-def test_docs_name_no_place_of_one_machine(page: Path) -> None:
-    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text("utf-8"))
+def test_files_named_in_backticks_exist_and_no_place_of_one_machine_is_named() -> None:
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        for name in re.findall(r"`((?:tests|docs|reference|export|golden|benchmarks|\.ci)/[\w./-]+)`", text):
+            assert (ROOT / name).exists(), (page.name, name)
+        assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", text), page.name
 
 
 def test_the_readme_s_python_is_sound() -> None:
@@ -330,7 +333,7 @@ def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
     assert "../0.2/" in told("git", "show", "gh-pages:latest/index.html")
 
 
-TORCH_ALONE = {"install", "-q", "torch", "onnxscript"}
+OWN = {"install", "-q", "-e", "'.[dev]'", "torch", "onnxscript"}
 
 
 def pip_calls(script: str) -> list[list[str]]:
@@ -343,7 +346,7 @@ def pip_calls(script: str) -> list[list[str]]:
     "call",
     [
         "pip install .",
-        "python -m pip install -e '.[dev]'",
+        "python -m pip install -e '.[test]'",
         "pip3 install camssf torch",
         "pip install -r x",
         ".venv/bin/pip -q install -e .",
@@ -351,13 +354,13 @@ def pip_calls(script: str) -> list[list[str]]:
 )
 def test_another_install_in_ci_would_be_seen(call: str) -> None:
     (words,) = pip_calls(f"# pip install nothing\nrun {call}  # torch")
-    assert not set(words) <= TORCH_ALONE
+    assert not set(words) <= OWN
 
 
 def test_ci_runs_the_readme_s_commands() -> None:
     text = (ROOT / ".ci" / "run").read_text("utf-8")
-    # camssf and its dev extra come from the README's lines, so that the two cannot drift; torch is the twin's alone
-    assert {word for words in pip_calls(text) for word in words} <= TORCH_ALONE
+    # camssf and its extra `test` come from the README's lines, so that the two cannot drift; torch is the twin's alone
+    assert {word for words in pip_calls(text) for word in words} <= OWN
     assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
 
@@ -373,10 +376,10 @@ def test_constraints_pin_what_the_package_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     asked = [
         *project["project"]["dependencies"],
-        *project["project"]["optional-dependencies"]["dev"],
+        *(line for extra in ("test", "dev") for line in project["project"]["optional-dependencies"][extra]),
         *project["build-system"]["requires"],
     ]
-    for requirement in map(Requirement, asked):
+    for requirement in (each for each in map(Requirement, asked) if each.name != "camssf"):
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), requirement
     assert not {name for name in pins if name.startswith(("torch", "nvidia", "cuda"))}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from camssf.simulation.camera import Sensor
 from golden.drawing import draw, turned
 from golden.stages.finder import keys_beside
 from tests.scenes import mosaic, table
-from tests.test_chart import DNG, SCENES, edge, photo_of
+from tests.test_chart import DNG, SCENES, SMALL, edge, photo_of
 from tools import chart_colours as tool
 
 GOLDEN = Sensor(black=256, white_level=15000)
@@ -40,21 +41,19 @@ def off(found: Floats, centres: Floats) -> float:
     return float(np.linalg.norm(found - centres, axis=1).max() / pitch)
 
 
+def small(drawing: Drawing, size: tuple[int, int] = SMALL) -> Drawing:
+    """The same drawing of fewer pixels."""
+    return replace(drawing, size=size, blur=drawing.blur * size[0] / drawing.size[0])
+
+
 def preview(drawing: Drawing) -> FoundCharts:
-    small = replace(drawing, size=(640, 480), blur=0.4 * drawing.blur)
-    return find_sightings(codes_of_bytes(as_preview(small)))
+    return find_sightings(codes_of_bytes(as_preview(small(drawing, (640, 480)))))
 
 
-@pytest.mark.full
-@pytest.mark.requirement("R-FINDER")
-@pytest.mark.parametrize("name", SCENES)
-def test_rendered_scenes_are_found(name: str) -> None:
-    scene, sensor, lamp = SCENES[name]
-    frames, photo = photo_of(scene, sensor, lamp)
-    found = find_sightings(codes_of_mosaic(photo))
-    assert found.findings == ()
-    distance = np.linalg.norm(found.sightings[0].patches - frames.pose.patches.mean(axis=1), axis=1).max()
-    assert distance < 0.1 * edge(frames.pose)
+def seldom_after_one_of_each(drawings: list[Drawing]) -> list[Any]:
+    """The first drawing of each clutter by default, all in the full run."""
+    first = {drawing.behind: drawing for drawing in reversed(drawings)}
+    return [d if first[d.behind] is d else pytest.param(d, marks=pytest.mark.full) for d in drawings]
 
 
 @pytest.mark.full
@@ -66,7 +65,7 @@ def test_drawings_are_found_as_previews(drawing: Drawing) -> None:
     assert found.findings == (("mirrored",) if drawing.mirrored else ())
 
 
-@pytest.mark.parametrize("drawing", EMPTY, ids=lambda d: f"{d.name} {d.seed}")
+@pytest.mark.parametrize("drawing", seldom_after_one_of_each(EMPTY), ids=lambda d: f"{d.name} {d.seed}")
 def test_without_a_whole_chart_there_is_none(drawing: Drawing) -> None:
     assert preview(drawing) == FoundCharts((), ("none",))
 
@@ -139,10 +138,10 @@ def test_forms_of_one_picture_agree() -> None:
 
 
 def test_a_larger_picture_is_reduced_and_its_points_are_its_own() -> None:
-    drawing = Drawing("large", fill=0.4, turn=70, size=(2400, 1600))
+    drawing = Drawing("large", fill=0.4, turn=70, size=(1300, 800))
     codes = codes_of_bytes(as_preview(drawing))
-    assert codes.step == 3
-    assert max(codes.values.shape) == 800
+    assert codes.step == 2
+    assert max(codes.values.shape) == 650
     assert off(find_sightings(codes).sightings[0].patches, truth(drawing)[1]) < 0.02
 
 
@@ -182,8 +181,7 @@ def find_nothing(monkeypatch: pytest.MonkeyPatch, *detectors: Detector) -> None:
 
 @pytest.mark.parametrize("blind", [OWN, OPENCV], ids=lambda d: d.name)
 def test_where_one_finds_nothing_the_other_does(blind: Detector, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, sensor, lamp = SCENES["rotated, tilted, cast"]
-    frames, photo = photo_of(scene, sensor, lamp)
+    frames, photo = photo_of(*SCENES["rotated, tilted, cast"], size=SMALL)
     both = find_chart(photo, table())
     find_nothing(monkeypatch, blind)
     pose = find_chart(photo, table())
@@ -195,14 +193,14 @@ def test_where_one_finds_nothing_the_other_does(blind: Detector, monkeypatch: py
 def test_a_mirrored_chart_that_only_one_finds_is_refused_as_mirrored(
     blind: Detector, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawing = next(d for d in DRAWINGS if d.mirrored)
+    drawing = small(next(d for d in DRAWINGS if d.mirrored))
     find_nothing(monkeypatch, blind)
     with pytest.raises(ChartNotFound, match="mirrored"):
         find_chart(as_mosaic(drawing), table())
 
 
 def test_where_neither_finds_one_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, photo = photo_of(*SCENES["frontal"])
+    _, photo = photo_of(*SCENES["frontal"], size=SMALL)
     find_nothing(monkeypatch, OWN, OPENCV)
     with pytest.raises(ChartNotFound, match="no chart"):
         find_chart(photo, table())
@@ -220,7 +218,7 @@ def test_opencv_proposes_only_where_the_finder_is_not_sure(agrees: bool, attempt
             yield attempt
 
     detectors = (OWN, replace(OPENCV, proposals=counted))
-    matches = matches_in(as_mosaic(drawing), LAYOUTS["classic24"], plain_signals(table()), detectors)
+    matches = matches_in(as_mosaic(small(drawing)), LAYOUTS["classic24"], plain_signals(table()), detectors)
     assert len(made) == attempts
     assert (matches[0].score >= SURE) == agrees
     for match in matches:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_report import document
+from documents import document
 
 import camssf
 from camssf.errors import InvalidArgument, LampUnfit

@@ -52,6 +52,7 @@ def test_a_file_is_the_same_every_time() -> None:
     assert damaged("lamp", 7) != damaged("lamp", 8)
 
 
+@pytest.mark.full
 def test_a_process_that_dies_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a reader that kills its own process on every third file."""
     from tests import deadly

@@ -209,7 +209,7 @@ def test_each_patch_free_makes_any_shading_no_matter() -> None:
 
 
 @pytest.mark.requirement("R-FIELD")
-@pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
+@pytest.mark.parametrize("lamps", [("D55",), pytest.param(("D55", "A"), marks=pytest.mark.full)])
 def test_uneven_light_costs_hardly_anything(lamps: tuple[str, ...]) -> None:
     even, held = off(found(0.0, 0.0, lamps).ssf)
     for vignetting, gradient in ((0.1, 0.05), (0.3, 0.15)):

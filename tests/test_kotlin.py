@@ -37,7 +37,7 @@ from golden.forms import resolve
 from golden.scenes import PHONE
 from tools.fuzz import damaged
 
-pytestmark = pytest.mark.requirement("R-PARITY")
+pytestmark = [pytest.mark.full, pytest.mark.requirement("R-PARITY")]
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
 GOLDEN = BINDINGS / "golden" / "target"
@@ -412,7 +412,6 @@ def test_report_and_validate_read_it(
     assert main(["validate", str(place), "--truth", str(truth)]) == 0
 
 
-@pytest.mark.full
 @pytest.mark.requirement("R-HOSTILE")
 def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
     """Both read the same samples and levels, or refuse with the same code."""

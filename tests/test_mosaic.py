@@ -373,6 +373,7 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
     assert int(grown) < 50_000  # kB
 
 
+@pytest.mark.full
 def test_jpeg_that_is_not_ours_is_refused(tmp_path: Path) -> None:
     imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs writes the JPEG")
     samples = ramp(bits=14)

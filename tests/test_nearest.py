@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_report import document, refused
+from documents import document, refused
 
 from camssf import cli
 from camssf.documents.result_json import document_bytes

@@ -245,6 +245,7 @@ def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Calibration) -
 # -- tables --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_pandas_has_curves_patches_and_budget(result: Calibration) -> None:
     pytest.importorskip("pandas")
     table = result.to_pandas()
@@ -260,6 +261,7 @@ def test_pandas_has_curves_patches_and_budget(result: Calibration) -> None:
     assert list(budget.columns) == ["red", "green", "blue"]
 
 
+@pytest.mark.full
 def test_xarray_has_names_for_every_axis(result: Calibration) -> None:
     pytest.importorskip("xarray")
     found = result.to_xarray()

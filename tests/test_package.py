@@ -71,38 +71,54 @@ RETIRED_IN = {"fleet.rows.Row.evidence"}
 """Where one is right: here the marginal likelihood."""
 
 
-def fresh(code: str) -> str:
-    """What a new interpreter prints; the environment carries PYTHONPATH on."""
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    ).stdout
+FRESH = """
+import json, sys
+
+def loaded(*names):
+    return sorted({name.partition(".")[0] for name in sys.modules} & set(names))
+
+heavy, stages = json.loads(sys.argv[1])
+found = {}
+import camssf
+found["import camssf"] = loaded(*heavy)
+from camssf.cli import main
+main(["calibrate", "--help"])
+found["help"] = loaded("numpy", "scipy", "colour", "matplotlib", "cv2", "onnxruntime")
+shown = loaded(*heavy)
+from camssf.spectra import chart_names, lamp_names, read_chart, read_lamp
+for name in [*lamp_names(), "2856K", "D:5500"]:
+    read_lamp(name)
+for name in chart_names():
+    read_chart(name)
+found["lamps and charts by name"] = loaded("colour", "scipy", "matplotlib")
+for turn in range(2):  # Python puts a submodule in the place of a function of the same name
+    for name in camssf.__all__:
+        assert callable(getattr(camssf, name)), (turn, name)
+from camssf import calibrate, validate
+assert callable(calibrate) and callable(validate)
+for stage in stages:
+    __import__("camssf." + stage)
+found["all stages"] = sorted(set(loaded(*heavy)) - set(shown))
+print(json.dumps(found), file=sys.stderr)
+"""
 
 
 @pytest.mark.requirement("R-ROOMS")
-def test_import_is_light() -> None:
-    # numpy first, so that only what camssf adds is measured; best of several, for busy machines
-    code = (
-        "import numpy, time, sys; t = time.perf_counter(); import camssf; d = time.perf_counter() - t;"
-        "import json; print(json.dumps([d, sorted(sys.modules)]))"
+def test_what_a_new_interpreter_loads() -> None:
+    """One interpreter, in this order: the package, a help, lamps and charts by name, public names, every stage."""
+    done = subprocess.run(
+        [sys.executable, "-c", FRESH, json.dumps([HEAVY, STAGES])], capture_output=True, text=True, timeout=120
     )
-    runs = [json.loads(fresh(code)) for _ in range(3)]
-    assert min(seconds for seconds, _ in runs) < 0.3
-    loaded = {name.partition(".")[0] for name in runs[0][1]}
-    assert not loaded & set(HEAVY)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stderr) == {
+        "import camssf": [], "help": [], "lamps and charts by name": [], "all stages": [],
+    }  # fmt: skip
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_loads_nothing_heavy(stage: str) -> None:
-    """At its top, by reading it: one interpreter for each would take a minute."""
-    assert not {name.partition(".")[0] for name, top in imports(stage) if top} & set(HEAVY)
-
-
-def test_every_stage_together_loads_nothing_heavy() -> None:
-    code = (
-        f"import importlib, json, sys\nfor s in {STAGES!r}: importlib.import_module('camssf.' + s)\n"
-        "print(json.dumps(sorted(sys.modules)))"
-    )
-    assert not {name.partition(".")[0] for name in json.loads(fresh(code))} & set(HEAVY)
+def test_no_stage_loads_anything_heavy() -> None:
+    """At its top, by reading it."""
+    for stage in STAGES:
+        assert not {name.partition(".")[0] for name, top in imports(stage) if top} & set(HEAVY), stage
 
 
 def test_public_names() -> None:
@@ -122,20 +138,6 @@ def test_public_names() -> None:
         "validate",
     ]
     assert dir(camssf) == sorted([*camssf.__all__, "__version__"])
-
-
-def test_public_names_are_verbs_however_they_are_reached() -> None:
-    """Python puts a submodule in the place of a function of the same name: calibrate, validate."""
-    code = (
-        "import camssf\n"
-        "for turn in range(2):\n"
-        "    for name in camssf.__all__:\n"
-        "        value = getattr(camssf, name)\n"
-        "        assert callable(value), (turn, name, value)\n"
-        "from camssf import calibrate, validate\n"
-        "assert callable(calibrate) and callable(validate)\n"
-    )
-    fresh(code)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
@@ -184,6 +186,7 @@ def imports(stage: str, *, typed: bool = False) -> list[tuple[str, bool]]:
     return found
 
 
+@cache
 def own(module: str) -> set[str]:
     """The package's own modules that one imports: at its top, lazily, or for type checkers only."""
     known = set(MODULES)
@@ -193,10 +196,11 @@ def own(module: str) -> set[str]:
 
 
 @pytest.mark.requirement("R-ROOMS")
-@pytest.mark.parametrize("room", sorted(ROOMS))
-def test_a_room_knows_only_lower_floors(room: str) -> None:
-    inside = [module for module in MODULES if module.partition(".")[0] == room]
-    for module in inside:
+def test_a_room_knows_only_lower_floors() -> None:
+    for module in MODULES:
+        room = module.partition(".")[0]
+        if room not in ROOMS:
+            continue
         others = {name.partition(".")[0] for name in own(module)} - {room}
         assert not [other for other in others if ROOMS[other] >= ROOMS[room]], f"{module} reaches up or sideways"
         assert not [
@@ -205,10 +209,11 @@ def test_a_room_knows_only_lower_floors(room: str) -> None:
 
 
 @pytest.mark.requirement("R-ROOMS")
-@pytest.mark.parametrize(("one", "other"), [("photo", "recovery"), ("recovery", "photo")])
-def test_photo_and_recovery_do_not_know_each_other(one: str, other: str) -> None:
-    inside = [module for module in MODULES if module.partition(".")[0] == one]
-    assert not [module for module in inside if any(name.partition(".")[0] == other for name in own(module))]
+def test_photo_and_recovery_do_not_know_each_other() -> None:
+    for module in MODULES:
+        room = module.partition(".")[0]
+        if other := {"photo": "recovery", "recovery": "photo"}.get(room):
+            assert other not in {name.partition(".")[0] for name in own(module)}, module
 
 
 def test_no_module_reaches_itself() -> None:
@@ -265,6 +270,7 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
     assert all(kind.__name__ in errors.__doc__ and kind.code in errors.__doc__ for kind in leaves)
 
 
+@cache
 def tree(module: str) -> ast.Module:
     path = PACKAGE / module.replace(".", "/")
     path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")

@@ -218,6 +218,7 @@ def test_one_camera_through_fig_4_and_the_charts() -> None:
     assert charts["diagonal"]["same"] == pytest.approx(charts["product"]["same"], rel=0.02)
 
 
+@pytest.mark.full
 def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
     (row,) = (gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
     assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from captures import photos
 
 from camssf import cli
-from camssf.compare.differences import TABLE, differences, row_of
+from camssf.compare.differences import TABLE, Finding, differences, row_of
 from camssf.compare.parity import POSE, STAGES, cause, first, parity
 from camssf.documents.result_json import compare
 from camssf.errors import InvalidArgument
@@ -20,14 +21,11 @@ from camssf.photo.read.dng import read_dng
 from camssf.spectra import read_camera, read_light
 
 Json = dict[str, Any]
-SIZE = "900x675"
 
 
 @pytest.fixture(scope="module")
-def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("shots")
-    assert cli.main(["simulate", "--lamp", "D55", "--size", SIZE, "-o", str(folder), "--seed", "3"]) == 0
-    return folder
+def shots() -> Path:
+    return photos().shots[0].chart.parent
 
 
 @pytest.fixture(scope="module")
@@ -171,30 +169,33 @@ def paths(value: Any, path: str = "") -> Iterator[tuple[str, Json, str]]:
 
 def test_no_field_may_be_missing(result: Json) -> None:
     """Each key in turn, on either side."""
-    keys = [path for path, _, _ in paths(result)]
-    assert len(keys) > 100
-    for at, path in enumerate(keys):
+    whole = copy.deepcopy(result)
+    shot(whole)["patches"] = shot(whole)["patches"][:2]
+    document = copy.deepcopy(whole)
+    found = list(paths(document))
+    assert len(found) > 100
+    for path, holder, key in found:
         if path in ("/generator", "/generator/version", "/engine"):  # the schema asks for them
             continue
-        document = copy.deepcopy(result)
-        _, holder, key = list(paths(document))[at]
-        del holder[key]
-        for one, other, side in ((document, result, "there"), (result, document, "here")):
-            found = [field for field in differences(one, other) if not field.agrees]
-            assert [(field.stage, field.measured) for field in found] == [(row_of(path)[0], np.inf)], path
-            assert found[0].words.endswith(f"is missing {side}"), path
+        value = holder.pop(key)
+        for one, other, side in ((document, whole, "there"), (whole, document, "here")):
+            fields = [field for field in differences(one, other) if not field.agrees]
+            assert [(field.stage, field.measured) for field in fields] == [(row_of(path)[0], np.inf)], path
+            assert fields[0].words.endswith(f"is missing {side}"), path
+        holder[key] = value
 
 
 def test_every_field_is_compared(result: Json) -> None:
     """Each value in turn: it differs, or has a measure of its own, or is one of the few that cannot be equal."""
-    for path, holder, key in paths(copy.deepcopy(result)):
-        if isinstance(holder[key], dict | list) and holder[key] and not isinstance(holder[key], str):
+    document = copy.deepcopy(result)
+    for path, holder, key in list(paths(document)):
+        value = holder[key]
+        if isinstance(value, dict | list) and value:
             continue
-        document = copy.deepcopy(result)
-        _, own, _ = next(each for each in paths(document) if each[0] == path)
-        own[key] = "another" if not isinstance(own[key], bool) else not own[key]
+        holder[key] = "another" if not isinstance(value, bool) else not value
         differs = any(not field.agrees for field in differences(document, result))
         assert differs != (row_of(path.partition(": ")[0])[1] is None), path
+        holder[key] = value
     assert {stage for stage, _, _ in TABLE.values()} == set(STAGES)
 
 
@@ -274,23 +275,20 @@ def test_a_result_in_a_light_that_nobody_named(shots: Path, tmp_path: Path) -> N
         (kind,) for kind in shot(document)["light"]["kinds"]
     }
     assert first(compared(document, shots)) is None
-    document["choice"][1]["log_evidence"] += 1.0
-    found = first(compared(document, shots))
-    assert found is not None
-    assert found.words.startswith("log_evidence of phones × 1 under bulb")
-    document["choice"][1]["log_evidence"] -= 1.0
-    for key, change in (("kelvin", 1.0), ("kelvin_std", 1.0), ("power", 1e-6), ("std", 1e-6)):
+
+    def falsified(falsify: Callable[[Json], object]) -> list[Finding]:
         other = copy.deepcopy(document)
-        light = shot(other)["light"]
-        light[key] = [value + change for value in light[key]] if isinstance(light[key], list) else light[key] + change
-        found = first(compared(other, shots))
-        assert found is not None
-        assert found.stage == "band"
-        assert found.words.startswith(f"{key} of the light of shot 1")
-    other = copy.deepcopy(document)
-    del shot(other)["light"]
-    found = first(compared(other, shots))
-    assert found is not None
+        falsify(other)
+        return [field for field in differences(other, document) if not field.agrees]
+
+    (found,) = falsified(lambda d: d["choice"][1].update(log_evidence=d["choice"][1]["log_evidence"] + 1.0))
+    assert found.words.startswith("log_evidence of phones × 1 under bulb")
+    for key, change in (("kelvin", 1.0), ("kelvin_std", 1.0), ("power", 1e-6), ("std", 1e-6)):
+        value = shot(document)["light"][key]
+        new = [each + change for each in value] if isinstance(value, list) else value + change
+        found, *_ = falsified(lambda d, key=key, new=new: shot(d)["light"].update({key: new}))
+        assert (found.stage, found.words.startswith(f"{key} of the light of shot 1")) == ("band", True), found
+    (found,) = falsified(lambda d: shot(d).pop("light"))
     assert found.words == "shots[1].light is missing there"
 
 

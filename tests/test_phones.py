@@ -225,6 +225,7 @@ def test_scores_and_odds_are_counted_by_hand() -> None:
 
 
 @pytest.mark.requirement("R-PHONES", "R-LABORATORY")
+@pytest.mark.full
 def test_the_benchmark_runs_on_any_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,28 +95,30 @@ class Places:
         """What lies in home, cache and the temporary folder."""
         return sorted(str(path) for place in (self.home, self.cache, self.temporary) for path in place.rglob("*"))
 
-    def strace(self, *words: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+    def strace(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
         """Every process and thread, from the kernel's side."""
         trace = self.watch / "trace"
-        done = self.run(*words, before=("strace", "-f", "-qq", "-e", "trace=network", "-o", str(trace)))
+        done = self.run(*words, before=(*before, "strace", "-f", "-qq", "-e", "trace=network", "-o", str(trace)))
         return done, [line for line in trace.read_text().splitlines() if "sa_family=AF_INET" in line]
 
-    def preload(self, *words: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+    def preload(
+        self, *words: str, before: tuple[str, ...] = ()
+    ) -> tuple[subprocess.CompletedProcess[str], list[str]]:
         """Calls of the C library, native code's too."""
         source, shim, seen = self.watch / "shim.c", self.watch / "shim.so", self.watch / "seen"
         seen.unlink(missing_ok=True)
         source.write_text(PRELOAD)
         subprocess.run(["cc", "-shared", "-fPIC", "-o", str(shim), str(source), "-ldl"], check=True)
-        done = self.run(*words, LD_PRELOAD=str(shim), CAMSSF_WATCH=str(seen))
+        done = self.run(*words, before=before, LD_PRELOAD=str(shim), CAMSSF_WATCH=str(seen))
         return done, seen.read_text().splitlines() if seen.exists() else []
 
-    def audit(self, *words: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+    def audit(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
         """Python's own sockets alone."""
         (self.watch / "sitecustomize.py").write_text(AUDIT)
         seen = self.watch / "seen"
         seen.unlink(missing_ok=True)
         first = {"PYTHONPATH": os.pathsep.join([str(self.watch), *(p for p in sys.path if p)])}
-        done = self.run(*words, CAMSSF_WATCH=str(seen), **first)
+        done = self.run(*words, before=before, CAMSSF_WATCH=str(seen), **first)
         return done, seen.read_text().splitlines() if seen.exists() else []
 
 
@@ -137,44 +139,42 @@ def ways() -> list[str]:
 
 WAYS = ways()
 
-CALIBRATE = ("-m", "camssf", "calibrate", "out/shots/chart.dng", "--lamp", "D55", "-o", "again")
-SIGNED_AND_KEPT = (
-    ("-m", "camssf", "passport", "key", "-o", "keys"),
-    ("-m", "camssf", "passport", "sign", "again/result.json", "--key", "keys/passport-key.pem", "--photo",
-     "out/shots/chart.dng", "-o", "keys/a.jws"),
-    ("-m", "camssf", "passport", "verify", "keys/a.jws", "--key", "keys/passport-key.pub.pem"),
-    ("-m", "camssf", "registry", "add", "phones", "out/result.json", "again/result.json"),
-    ("-m", "camssf", "registry", "list", "phones"),
-    ("-m", "camssf", "registry", "compare", "phones", "--result", "out/result.json", "--doubtful"),
-    ("-m", "camssf", "registry", "export", "phones", "-o", "phones/all.csv"),
-)  # fmt: skip
-LIBRARY = """
+EVERYTHING = """
 from camssf import Shot, calibrate
+from camssf.cli import main
 from camssf.report.build import report
-result = calibrate(Shot("out/shots/chart.dng", "D55", white="out/shots/white.dng", dark="out/shots/dark.dng"))
-assert report(result.document()).ssf_png
+
+if __name__ == "__main__":
+    for words in (
+        "demo -o out",
+        "calibrate out/shots/chart.dng --lamp D55 -o again",
+        "batch two.csv -o many --jobs 2",
+        "passport key -o keys",
+        "passport sign again/result.json --key keys/passport-key.pem --photo out/shots/chart.dng -o keys/a.jws",
+        "passport verify keys/a.jws --key keys/passport-key.pub.pem",
+        "registry add phones out/result.json again/result.json",
+        "registry list phones",
+        "registry compare phones --result out/result.json --doubtful",
+        "registry export phones -o phones/all.csv",
+    ):
+        assert main(words.split()) == 0, words
+    frames = [f"out/shots/{name}.dng" for name in ("chart", "white", "dark")]
+    assert report(calibrate(Shot(frames[0], "D55", white=frames[1], dark=frames[2])).document()).ssf_png
 """
+"""Commands and library; a file, since a batch's workers import it again."""
 
 
 @pytest.mark.full
-def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> None:
-    watch = getattr(places, WAYS[0])
-    for words in (
-        ("-m", "camssf", "demo", "-o", "out"),
-        CALIBRATE,
-        ("-c", LIBRARY),
-        ("-m", "camssf", "batch", "two.csv", "-o", "many", "--jobs", "2"),
-        *SIGNED_AND_KEPT,
-    ):
-        (places.work / "two.csv").write_text(
-            "name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n"
-        )
-        done, seen = watch(*words)
-        assert done.returncode == 0, done.stderr
-        assert seen == [], f"{words}, watched by {WAYS[0]}"
-        assert places.left() == [], words
+def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
+    """In a namespace without a network, where one is to be had."""
+    (places.work / "two.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n")
+    (places.work / "everything.py").write_text(EVERYTHING)
+    done, seen = getattr(places, WAYS[0])("everything.py", before=away())
+    assert done.returncode == 0, done.stderr
+    assert seen == [], f"watched by {WAYS[0]}"
+    assert places.left() == []
     assert sorted(path.name for path in places.work.iterdir()) == [
-        "again", "keys", "many", "out", "phones", "two.csv",
+        "again", "everything.py", "keys", "many", "out", "phones", "two.csv",
     ]  # fmt: skip
     assert sorted(path.name for path in (places.work / "keys").iterdir()) == [
         "a.jws", "passport-key.pem", "passport-key.pub.pem",
@@ -182,6 +182,19 @@ def test_commands_and_library_leave_nothing_and_send_nothing(places: Places) -> 
     four = ["report.html", "result.json", "ssf.csv", "ssf.png"]
     assert sorted(path.name for path in (places.work / "again").iterdir()) == four
     assert sorted(path.name for path in (places.work / "out").iterdir()) == [*four[:2], "shots", *four[2:]]
+
+
+def away() -> tuple[str, ...]:
+    """What runs a command in a namespace without a network, if that can be had."""
+    words = ("unshare", "-rn")
+    had = shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0
+    return words if had else ()
+
+
+def test_a_namespace_without_a_network_has_none(places: Places) -> None:
+    if not away():
+        pytest.skip("no namespace without a network is to be had here")
+    assert places.run("-c", CONNECT, before=away()).returncode != 0
 
 
 @pytest.mark.parametrize("way", ["strace", "preload", "audit"])
@@ -192,17 +205,6 @@ def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
         done, seen = getattr(places, way)("-c", words)
         assert done.returncode == 0, done.stderr
         assert bool(seen) == expected
-
-
-@pytest.mark.full
-def test_a_calibration_needs_no_network(places: Places) -> None:
-    away = ("unshare", "-rn")
-    if not shutil.which("unshare") or subprocess.run([*away, "true"], capture_output=True).returncode:
-        pytest.skip("no namespace without a network is to be had here")
-    assert places.run("-c", CONNECT, before=away).returncode != 0
-    done = places.run("-m", "camssf", "demo", "-o", "out", before=away)
-    assert done.returncode == 0, done.stderr
-    assert places.left() == []
 
 
 @pytest.mark.full
@@ -290,24 +292,31 @@ def test_a_newer_one_that_was_switched_off_before_is_taken(monkeypatch: pytest.M
     assert called == ["disabled"]
 
 
-def test_the_switch_is_set_before_it_is_loaded(places: Places) -> None:
-    stub = places.work / "onnxruntime"
-    stub.mkdir()
-    (stub / "__init__.py").write_text(
+@pytest.mark.parametrize("before", [None, "0"])
+def test_the_switch_is_set_before_it_is_loaded(
+    before: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By a stand-in that says what it finds as it is imported."""
+    (tmp_path / "onnxruntime.py").write_text(
         f"import os\n__version__ = '1.29.0'\nprint(os.environ.get({onnx_model.SWITCH!r}))\n"
         "def disable_telemetry_events(): print('disabled')\n"
     )
-    for before in (None, "0"):
-        more = {} if before is None else {onnx_model.SWITCH: before}
-        done = places.run("-c", "from camssf.recovery.onnx_model import onnx_runtime; onnx_runtime()", **more)
-        assert done.stdout.split() == ["1", "disabled"], done.stderr
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)  # so that the stand-in goes again
+    del sys.modules["onnxruntime"]
+    monkeypatch.setenv(onnx_model.SWITCH, before or "")
+    if before is None:
+        monkeypatch.delenv(onnx_model.SWITCH)
+    onnx_model.onnx_runtime()
+    assert capsys.readouterr().out.split() == ["1", "disabled"]
 
 
 def test_one_place_loads_it() -> None:
     places = []
     for folder in ("reference", "export", "golden", "benchmarks", "tests"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            text = path.read_text("utf-8")
+            for node in ast.walk(ast.parse(text)) if "onnxruntime" in text else ():
                 names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
                 names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
                 if any(name.partition(".")[0] == "onnxruntime" for name in names):

@@ -31,18 +31,21 @@ def public() -> list[str]:
     return [*names, *FURTHER, *(f"camssf.errors.{name}" for name in kinds)]
 
 
-@pytest.mark.parametrize("name", public())
-def test_a_public_name_is_in_the_reference_with_an_example(name: str) -> None:
-    word = name.rpartition(".")[2]
-    pages = [text for text in PAGES.values() if re.search(rf"^::: {re.escape(name)}$", text, re.MULTILINE)]
-    assert len(pages) == 1, name
+def test_every_public_name_is_in_the_reference_with_an_example() -> None:
     used = {
-        each
-        for block in blocks(pages[0], "python")
-        for node in ast.walk(ast.parse(block))
-        for each in ([node.id] if isinstance(node, ast.Name) else [a.name for a in getattr(node, "names", ())])
+        page: {
+            each
+            for block in blocks(text, "python")
+            for node in ast.walk(ast.parse(block))
+            for each in ([node.id] if isinstance(node, ast.Name) else [a.name for a in getattr(node, "names", ())])
+        }
+        for page, text in PAGES.items()
     }
-    assert word in used or word in NO_EXAMPLE
+    for name in public():
+        word = name.rpartition(".")[2]
+        pages = [page for page, text in PAGES.items() if re.search(rf"^::: {re.escape(name)}$", text, re.MULTILINE)]
+        assert len(pages) == 1, name
+        assert word in used[pages[0]] or word in NO_EXAMPLE, name
 
 
 def test_the_reference_names_nothing_that_is_not_there() -> None:
@@ -50,17 +53,17 @@ def test_the_reference_names_nothing_that_is_not_there() -> None:
     assert sorted(listed) == sorted(public())
 
 
-@pytest.mark.parametrize("name", public())
-def test_a_public_name_says_what_it_is(name: str) -> None:
+def test_every_public_name_says_what_it_is() -> None:
     """Functions name what they raise where they raise; classes their attributes."""
-    room, _, word = name.rpartition(".")
-    found = getattr(import_module(room), word)
-    if not isinstance(found, type) and (not callable(found) or get_origin(found)):
-        return  # a type alias or a constant: its words stand below it in the source
-    assert found.__doc__, name
-    if isinstance(found, type) and hasattr(found, "__dataclass_fields__") and not issubclass(found, Exception):
-        for field in found.__dataclass_fields__:
-            assert re.search(rf"\b{field}\b", found.__doc__), f"{name}.{field}"
+    for name in public():
+        room, _, word = name.rpartition(".")
+        found = getattr(import_module(room), word)
+        if not isinstance(found, type) and (not callable(found) or get_origin(found)):
+            continue  # a type alias or a constant: its words stand below it in the source
+        assert found.__doc__, name
+        if isinstance(found, type) and hasattr(found, "__dataclass_fields__") and not issubclass(found, Exception):
+            for field in found.__dataclass_fields__:
+                assert re.search(rf"\b{field}\b", found.__doc__), f"{name}.{field}"
 
 
 @pytest.mark.parametrize("module", WITH_DOCTESTS)
@@ -96,7 +99,10 @@ print("a stranger's ten minutes end well")
     "CAMSSF_FRESH" not in os.environ, reason="installs from a package index for minutes: set CAMSSF_FRESH=1"
 )
 def test_a_stranger_s_ten_minutes_in_an_empty_environment(tmp_path: Path) -> None:
-    """The first tutorial's install line, then its Python, in a new environment that sees nothing else."""
+    """The first tutorial's install line, then its Python, in a new environment that sees nothing else.
+
+    In this environment tests/test_docs_code.py runs it.
+    """
     page = (ROOT / "docs" / "tutorials" / "first-phone.md").read_text("utf-8")
     (install,) = blocks(page, "sh")
     (line,) = install.splitlines()
@@ -109,11 +115,6 @@ def test_a_stranger_s_ten_minutes_in_an_empty_environment(tmp_path: Path) -> Non
         [str(python), "-m", "pip", "install", "-q", f"{ROOT}[notebook]"], check=True, env=clean, timeout=1800
     )
     _ends_well([str(python)], tmp_path, clean)
-
-
-@pytest.mark.full
-def test_a_stranger_s_ten_minutes_once_installed(tmp_path: Path) -> None:
-    _ends_well([sys.executable], tmp_path, dict(os.environ))
 
 
 def _ends_well(python: list[str], folder: Path, environment: dict[str, str]) -> None:

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import document
 from registries import made
 from schemas import check_schema
-from test_report import document
 
 import camssf
 import camssf.learning.training
 from camssf import cli
 from camssf.documents.basis_choice import choice_of
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.fleet.rows import Origin, Row, row, widths_of
 from camssf.grid import Floats
@@ -37,12 +38,12 @@ from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import SolverSettings, answer
-from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet.learn import FOLDS, Judgement, LearnRequest, judge_gains, learn_basis
+from camssf.fleet import learn
+from camssf.fleet.learn import Judgement, LearnRequest, judge_gains, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
@@ -346,30 +347,29 @@ def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
             learn_basis(one)
 
 
-@pytest.mark.parametrize(
-    ("wanted", "words"),
-    [
+def test_what_cannot_be_learned(registry: Registry) -> None:
+    for wanted, words in (
         (LearnRequest(basis="gaussian"), "--basis takes cameras or phones"),
         (LearnRequest(basis="cameras"), "on cameras"),
         (LearnRequest(leave="unit"), "--leave takes model or maker; got 'unit'"),
         (LearnRequest(model="P9"), "No result of P9"),
         (LearnRequest(model="P1", make="Other"), "No result of P1"),
         (LearnRequest(table=Path("none.csv")), "cannot be read"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_learned(registry: Registry, wanted: LearnRequest, words: str) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        learn_basis(registry, wanted)
+    ):
+        with pytest.raises(InvalidArgument, match=words):
+            learn_basis(registry, wanted)
 
 
-def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
+def test_more_groups_than_folds_are_all_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learn, "FOLDS", 2)
+    monkeypatch.setattr(learn, "OF_MODEL", 3)
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]
-    one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(FOLDS + 3)])
-    assert learn_basis(one).judgement.groups == FOLDS + 3
-    one.add([replace(good, key=f"{i:064d}", model="m0", serial=str(i)) for i in range(100, 131)])
+    one.add([replace(good, key=f"{i:064d}", model=f"m{i}") for i in range(5)])
+    assert learn_basis(one).judgement.groups == 5
+    one.add([replace(good, key=f"{i:064d}", model="m0", serial=str(i)) for i in range(100, 104)])
     (reason,) = (found := learn_basis(one)).left_aside
-    assert "older than the newest 30 of their model" in reason
+    assert "older than the newest 3 of their model" in reason
     assert found.left_aside[reason] == 2
 
 
@@ -378,7 +378,7 @@ def test_more_groups_than_folds_are_all_judged(tmp_path: Path) -> None:
 
 def test_the_row_holds_what_learning_needs() -> None:
     given = document("D55", "A")
-    found = row(report(given).result_json, given, Origin())
+    found = row(document_bytes(given), given, Origin())
     assert (found.l2, found.gamma) == (given["l2"], max(given["gamma"]))
     assert list(found.code_covariance) == given["code_covariance"]
     assert sum(found.prior_share) <= 1.0 + 1e-12

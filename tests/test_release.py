@@ -17,6 +17,9 @@ import pytest
 BINDINGS = Path(__file__).parents[1] / "android-bindings"
 FILES = ("camssf-core-{}.jar", "camssf-core-{}.pom", "camssf-core-{}-sources.jar")
 
+ENVIRONMENT = os.environ | {"MAVEN_OPTS": "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"}
+"""A Java that compiles little: each build here is short."""
+
 pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform == "win32":
     pytest.skip("there is no Java build (mvn) or no gpg: signing is not rehearsed", allow_module_level=True)
@@ -26,7 +29,7 @@ if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform ==
 def key() -> Iterator[tuple[str, dict[str, str]]]:
     """A throwaway key's fingerprint, and an environment in which gpg knows no other."""
     folder = Path(tempfile.mkdtemp(prefix="gpg"))  # gpg's agent has a socket in it, whose path must be short
-    environment = {**os.environ, "GNUPGHOME": str(folder)}
+    environment = {**ENVIRONMENT, "GNUPGHOME": str(folder)}
     make = ["gpg", "--batch", "--pinentry-mode", "loopback", "--passphrase", "", "--quick-gen-key", "throwaway"]
     subprocess.run(make, env=environment, check=True, capture_output=True)
     told = subprocess.run(
@@ -39,7 +42,7 @@ def key() -> Iterator[tuple[str, dict[str, str]]]:
 
 def mvn(*words: str, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     command = ["mvn", "--batch-mode", "--no-transfer-progress", "-N", "-f", str(BINDINGS), *words]
-    return subprocess.run(command, capture_output=True, text=True, env=environment)
+    return subprocess.run(command, capture_output=True, text=True, env=environment or ENVIRONMENT)
 
 
 def version() -> str:

@@ -1,26 +1,40 @@
 """The report: JSON that its schema accepts, CSV, PNG, a page that a browser likes, all or none on disk."""
 
-import copy
 import csv
 import errno
 import hashlib
 import html
 import io
+import itertools
 import json
 import math
 import os
 import re
 import shutil
 import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from functools import cache
 from html.parser import HTMLParser
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from captures import photos
+from documents import (
+    CHANNELS,
+    Document,
+    covariance,
+    document,
+    known,
+    passport,
+    preview,
+    refused,
+    unnamed,
+    unplaced,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import truncnorm
@@ -28,9 +42,8 @@ from scipy.stats import truncnorm
 import camssf
 from camssf.documents import result_json
 from camssf.documents import schema as schema_module
-from camssf.documents.excerpt import excerpt
-from camssf.documents.passport import Passport, check_belongs
-from camssf.documents.result_json import read_document
+from camssf.documents.passport import check_belongs
+from camssf.documents.result_json import check_document, document_bytes, read_document
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.unit import Unit, read_unit
@@ -38,7 +51,8 @@ from camssf.recovery.basis import read_basis
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import answer
 from camssf.report.build import NAMES, Report, report
-from camssf.report.provenance import Provenance, Signature, read_provenance
+from camssf.report.page import page as render
+from camssf.report.provenance import NO_PROVENANCE, Provenance, Signature, read_provenance
 from camssf.report.sections import certificate, drawings
 from camssf.report.sections import patches as patch_view
 from camssf.report.sections import photos as photo_view
@@ -46,348 +60,19 @@ from camssf.report.sections.bands import possible
 from camssf.report.sections.comparison import LIMIT, comparison_of, worst_of
 from camssf.report.sections.curves import curves_of
 from camssf.rules import rules
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
 from camssf.spectra import read_chart, read_lamp
 
 jsonschema = pytest.importorskip("jsonschema")
 
-Document = dict[str, Any]
 SCHEMA = json.loads((Path(camssf.__file__).parent / "data" / "result.schema.json").read_text("utf-8"))
+STORED = Path(__file__).with_name("pages")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-WIDTH, HEIGHT = 4032, 3024
-CHANNELS = ("red", "green", "blue")
 
 
-# A realistic document, from tables and formulas
-
-
-@cache
-def spectra() -> tuple[np.ndarray, np.ndarray, list[str], dict[str, np.ndarray], np.ndarray]:
-    """Nikon curves (681, 3), reflectances (24, 681), names, lamps, CIE 1931 (681, 3), all on the grid."""
-    import colour
-
-    def on_grid(sd: Any) -> np.ndarray:
-        columns = np.atleast_2d(np.asarray(sd.values, dtype=float).T)
-        inside = [np.interp(WAVELENGTHS, sd.wavelengths, c, left=0, right=0) for c in columns]
-        return np.array(inside)
-
-    camera = on_grid(colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]).T
-    table = colour.SDS_COLOURCHECKERS["BabelColor Average"]
-    lamps = {name: on_grid(colour.SDS_ILLUMINANTS[name])[0] for name in ("D55", "A", "D65")}
-    observer = on_grid(colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]).T
-    reflectance = np.array([on_grid(sd)[0] for sd in table.values()])
-    return camera / camera.max(axis=0), reflectance, list(table), lamps, observer
-
-
-def curves(values: np.ndarray) -> Document:
-    return {"wavelength_nm": WAVELENGTHS.tolist()} | {c: values[:, i].tolist() for i, c in enumerate(CHANNELS)}
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    linear = np.clip(linear, 0, 1)
-    return np.clip(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0, 1)
-
-
-def quadrangles() -> tuple[np.ndarray, np.ndarray]:
-    """Corners (4, 2) and patches (24, 4, 2) of a tilted chart; the camera was held upright: orientation 6."""
-    tilt = np.array([[20.0, 385.0, 1180.0], [-372.0, 40.0, 2560.0], [0.012, 0.022, 1.0]])
-    i = np.arange(24)
-    x, y = i % 6 + 0.08, i // 6 + 0.08
-    square = np.array([[0, 0], [0.84, 0], [0.84, 0.84], [0, 0.84]])
-    flat = np.stack([x, y], axis=-1)[:, None, :] + square
-    outer = np.array([[0.08, 0.08], [5.92, 0.08], [5.92, 3.92], [0.08, 3.92]])
-
-    def project(p: np.ndarray) -> np.ndarray:
-        q = np.concatenate([p, np.ones((*p.shape[:-1], 1))], axis=-1) @ tilt.T
-        return q[..., :2] / q[..., 2:]
-
-    return project(outer), project(flat)
-
-
-@cache
-def _document(lamps: tuple[str, ...]) -> Document:
-    truth, reflectance, names, powers, observer = spectra()
-    u = (WAVELENGTHS - 380) / 340
-    wobble = 1 + 0.05 * np.cos(np.outer(u, [9, 13, 11]) * np.pi) + 0.02 * np.sin(np.outer(u, [23, 19, 29]))
-    found = truth * wobble + 0.006 * np.cos(np.outer(u, [31, 37, 41])) ** 2
-    found /= found.max(axis=0)
-    std = 0.008 + 0.035 * np.sqrt(found) * (0.6 + np.abs(np.outer(u - 0.5, [1, 1, 1])))
-    to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.204, 1.057]])
-    day = powers["D65"][:, None] * observer
-    linear = reflectance @ day / day[:, 1].sum() @ to_rgb.T
-    corners, patches = quadrangles()
-    shots, squares = [], []
-    for j, lamp in enumerate(lamps):
-        light = powers[lamp][:, None]
-        signal = reflectance @ (light * truth) / (light * truth).sum(axis=0)
-        signal *= 1 + 0.004 * np.sin(np.arange(72).reshape(24, 3) * 2.3 + j)
-        predicted = reflectance @ (light * found) / (light * found).sum(axis=0)
-        unseen = predicted * (1 + 0.006 * np.cos(np.arange(72).reshape(24, 3) * 1.7))
-        squares.append(((unseen - signal) / signal) ** 2)
-        display = np.linalg.lstsq(signal, linear, rcond=None)[0]
-        white = np.array([11800.0, 14200.0, 9100.0])
-        entries = [
-            {
-                "name": name,
-                "used": i != 18,
-                "reflectance_srgb": srgb(linear[i]).tolist(),
-                "measured_srgb": srgb(signal[i] @ display).tolist(),
-                "synthetic_srgb": srgb(unseen[i] @ display).tolist(),
-                "signal": signal[i].tolist(),
-                "predicted": predicted[i].tolist(),
-                "unseen": None if i == 18 else unseen[i].tolist(),
-                "standard_error": (0.0004 + 0.004 * signal[i]).tolist(),
-                "clipped": [0.0, 0.012 if i == 18 else 0.0, 0.0],
-                "dead": [0.0004, 0.0, 0.0011],
-                "gradient": (0.01 * np.sin([i, i + 1, i + 2])).tolist(),
-                "chart": (512 + signal[i] * white).tolist(),
-                "white": (512 + white).tolist(),
-                "dark": [512.0, 512.25, 511.5],
-            }
-            for i, name in enumerate(names)
-        ]
-        shots.append(
-            {
-                "lamp": {
-                    "name": lamp,
-                    "tolerance": 0.02,
-                    "source": f"CIE illuminant {lamp}, colour-science.",
-                    "power": (powers[lamp] / powers[lamp].mean()).tolist(),
-                },
-                "white_reference": "white frame",
-                "dark_reference": "dark frame" if j == 0 else "black level",
-                "photo": {
-                    "name": f"IMG_20261103_1204{j}.dng",
-                    "width": WIDTH,
-                    "height": HEIGHT,
-                    "orientation": 6,
-                    "exposure": 0.008,
-                    "iso": 100.0,
-                    "gain_map": True,
-                    "sha256": f"{j}a" * 32,
-                    "camera": "NIKON CORPORATION NIKON D5100",
-                },
-                "white": {"name": f"white_{j}.dng", "sha256": f"{j}b" * 32},
-                "dark": {"name": "dark_0.dng", "sha256": "0c" * 32} if j == 0 else None,
-                "pose": {
-                    "layout": "classic24",
-                    "corners": corners.tolist(),
-                    "patches": patches.tolist(),
-                    "quarter_turns": 1,
-                    "method": "detected",
-                    "score": 0.987,
-                    "notes": ["Two charts are in view; the one with the better agreement was taken."],
-                },
-                "saturation": 15520.0,
-                "patches": entries,
-            }
-        )
-    seen = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-    files = {s[k]["name"]: s[k]["sha256"] for s in shots for k in ("photo", "white", "dark") if s[k]}
-    return {
-        "format": "camssf-result/1",
-        "generator": {"name": "camssf", "version": "0.1.0"},
-        "camera": {"make": "NIKON CORPORATION", "model": "NIKON D5100"},
-        "chart": {
-            "name": "classic24",
-            "table": "BabelColor Average",
-            "layout": "classic24",
-            "source": "Mean of 30 charts measured by BabelColor, from colour-science.",
-        },
-        "basis": "cameras",
-        "engine": "onnx",
-        "ssf": curves(found),
-        "ssf_std": curves(std),
-        "channel_gain": [0.8310, 1.0, 0.6408],
-        "code_covariance": covariance()[np.tril_indices(72)].tolist(),
-        "gap": [3.1e-18, 3.1e-18, 3.1e-18],
-        "layers_gap": [4.2e-18],
-        "finish_steps": [0],
-        "evidence": 212.375,
-        "prior_scale": 1.0,
-        "choice": [
-            {"basis": "phones", "prior_scale": 1.0, "log_evidence": 205.5, "probability": 0.02},
-            {"basis": "phones", "prior_scale": 2.0, "log_evidence": 204.25, "probability": 0.0003},
-            {"basis": "cameras", "prior_scale": 1.0, "log_evidence": 212.375, "probability": 0.9727},
-            {"basis": "cameras", "prior_scale": 2.0, "log_evidence": 208.0, "probability": 0.007},
-        ],
-        "gamma": [0.05, 0.05, 0.05],
-        "l2": 1.0,
-        "shots": shots,
-        "scores": {
-            "rmsre_percent": (100 * np.sqrt(np.mean(squares, axis=(0, 1)))).tolist(),
-            "rmse": np.sqrt(np.mean((found - truth)[seen] ** 2, axis=0)).tolist(),
-            "delta_e00": 0.93,
-            "unseen": "leave one out: each patch predicted by a fit to the others",
-        },
-        "truth": {"name": "Nikon 5100 (NPL), measured", "ssf": curves(truth)},
-        "verdict": {
-            "status": "doubtful",
-            "reasons": [
-                {
-                    "code": "overexposed",
-                    "message": "IMG_20261103_12040.dng: 1.2 % of the green samples of the white patch are clipped.",
-                    "advice": "Halve the exposure time and take the photo again.",
-                    "value": 0.012,
-                    "threshold": 0.01,
-                }
-            ],
-            "checks": checks(len(lamps)),
-        },
-        "uncertainty": {
-            "half_width": 0.036,
-            "alone": [0.05, 0.06][: len(lamps)] if len(lamps) > 1 else [],
-            "budget": [
-                {"source": "noise", "size": "standard errors, median 0.10%", "share": [0.08, 0.06, 0.11]},
-                {"source": "chart", "size": "3.0% a patch, smooth over 100 nm", "share": [0.41, 0.38, 0.3]},
-                {"source": "white", "size": "1.0%, smooth over 100 nm", "share": [0.01, 0.01, 0.02]},
-                {"source": "lamp", "size": "2.0%, smooth over 60 nm", "share": [0.1, 0.15, 0.17]},
-                {"source": "unseen", "size": "what no patch has seen", "share": [0.4, 0.4, 0.4]},
-            ],
-        },
-        "assumptions": [
-            {"code": "lens_shading", "message": "The lens-shading map was not applied; the white frame does it."},
-            {"code": "chart_tolerance", "message": "The chart's table was taken to be right to 3 %."},
-        ],
-        "hashes": {"inputs": files, "model": "0d" * 32},
-    }
-
-
-def checks(shots: int) -> list[Document]:
-    """One number of each limit of the rules, all held but the clipped patch's: as many as a verdict can weigh."""
-    bounds = {name.partition(".")[2]: each for name, each in rules().numbers.items() if each.makes == "doubtful"}
-    found = []
-    for name, bound in bounds.items():
-        above = bound.beyond == "above"
-        whole = name in ("goodness_of_fit", "improbable_curves", "unfamiliar_camera", "unnamed", "vague", "rival")
-        for shot in [None] if whole else range(1, shots + 1):
-            inside = bound.value * (0.31 if above else 1.23)
-            found.append(
-                {
-                    "name": name,
-                    "shot": shot,
-                    "value": bound.value * 1.2 if (name, shot) == ("dirty", 1) else inside,
-                    "limit": bound.value,
-                    "refuses": rules().number(f"verdict.{bound.refuses}") if bound.refuses else None,
-                    "beyond": bound.beyond,
-                }
-            )
-    return found
-
-
-def covariance() -> np.ndarray:
-    """Of 3 x 24 coefficients, as a solution has it: digits of all sizes."""
-    root = np.sin(np.add.outer(np.arange(72.0), 1.7 * np.arange(9.0)) ** 2)
-    return np.asarray(0.03 * root @ root.T + 0.2 * np.eye(72))
-
-
-def document(*lamps: str) -> Document:
-    return copy.deepcopy(_document(lamps or ("D55",)))
-
-
-def refused(*, shots: bool = False) -> Document:
-    made = document()
-    for key in (
-        *("ssf", "ssf_std", "code_covariance", "channel_gain", "gap", "layers_gap", "finish_steps", "evidence"),
-        *("gamma", "l2", "scores", "truth", "prior_scale", "choice", "uncertainty"),
-    ):
-        del made[key]
-    for patch in made["shots"][0]["patches"]:
-        patch |= {"measured_srgb": None, "synthetic_srgb": None, "predicted": None, "unseen": None}
-    made["shots"] = made["shots"] if shots else []
-    made["verdict"] = {
-        **({"checks": made["verdict"]["checks"]} if shots else {}),
-        "status": "refused",
-        "reasons": [
-            {
-                "code": "chart_not_found",
-                "message": "chart.dng: no ColorChecker lies in the photo.",
-                "advice": "Fill a quarter of the frame with the chart, or give its corners with --corners.",
-                "value": None,
-                "threshold": None,
-            }
-        ],
-    }
-    return made
-
-
-def unplaced() -> Document:
-    """A refusal that found no chart, and so has nothing but the photo."""
-    made = refused(shots=True)
-    made["shots"][0] |= {"pose": None, "patches": []}
-    del made["verdict"]["checks"]
-    return made
-
-
-def unnamed() -> Document:
-    """Of an unnamed light."""
-    made = document()
-    power = np.array(made["shots"][0]["lamp"].pop("power"))
-    made["shots"][0]["lamp"] |= {"name": "auto", "tolerance": None, "source": "Nobody named the light."}
-    made["shots"][0]["light"] = {
-        "kinds": {"daylight": 0.93, "white-led": 0.04, "fluorescent": 0.03, "bulb": 0.0},
-        "wavelength_nm": WAVELENGTHS.tolist(),
-        "power": power.tolist(),
-        "std": (0.6 * np.exp(-(((WAVELENGTHS - 400) / 60) ** 2)) + 0.05).tolist(),
-        "kelvin": 5480.0,
-        "kelvin_std": 210.0,
-    }
-    made["choice"] = [
-        each | {"kinds": [kind], "probability": each["probability"] * share}
-        for each in made["choice"]
-        for kind, share in made["shots"][0]["light"]["kinds"].items()
-    ]
-    return made
-
-
-UNIT = Unit("NIKON CORPORATION", "NIKON D5100", serial="6001234", lens="AF-S 50mm f/1.8G", aperture=5.6)
-
-
-def passport(made: Document) -> Passport:
-    return Passport(
-        id="0123456789abcdef" * 2,
-        issued=datetime(2026, 11, 22, 9, 30, tzinfo=UTC),
-        begins=datetime(2026, 11, 23, tzinfo=UTC),
-        ends=datetime(2027, 11, 23, tzinfo=UTC),
-        unit=UNIT,
-        captured="2026-11-03T12:04:00+01:00",
-        chart_serial="CC-77",
-        lamp_serials=("L-1",) * len(made["shots"]),
-        software="0.1.0",
-        result_sha256="5e" * 32,
-        result=excerpt(made),
-    )
-
-
-def known(made: Document, *, verified: bool = True) -> Provenance:
-    """A signed result, beside another one of the same unit."""
-    other = document("A")
-    other["channel_gain"] = [0.84, 1.0, 0.65]
-    nudged = 0.98 * np.array(other["ssf"]["green"]) + 0.02 * np.roll(other["ssf"]["green"], 20)
-    other["ssf"]["green"] = (nudged / nudged.max()).tolist()
-    signature = Signature(passport(made), "K" * 43, verified)
-    return Provenance(unit=Unit(focal_length=50.0), signature=signature, other=other, other_name="2025/result.json")
-
-
-@cache
-def preview() -> bytes:
-    """A small rendering of the photo as the sensor saw it."""
-    import cv2
-
-    scale = 4
-    y, x = np.mgrid[0 : HEIGHT // scale, 0 : WIDTH // scale]
-    fall = 1 - 0.35 * (((x / x.max() - 0.5) ** 2 + (y / y.max() - 0.5) ** 2) / 0.5)
-    image = np.full((*fall.shape, 3), (96, 110, 122), np.float64)
-    corners, patches = quadrangles()
-    rim = (corners - corners.mean(axis=0)) * 1.06 + corners.mean(axis=0)
-    cv2.fillConvexPoly(image, np.round(rim / scale).astype(np.int32), (26, 25, 25), cv2.LINE_AA)
-    for patch, quad in zip(_document(("D55",))["shots"][0]["patches"], patches, strict=True):
-        bgr = tuple(255 * v for v in patch["reflectance_srgb"][::-1])
-        cv2.fillConvexPoly(image, np.round(quad / scale).astype(np.int32), bgr, cv2.LINE_AA)
-    sound, data = cv2.imencode(".jpg", np.clip(image * fall[..., None], 0, 255).astype(np.uint8))
-    assert sound
-    return bytes(data)
+def html_of(made: Document, previews: Sequence[bytes | None] = (), provenance: Provenance = NO_PROVENANCE) -> str:
+    """The page of `report`, without the picture, which takes longer."""
+    check_document(made, "document")
+    return render(made, [*previews, *[None] * (len(made["shots"]) - len(previews))], provenance)
 
 
 # JSON
@@ -413,17 +98,17 @@ def test_every_field_says_what_it_holds() -> None:
     assert silent(SCHEMA, "") == []
 
 
-@pytest.mark.parametrize("make", [document, lambda: document("D55", "A"), refused, lambda: refused(shots=True)])
-def test_json_is_what_the_schema_says_and_loses_nothing(make: Any) -> None:
-    made = make()
-    written = report(made).result_json
-    VALIDATOR.validate(json.loads(written))
-    assert json.loads(written) == made
-    assert written.endswith(b"}\n")
+def test_json_is_what_the_schema_says_and_loses_nothing() -> None:
+    for make in [document, lambda: document("D55", "A"), refused, lambda: refused(shots=True)]:
+        made = make()
+        written = document_bytes(made)
+        VALIDATOR.validate(json.loads(written))
+        assert json.loads(written) == made
+        assert written.endswith(b"}\n")
 
 
 def test_json_keeps_arrays_of_numbers_on_one_line() -> None:
-    lines = report(document()).result_json.decode().splitlines()
+    lines = document_bytes(document()).decode().splitlines()
     # ssf, ssf_std, truth: 4 lines each; covariance; the lamp
     assert sum(line.count(",") >= 680 for line in lines) == 14
     assert len(lines) < 750
@@ -499,9 +184,8 @@ def broken(path: str, value: Any) -> Document:
     return made
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
+def test_a_broken_document_is_named_by_its_place() -> None:
+    for path, value, words in [
         ("shots.0.patches.3.signal", [0.1, 0.2], r"shots\[0\]\.patches\[3\]\.signal must be at least 3 entries"),
         ("shots.0.patches.3.clipped.1", 1.5, r"shots\[0\]\.patches\[3\]\.clipped\[1\] must be at most 1"),
         ("ssf.red.17", math.nan, r"ssf\.red\[17\] must be a finite number"),
@@ -528,12 +212,10 @@ def broken(path: str, value: Any) -> Document:
         ("code_covariance.5", -1e-9, r"code_covariance\[5\] must not be negative, it is a variance"),
         ("ssf.green", [0.5] * 681, r"ssf\.green must have peak 1, has 0\.5"),
         ("shots.0.pose.patches", [[[0, 0], [1, 0], [1, 1], [0, 1]]], r"pose\.patches must hold 24 entries"),
-    ],
-)
-def test_a_broken_document_is_named_by_its_place(path: str, value: Any, words: str) -> None:
-    with pytest.raises(InvalidArgument, match=words) as caught:
-        report(broken(path, value))
-    assert caught.value.advice
+    ]:
+        with pytest.raises(InvalidArgument, match=words) as caught:
+            report(broken(path, value))
+        assert caught.value.advice
 
 
 def test_an_integer_too_long_to_print_is_refused() -> None:
@@ -543,7 +225,7 @@ def test_an_integer_too_long_to_print_is_refused() -> None:
 
 def test_the_covariance_comes_back_from_its_triangle() -> None:
     """Entry (i, j), j <= i, is number i (i + 1) / 2 + j, as the schema says; every digit is kept."""
-    found = json.loads(report(document()).result_json)["code_covariance"]
+    found = json.loads(document_bytes(document()))["code_covariance"]
     i, j = np.tril_indices(72)
     assert np.array_equal(np.array(found)[i * (i + 1) // 2 + j], covariance()[i, j])
     assert len(found) == 72 * 73 // 2
@@ -553,38 +235,27 @@ def test_a_document_of_before_the_proof_is_still_shown() -> None:
     made = document()
     for key in ("code_covariance", "layers_gap", "finish_steps", "evidence", "prior_scale", "choice"):
         del made[key]
-    assert "The proof:" not in report(made).html
-    assert "Which basis answered" not in report(made).html
+    assert "The proof:" not in html_of(made)
+    assert "Which basis answered" not in html_of(made)
     VALIDATOR.validate(made)
 
 
-def test_the_page_says_which_basis_answered() -> None:
-    """With what odds, and why; nothing where the basis was told."""
-    page = report(document()).html
-    assert "<h2>Which basis answered</h2>" in page
-    assert "Sensor family: cameras (48 : 1 against phones). This basis is used alone." in page
-    assert "These odds include the maker&#39;s name" in page
-    assert "With a probability of 0.7 % the camera is unlike" in page
-    assert '<th scope="row">phones</th><td>2</td><td>\u22128.1</td><td>&lt; 0.1 %</td>' in page
-    assert '<th scope="row">cameras</th><td>1</td><td>0.0</td><td>97.3 %</td>' in page
-    assert "Which basis answered" not in report(document() | {"choice": []}).html
-    assert "Which basis answered" not in report(refused()).html
+def test_nothing_is_said_of_a_basis_that_was_told() -> None:
+    assert "Which basis answered" in html_of(document())
+    assert "Which basis answered" not in html_of(document() | {"choice": []})
 
 
-@pytest.mark.parametrize(
-    ("gaps", "steps", "near", "walked"),
-    [
+def test_the_page_says_what_the_proof_is() -> None:
+    for gaps, steps, near, walked in [
         ([4.2e-18], [0], "4.2 × 10<sup>\u221218</sup>", "had nothing to do."),
         ([3e-9], [1], "3.0 × 10<sup>\u22129</sup>", "took 1 step to it."),
         ([3e-9], [17], "3.0 × 10<sup>\u22129</sup>", "took 17 steps to it."),
         ([-1e-17], [0], "0", "had nothing to do."),
         ([0.2, 0.013, 0.4], [5, 0, 11], "0.40", "took 5, 0, 11 steps to it (red, green, blue)."),
-    ],
-)
-def test_the_page_says_what_the_proof_is(gaps: list[float], steps: list[int], near: str, walked: str) -> None:
-    page = report(document() | {"layers_gap": gaps, "finish_steps": steps}).html
-    line = next(line for line in page.splitlines() if "The proof:" in line)
-    assert f"came within {near} of the optimum (relative duality gap); the exact finish {walked}" in line
+    ]:
+        page = html_of(document() | {"layers_gap": gaps, "finish_steps": steps})
+        line = next(line for line in page.splitlines() if "The proof:" in line)
+        assert f"came within {near} of the optimum (relative duality gap); the exact finish {walked}" in line
 
 
 def test_a_document_without_curves_must_be_refused() -> None:
@@ -603,9 +274,8 @@ def test_read_document_gives_back_what_was_written(tmp_path: Path) -> None:
     assert report(again) == report(document())
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
+def test_read_document_refuses_what_is_no_result(tmp_path: Path) -> None:
+    for content, words in [
         (b"", "is not sound JSON"),
         (b'{"format": "camssf-res', "is not sound JSON"),
         (b"\xff\xfe{}", "is not sound JSON"),
@@ -616,18 +286,16 @@ def test_read_document_gives_back_what_was_written(tmp_path: Path) -> None:
         (b'{"l2": ' + b"9" * 5000 + b"}", "is not sound JSON"),
         (b"[]", "must be of type object"),
         (b'{"format": "camssf-patches/1"}', "lacks generator"),
-    ],
-)
-def test_read_document_refuses_what_is_no_result(tmp_path: Path, content: bytes, words: str) -> None:
-    path = tmp_path / "result.json"
-    path.write_bytes(content)
-    with pytest.raises(InvalidArgument, match=words) as caught:
-        read_document(path)
-    assert "result.json" in caught.value.message
+    ]:
+        path = tmp_path / "result.json"
+        path.write_bytes(content)
+        with pytest.raises(InvalidArgument, match=words) as caught:
+            read_document(path)
+        assert "result.json" in caught.value.message
 
 
 def test_read_document_refuses_numbers_beyond_floats(tmp_path: Path) -> None:
-    text = report(document()).result_json.replace(b'"l2": 1.0', b'"l2": 1e999')
+    text = document_bytes(document()).replace(b'"l2": 1.0', b'"l2": 1e999')
     (tmp_path / "result.json").write_bytes(text)
     with pytest.raises(InvalidArgument, match="l2 must be a finite number"):
         read_document(tmp_path / "result.json")
@@ -739,7 +407,7 @@ class Page(HTMLParser):
 
 
 def test_page_is_well_formed_and_accessible() -> None:
-    page = Page(report(document("D55", "A"), [preview(), None]).html)
+    page = Page(html_of(document("D55", "A"), [preview(), None]))
     assert page.open == []
     tags = [tag for tag, _ in page.tags]
     assert set(tags) <= TAGS
@@ -754,7 +422,7 @@ def test_page_is_well_formed_and_accessible() -> None:
 
 
 def test_page_needs_nothing_else() -> None:
-    made = report(document("D55", "A"), [preview(), preview()]).html
+    made = html_of(document("D55", "A"), [preview(), preview()])
     for _, attributes in Page(made).tags:
         assert "src" not in attributes
         for key in ("href", "xlink:href"):
@@ -762,32 +430,32 @@ def test_page_needs_nothing_else() -> None:
     assert not re.search(r"@import|url\((?!#)|https?://", made)
 
 
-def test_page_tells_the_document_s_numbers() -> None:
-    made = document()
-    page = Page(report(made, [preview()]).html)
-    error = sum(made["scores"]["rmsre_percent"]) / 3
-    assert f"{error:.2f} %" in page.text
-    assert "NIKON D5100" in page.text
-    assert "D55" in page.text
-    assert "BabelColor Average" in page.text
-    reason = made["verdict"]["reasons"][0]
-    for words in (reason["message"], reason["advice"], "value 0.012", "limit 0.01", made["truth"]["name"]):
-        assert words in page.text
-    for entry in made["assumptions"]:
-        assert entry["message"] in page.text
-    for digest in (*made["hashes"]["inputs"].values(), made["hashes"]["model"]):
-        assert digest in page.text
-    order = [
-        "Doubtful",
-        "Spectral sensitivity red",
-        "Measured against",
-        "Residuals",
-        "on the photo",
-        "What was assumed",
-    ]
-    found = [page.text.find(words) for words in [*order, "Details", "Hashes"]]
-    assert found == sorted(found)
-    assert found[0] > 0
+def told_pages() -> dict[str, str]:
+    """The words of a page of each status, each line once, without numbers alone.
+
+    The accepted one is of an unnamed light, signed, and compared with another.
+    """
+    accepted = unnamed()
+    accepted["verdict"] |= {"status": "accepted", "reasons": []}
+    for check in accepted["verdict"]["checks"]:
+        if check["name"] == "dirty":
+            check["value"] = 0.5 * check["limit"]
+    pages = {
+        "accepted": html_of(accepted, [preview()], known(accepted)),
+        "doubtful": html_of(document("D55", "A"), [preview()]),
+        "refused": html_of(refused(shots=True), [preview()]),
+    }
+    told = {}
+    for status, each in pages.items():
+        lines = dict.fromkeys(" ".join(word.split()) for word in Page(each).words)
+        told[status] = "".join(f"{line}\n" for line in lines if re.search("[A-Za-z]{3}", line))
+    return told
+
+
+def test_the_pages_words_are_those_that_were_read_and_kept() -> None:
+    """`python tests/test_report.py` writes tests/pages anew; read the difference before you commit it."""
+    for status, words in told_pages().items():
+        assert words.splitlines() == (STORED / f"{status}.txt").read_text("utf-8").splitlines(), status
 
 
 def test_page_says_what_the_curves_are_worth_for_colour() -> None:
@@ -796,32 +464,32 @@ def test_page_says_what_the_curves_are_worth_for_colour() -> None:
     from camssf.spectra import read_lamp
 
     given = document("D55")
-    shown = report(given).html
+    shown = html_of(given)
     found = quality_of(np.array([given["ssf"][c] for c in CHANNELS]).T, "A")
     assert f"Sensitivity metamerism index {found.smi:.0f} " in shown
     assert f"under A {found.matrix.delta_e00['matrix']:.2f} by a matrix" in shown
     rows = re.findall(r"[XYZ] from A&#39;s camera RGB</th>((?:<td>.*?</td>)+)", shown)
     numbers = [[float(n.replace("\u2212", "-")) for n in re.findall(r"<td>(.*?)</td>", row)] for row in rows]
     assert np.abs(np.sum(numbers, axis=1) - white_of(read_lamp("A").values)).max() < 1e-3
-    assert "worth for colour" not in report(refused()).html
+    assert "worth for colour" not in html_of(refused())
 
 
 def test_page_without_bands_says_so() -> None:
     made = document()
     made["ssf_std"] = None
     made["verdict"]["checks"] = [each for each in made["verdict"]["checks"] if each["name"] != "vague"]
-    page = Page(report(made).html)
+    page = Page(html_of(made))
     assert "so there is no band" in page.text
     assert "width of" not in page.text
     assert "band's width" not in page.text
     assert "lopsided" not in page.text
     assert not [a for _, a in page.tags if (a.get("class") or "").startswith("band")]
-    assert "half of the 95 % band's width" in Page(report(document()).html).text
+    assert "half of the 95 % band's width" in Page(html_of(document())).text
 
 
 def test_curves_are_drawn_to_scale() -> None:
     made = document()
-    page = Page(report(made).html)
+    page = Page(html_of(made))
     wide = next(i for i, (_, a) in enumerate(page.tags) if a.get("class") == "plot wide")
     for colour in CHANNELS:
         line = next(a["d"] for _, a in page.tags[wide:] if a.get("class") == f"curve {colour}")
@@ -836,7 +504,7 @@ def test_curves_are_drawn_to_scale() -> None:
 
 def test_tiles_carry_measured_left_and_synthetic_right() -> None:
     made = document()
-    page = Page(report(made).html)
+    page = Page(html_of(made))
     at = [i for i, (_, a) in enumerate(page.tags) if a.get("class") == "tile"]
     assert len(at) == 24
     for i, patch in zip(at, made["shots"][0]["patches"], strict=True):
@@ -852,7 +520,7 @@ def test_residuals_are_predicted_minus_measured() -> None:
     patches = made["shots"][0]["patches"]
     patches[5]["unseen"] = [2.5 * v for v in patches[5]["signal"]]  # + 150 %: beyond any scale
     patches[6]["signal"] = [0.0, 0.1, 0.1]  # no light, no relative error
-    page = report(made).html
+    page = html_of(made)
     rows = re.findall(r'<tr><th scope="row"><span class="swatch".*?</tr>', page, re.DOTALL)
     assert len(rows) == 24
     for patch, row in zip(patches, rows, strict=True):
@@ -875,8 +543,8 @@ def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
     patches = banded["shots"][0]["patches"]
     for patch in patches:
         patch["predicted_std"], patch["unseen_std"] = [0.5] * 3, None if patch["unseen"] is None else [1.0] * 3
-    assert "the measurement&#39;s own noise" in report(plain).html
-    page = report(banded).html
+    assert "the measurement&#39;s own noise" in html_of(plain)
+    page = html_of(banded)
     assert "own noise" not in page
     unseen = sum(patch["unseen"] is not None for patch in patches)
     assert f"Of {3 * unseen} unseen values 100% lie within their bars." in page
@@ -902,42 +570,42 @@ DISPLAY = {
 """What each TIFF orientation does to the stored rows and columns (TIFF 6.0, tag 274)."""
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
-def test_outlines_follow_the_orientation(orientation: int) -> None:
-    stored = np.zeros((5, 7))
-    stored[1, 4] = 1
-    shown = DISPLAY[orientation](stored)
-    (row,), (column,) = np.nonzero(shown)
-    point = photo_view.upright([4, 1], 7, 5, orientation)
-    assert point.tolist() == [column + 0.5, row + 0.5]  # the middle of that pixel
+def test_outlines_follow_the_orientation() -> None:
+    for orientation in range(1, 9):
+        stored = np.zeros((5, 7))
+        stored[1, 4] = 1
+        shown = DISPLAY[orientation](stored)
+        (row,), (column,) = np.nonzero(shown)
+        point = photo_view.upright([4, 1], 7, 5, orientation)
+        assert point.tolist() == [column + 0.5, row + 0.5]  # the middle of that pixel
 
 
-@pytest.mark.parametrize("orientation", [1, 6])
-def test_the_photo_is_drawn_once_and_turned_with_its_outlines(orientation: int) -> None:
-    made = document()
-    made["shots"][0]["photo"]["orientation"] = orientation
-    page = Page(report(made, [preview()]).html)
-    images = [a for tag, a in page.tags if tag == "image"]
-    assert len(images) == 1
-    assert (images[0]["width"], images[0]["height"]) == ("4032", "3024")
-    a, b, c, d, e, f = (int(v) for v in (images[0]["transform"] or "")[7:-1].split())
-    outlines = [tag["points"] for name, tag in page.tags if name == "polygon"]
-    assert len(outlines) == 25
-    quad = np.array(made["shots"][0]["pose"]["patches"][0]) + 0.5
-    want = np.stack([a * quad[:, 0] + c * quad[:, 1] + e, b * quad[:, 0] + d * quad[:, 1] + f], axis=-1)
-    drawn = np.array([pair.split(",") for pair in (outlines[1] or "").split()], dtype=float)
-    np.testing.assert_allclose(drawn, want, atol=0.051)
-    size = (4032, 3024) if orientation == 1 else (3024, 4032)
-    assert any(a.get("viewbox") == f"0 0 {size[0]} {size[1]}" for _, a in page.tags)
+def test_the_photo_is_drawn_once_and_turned_with_its_outlines() -> None:
+    for orientation in [1, 6]:
+        made = document()
+        made["shots"][0]["photo"]["orientation"] = orientation
+        page = Page(html_of(made, [preview()]))
+        images = [a for tag, a in page.tags if tag == "image"]
+        assert len(images) == 1
+        assert (images[0]["width"], images[0]["height"]) == ("4032", "3024")
+        a, b, c, d, e, f = (int(v) for v in (images[0]["transform"] or "")[7:-1].split())
+        outlines = [tag["points"] for name, tag in page.tags if name == "polygon"]
+        assert len(outlines) == 25
+        quad = np.array(made["shots"][0]["pose"]["patches"][0]) + 0.5
+        want = np.stack([a * quad[:, 0] + c * quad[:, 1] + e, b * quad[:, 0] + d * quad[:, 1] + f], axis=-1)
+        drawn = np.array([pair.split(",") for pair in (outlines[1] or "").split()], dtype=float)
+        np.testing.assert_allclose(drawn, want, atol=0.051)
+        size = (4032, 3024) if orientation == 1 else (3024, 4032)
+        assert any(a.get("viewbox") == f"0 0 {size[0]} {size[1]}" for _, a in page.tags)
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(6, 4), (14, 10), (1, 1), (4, 1)])
-@pytest.mark.parametrize("turns", range(4))
-def test_columns_come_from_the_outlines(columns: int, rows: int, turns: int) -> None:
-    i = np.arange(columns * rows)
-    centres = np.stack([i % columns, i // columns], axis=-1) @ np.linalg.matrix_power([[0, 1], [-1, 0]], turns)
-    quads = centres[:, None] + np.array([[0, 0], [0.8, 0.1], [0.9, 0.9], [0, 0.8]])
-    assert patch_view.columns(quads.tolist()) == columns
+def test_columns_come_from_the_outlines() -> None:
+    for (columns, rows), turns in product([(6, 4), (14, 10), (1, 1), (4, 1)], range(4)):
+        i = np.arange(columns * rows)
+        turn = np.linalg.matrix_power([[0, 1], [-1, 0]], turns)
+        centres = np.stack([i % columns, i // columns], axis=-1) @ turn
+        quads = centres[:, None] + np.array([[0, 0], [0.8, 0.1], [0.9, 0.9], [0, 0.8]])
+        assert patch_view.columns(quads.tolist()) == columns, (columns, rows, turns)
 
 
 HOSTILE = (
@@ -1014,7 +682,7 @@ def test_every_check_of_the_verdict_is_listed_with_value_limit_and_margin() -> N
     listed = certificate.checks_of(made)
     given = made["verdict"]["checks"]
     assert sum(len(check.each) for check in listed) == len(given)
-    page = report(made).html
+    page = html_of(made)
     rows = re.findall(r'<tr class="(held|doubtful|refused)"><th scope="row">(.*?)</th>(.*?)</tr>', page, re.DOTALL)
     assert len(rows) == len({check["name"] for check in given})
     shown = {}
@@ -1031,7 +699,7 @@ def test_every_check_of_the_verdict_is_listed_with_value_limit_and_margin() -> N
             assert limit == ("\u2264 " if check["beyond"] == "above" else "\u2265 ") + f"{check['limit']:g}"
             inside = (check["limit"] - check["value"]) * (1 if check["beyond"] == "above" else -1)
             assert float(margin.replace("\u2212", "-")) == pytest.approx(inside, rel=0.05)
-    assert "What was checked" not in report(refused()).html
+    assert "What was checked" not in html_of(refused())
 
 
 def test_a_check_beyond_the_limit_that_refuses_says_so() -> None:
@@ -1042,7 +710,7 @@ def test_a_check_beyond_the_limit_that_refuses_says_so() -> None:
         (shown,) = [c for c in certificate.checks_of(made) if c.what.startswith("signal of the darkest patch")]
         assert shown.state == shown.each[0].state == state
         assert str(shown.each[0].refuses) == "0.25"
-    assert "refused beyond 0.25" in Page(report(made).html).text
+    assert "refused beyond 0.25" in Page(html_of(made)).text
 
 
 def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
@@ -1052,7 +720,7 @@ def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
     assert bare["Valid"] == "unsigned"
     full = {fact.term: fact.text for fact in certificate.facts_of(made, known(made))}
     assert full == {
-        "Camera": "NIKON D5100",
+        "Camera": "NIKON D850",
         "Unit": "serial 6001234",
         "Lens": "AF-S 50mm f/1.8G, 50 mm, f/5.6",
         "Photographed": "2026-11-03 12:04:00+01:00",
@@ -1061,28 +729,28 @@ def test_the_certificate_says_whose_camera_when_and_signed_by_whom() -> None:
         "Chart": "classic24, table BabelColor Average, serial CC-77",
         "Basis": "cameras, onnx engine",
     }
-    unsigned = Page(report(made).html).text
+    unsigned = Page(html_of(made)).text
     assert "Unsigned." in unsigned
     for verified, words in ((True, "Signature verified."), (False, "the signature was not verified")):
-        page = Page(report(made, provenance=known(made, verified=verified)).html).text
+        page = Page(html_of(made, provenance=known(made, verified=verified))).text
         assert words in page
         assert "Unsigned" not in page
         for each in ("0123456789abcdef" * 2, "K" * 43, "5e" * 32, "2026-11-22 09:30:00 UTC"):
             assert each in page
-    assert "Signature" not in Page(report(refused()).html).text
+    assert "Signature" not in Page(html_of(refused())).text
 
 
 def test_what_the_photos_say_of_the_unit(tmp_path: Path) -> None:
-    scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(600, 450)))
-    said = read_provenance([scene.shots[0].chart, tmp_path / "missing.dng"])
-    assert said.unit == read_unit(scene.shots[0].chart).unit
+    photo = photos().shots[0].chart
+    said = read_provenance([photo, tmp_path / "missing.dng"])
+    assert said.unit == read_unit(photo).unit
     assert len(said.captured) == 2
     assert said.captured[1] == ""
 
 
 def test_a_passport_of_another_result_is_refused() -> None:
     made = document()
-    data = report(made).result_json
+    data = document_bytes(made)
     own = replace(passport(made), result_sha256=hashlib.sha256(data).hexdigest())
     check_belongs(own, data)
     with pytest.raises(PassportInvalid, match="belongs to another result"):
@@ -1092,18 +760,18 @@ def test_a_passport_of_another_result_is_refused() -> None:
 # Bands
 
 
-@pytest.mark.parametrize("mean", [-3.0, -0.5, 0.0, 0.3, 1.0, 1.9, 2.1, 4.0, 40.0])
-def test_a_band_holds_95_percent_of_what_can_be(mean: float) -> None:
+def test_a_band_holds_95_percent_of_what_can_be() -> None:
     """Against scipy's truncated normal: the share between the ends, and that no shorter interval has it."""
-    sigma = 0.7
-    low, high = (float(end) for end in possible(np.array(mean * sigma), np.array(sigma)))
-    above_zero = truncnorm(-mean, np.inf, loc=mean * sigma, scale=sigma)
-    assert above_zero.cdf(high) - above_zero.cdf(low) == pytest.approx(0.95, abs=1e-9)
-    shortest = min(above_zero.ppf(q + 0.95) - above_zero.ppf(q) for q in np.linspace(0, 0.05, 2001)[:-1])
-    assert high - low <= shortest * (1 + 1e-4)
-    assert low >= 0
-    assert low <= max(mean, 0) * sigma <= high
-    assert high <= mean * sigma + 1.96 * sigma or mean < 0
+    sigma, parts = 0.7, np.linspace(0, 0.05, 2001)[:-1]
+    for mean in (-3.0, -0.5, 0.0, 0.3, 1.0, 1.9, 2.1, 4.0, 40.0):
+        low, high = (float(end) for end in possible(np.array(mean * sigma), np.array(sigma)))
+        above_zero = truncnorm(-mean, np.inf, loc=mean * sigma, scale=sigma)
+        assert above_zero.cdf(high) - above_zero.cdf(low) == pytest.approx(0.95, abs=1e-9), mean
+        shortest = (above_zero.ppf(parts + 0.95) - above_zero.ppf(parts)).min()
+        assert high - low <= shortest * (1 + 1e-4), mean
+        assert low >= 0
+        assert low <= max(mean, 0) * sigma <= high, mean
+        assert high <= mean * sigma + 1.96 * sigma or mean < 0, mean
 
 
 def test_a_band_never_lies_below_zero_and_is_the_gaussian_far_above() -> None:
@@ -1168,7 +836,7 @@ def test_drawn_and_told_bands_are_those_that_can_be() -> None:
 
 def test_a_lamp_is_drawn_with_its_band() -> None:
     made = document("D55", "A")
-    page = Page(report(made).html)
+    page = Page(html_of(made))
     for j, shot in enumerate(made["shots"]):
         at = next(i for i, (_, a) in enumerate(page.tags) if a.get("id") == f"light-{j + 1}")
         ways = {a.get("class"): a["d"] for tag, a in reversed(page.tags[at : at + 60]) if tag == "path"}
@@ -1180,17 +848,13 @@ def test_a_lamp_is_drawn_with_its_band() -> None:
         assert line[0] == pytest.approx(zero + scale * power[0], abs=0.06)
     for shot in made["shots"]:
         del shot["lamp"]["power"]
-    assert "<h2>The light</h2>" not in report(made).html
+    assert "<h2>The light</h2>" not in html_of(made)
 
 
 def test_an_unnamed_light_is_drawn_with_its_kinds_and_their_probabilities() -> None:
-    page = Page(report(unnamed()).html)
-    for words in ("The estimated light", "daylight 93.0 %", "white-led 4.0 %", "bulb < 0.1 %"):
-        assert words in page.text
-    assert "5,480 ± 210 K" in page.text
+    page = Page(html_of(unnamed()))
     bars = [a["style"] for _, a in page.tags if a.get("class") == "bar"]
     assert bars == ["--share:0.9300", "--share:0.0400", "--share:0.0300", "--share:0.0000"]
-    assert "Share of the light in the curves' variance: red 10 %, green 15 %, blue 17 %" in page.text
 
 
 def patches_of(signal: np.ndarray, error: np.ndarray, predicted: np.ndarray) -> list[Document]:
@@ -1228,7 +892,7 @@ def test_strange_numbers_still_draw() -> None:
         return np.where(draw.random(shape) < 0.5, draw.choice(odd, shape), draw.lognormal(-2, 3, shape))
 
     drawn = 0
-    for _ in range(150):
+    for _ in range(75):
         n = int(draw.choice([1, 3, 6, 24]))
         patches = patches_of(numbers(n, 3), np.abs(numbers(n, 3)), numbers(n, 3))
         plain = [{"name": "", "used": True, "reflectance_srgb": [0, 0, 0], **patch} for patch in patches]
@@ -1243,18 +907,18 @@ def test_strange_numbers_still_draw() -> None:
             if found is not None:
                 plot = found.plot if isinstance(found, drawings.Scatter) else found
                 assert not re.search(r"\b(nan|inf)\b", repr(plot).replace("label=", ""))
-    assert drawn > 300
+    assert drawn > 150
 
 
-@pytest.mark.parametrize("exponent", [0.85, 1.0, 1.2])
-def test_linearity_finds_a_tone_curve(exponent: float) -> None:
-    predicted = np.geomspace(0.03, 0.9, 24)[:, None] * np.array([1.0, 0.9, 0.8])
-    signal = predicted**exponent
-    signal[3] *= 3  # one strange patch turns nothing
-    drawn = drawings.linearity_plot(patches_of(signal, 0.01 * signal, predicted), "linearity")
-    assert drawn is not None
-    assert drawn.found == pytest.approx((exponent,) * 3, abs=1e-9)
-    assert drawings.linearity_plot(patches_of(signal, signal, predicted * np.nan), "linearity") is None
+def test_linearity_finds_a_tone_curve() -> None:
+    for exponent in [0.85, 1.0, 1.2]:
+        predicted = np.geomspace(0.03, 0.9, 24)[:, None] * np.array([1.0, 0.9, 0.8])
+        signal = predicted**exponent
+        signal[3] *= 3  # one strange patch turns nothing
+        drawn = drawings.linearity_plot(patches_of(signal, 0.01 * signal, predicted), "linearity")
+        assert drawn is not None
+        assert drawn.found == pytest.approx((exponent,) * 3, abs=1e-9)
+        assert drawings.linearity_plot(patches_of(signal, signal, predicted * np.nan), "linearity") is None
 
 
 def test_the_scale_of_residuals_fits_the_data() -> None:
@@ -1289,8 +953,8 @@ def test_another_result_is_compared() -> None:
     other = document("A")
     shift = 40  # steps of 0.5 nm
     other["ssf"]["green"] = np.roll(other["ssf"]["green"], shift).tolist()
-    page = Page(report(made, provenance=Provenance(other=other, other_name="2025/result.json")).html)
-    for words in ("Compared with another result", "2025/result.json", "NIKON D5100; doubtful, A, basis cameras"):
+    page = Page(html_of(made, provenance=Provenance(other=other, other_name="2025/result.json")))
+    for words in ("Compared with another result", "2025/result.json", "NIKON D850; doubtful, A, basis cameras"):
         assert words in page.text
     assert "another camera" not in page.text
     found = comparison_of(made, other, "x")
@@ -1315,7 +979,7 @@ def test_another_result_is_compared() -> None:
     assert green.endswith("its peak moved by \u221220.0 nm.")
     assert "The curves agree in red and blue and differ in green." in page.text
     other["camera"]["model"] = "D70"
-    assert "It names another camera." in report(made, provenance=Provenance(other=other)).html
+    assert "It names another camera." in html_of(made, provenance=Provenance(other=other))
     assert comparison_of(made, None, "") is None
     assert comparison_of(refused(), other, "") is None
     other["ssf_std"] = None
@@ -1370,10 +1034,10 @@ def test_templates_escape_whatever_they_are_given() -> None:
     unit = Unit(*[HOSTILE] * 5)
     spoilt = replace(provenance.signature.passport, unit=unit, captured=HOSTILE, chart_serial=HOSTILE)
     page = Page(
-        report(
+        html_of(
             made,
             provenance=replace(provenance, signature=Signature(spoilt, HOSTILE, False), other_name=HOSTILE),
-        ).html
+        )
     )
     assert page.open == []
     assert {tag for tag, _ in page.tags} <= TAGS
@@ -1383,20 +1047,18 @@ def test_templates_escape_whatever_they_are_given() -> None:
 # Refused
 
 
-@pytest.mark.parametrize("shots", [False, True])
-def test_a_refused_capture_says_why(shots: bool) -> None:
-    made = refused(shots=shots)
-    result = report(made, [preview()] if shots else [])
-    assert result.ssf_csv is None
-    assert result.ssf_png is None
-    VALIDATOR.validate(json.loads(result.result_json))
-    page = Page(result.html)
-    reason = made["verdict"]["reasons"][0]
-    for words in ("Refused", reason["message"], reason["advice"], "chart_not_found", "What was assumed", "Hashes"):
-        assert words in page.text
-    assert ("on the photo" in page.text) == shots
-    for words in ("Residuals", "synthetic", "RMSRE"):
-        assert words not in page.text
+def test_a_refused_capture_has_no_curves() -> None:
+    for shots in (False, True):
+        made = refused(shots=shots)
+        result = report(made, [preview()] if shots else [])
+        assert result.ssf_csv is None
+        assert result.ssf_png is None
+        VALIDATOR.validate(json.loads(result.result_json))
+        words = Page(result.html).text
+        reason = made["verdict"]["reasons"][0]
+        assert reason["message"] in words
+        assert reason["advice"] in words
+        assert ("on the photo" in words) == shots
 
 
 # On disk
@@ -1441,55 +1103,49 @@ def test_a_refused_result_replaces_no_curves(tmp_path: Path) -> None:
     assert [path.parent for path in second.save(tmp_path / "refused")] == [tmp_path / "refused"] * 4
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("content", ["", "[]", '{"verdict": 1}', '{"verdict": {"status": "doubtful"}}'])
-def test_a_refused_result_replaces_no_file_that_it_does_not_know(tmp_path: Path, name: str, content: str) -> None:
+def test_a_refused_result_replaces_no_file_that_it_does_not_know(tmp_path: Path) -> None:
     _, _, refusal = results()
-    (tmp_path / name).write_text(content)
-    refusal.save(tmp_path)
-    assert (tmp_path / name).read_text() == content
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, "refused"])
+    contents = ("", "[]", '{"verdict": 1}', '{"verdict": {"status": "doubtful"}}')
+    for number, (name, content) in enumerate(product(NAMES, contents)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / name).write_text(content)
+        refusal.save(folder)
+        assert (folder / name).read_text() == content
+        assert sorted(path.name for path in folder.iterdir()) == sorted([name, "refused"]), (name, content)
 
 
-@pytest.mark.parametrize("earlier", [False, True])
-@pytest.mark.parametrize("which", ["result", "refusal"])
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("call", ["write", "replace"])
-@pytest.mark.parametrize("turn", range(4))
-def test_save_is_all_or_none(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    earlier: bool,
-    which: str,
-    error: BaseException,
-    call: str,
-    turn: int,
-) -> None:
-    first, second, refusal = results()
-    coming = second if which == "result" else refusal
-    folder = tmp_path / "deep" / "out"
-    if earlier:
-        first.save(folder)
-    before = state(tmp_path)
-    name = "fsync" if call == "write" else "replace"
-    real, calls = getattr(os, name), 0
+def failing(real: Callable[..., Any], turn: int, error: BaseException) -> Callable[..., Any]:
+    """A function that fails at its call of this number, from 0 on."""
+    calls = itertools.count()
 
-    def failing(*args: Any) -> Any:
-        nonlocal calls
-        calls += 1
-        if calls == turn + 1:
+    def call(*args: Any) -> Any:
+        if next(calls) == turn:
             raise error
         return real(*args)
 
-    monkeypatch.setattr(os, name, failing)
-    if turn >= (4 if which == "result" else 2):
-        coming.save(folder)  # there is no such call: nothing fails
-        return
-    with pytest.raises(InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt):
-        coming.save(folder)
-    monkeypatch.undo()
-    assert calls >= turn + 1
-    assert state(tmp_path) == before
+    return call
+
+
+def test_save_is_all_or_none(tmp_path: Path) -> None:
+    """Whichever file cannot be written or put in its place, over an earlier result or not."""
+    first, second, refusal = results()
+    errors = (OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt())
+    comings = [(second, turn) for turn in range(4)] + [(refusal, turn) for turn in range(2)]
+    for number, (earlier, (coming, turn), error, name) in enumerate(
+        product((False, True), comings, errors, ("fsync", "replace"))
+    ):
+        folder = tmp_path / str(number) / "out"
+        if earlier:
+            first.save(folder)
+        before = state(tmp_path)
+        expected = InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(os, name, failing(getattr(os, name), turn, error))
+            with pytest.raises(expected):
+                coming.save(folder)
+        assert state(tmp_path) == before, (earlier, turn, error, name)
+        shutil.rmtree(tmp_path / str(number), ignore_errors=True)
 
 
 def test_a_real_limit_on_file_size_leaves_nothing(tmp_path: Path) -> None:
@@ -1589,14 +1245,14 @@ def shown() -> dict[str, str]:
     named = [patches[k % 24] | {"name": f"{chr(65 + k % 14)}{k // 14 + 1}"} for k in i.tolist()]
     large["shots"][0]["patches"] = named
     return {
-        "one shot": report(document(), [preview()], provenance=known(document())).html,
-        "two shots": report(document("D55", "A"), [preview(), None]).html,
-        "an unnamed light": report(unnamed(), [preview()]).html,
-        "refused": report(refused()).html,
-        "refused, with its photo": report(unplaced(), [preview()]).html,
-        "refused, measured": report(refused(shots=True), [preview()]).html,
-        "140 patches": report(large).html,
-        "long names": report(hostile(document(), "A_name_without_a_gap_" * 20), [preview()]).html,
+        "one shot": html_of(document(), [preview()], provenance=known(document())),
+        "two shots": html_of(document("D55", "A"), [preview(), None]),
+        "an unnamed light": html_of(unnamed(), [preview()]),
+        "refused": html_of(refused()),
+        "refused, with its photo": html_of(unplaced(), [preview()]),
+        "refused, measured": html_of(refused(shots=True), [preview()]),
+        "140 patches": html_of(large),
+        "long names": html_of(hostile(document(), "A_name_without_a_gap_" * 20), [preview()]),
     }
 
 
@@ -1764,6 +1420,11 @@ def test_the_saved_page_in_a_browser(tmp_path: Path) -> None:
     report(document(), [preview()]).save(tmp_path / "out")
     dom, console = browse(tmp_path / "out" / "report.html", tmp_path / "profile")
     assert console == []
-    assert "NIKON D5100" in dom
+    assert "NIKON D850" in dom
     assert "0.8310" in dom
     assert "\u2212" in dom  # read as UTF-8
+
+
+if __name__ == "__main__":
+    for status, words in told_pages().items():
+        (STORED / f"{status}.txt").write_text(words, "utf-8")

@@ -102,6 +102,7 @@ def test_tikhonov_is_its_closed_form() -> None:
     assert method("tikhonov").estimate(given, w)[::10] == pytest.approx(nodes, rel=1e-6, abs=1e-8)
 
 
+@pytest.mark.full
 def test_the_quadratic_programme_is_solved() -> None:
     """Against Clarabel, and by its optimality conditions."""
     cp = pytest.importorskip("cvxpy")
@@ -201,6 +202,7 @@ def test_the_pseudo_inverse_is_the_smallest_solution() -> None:
     assert pinv.estimate(given, 0.0) == pytest.approx(np.maximum(smallest, 0.0), rel=1e-5, abs=1e-7)
 
 
+@pytest.mark.full
 def test_the_smallest_non_negative_solution() -> None:
     """Against Clarabel: min ‖s‖ under F s = y, s ≥ 0; on ten patches, whose equations it can meet."""
     cp = pytest.importorskip("cvxpy")

@@ -150,22 +150,19 @@ def test_every_changed_number_is_noticed_by_a_golden_case() -> None:
     assert mutate_rules.survivors(mutate_rules.python, CHEAP, mutate_rules.CHEAP) == []
 
 
-def test_the_mutation_run_can_fail(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A number that no case looks at: `calibration.folds` in the cheap stages."""
-    monkeypatch.setattr(mutate_rules, "STAGES", ("signals",))
-    assert mutate_rules.main(["--only", "calibration.folds"]) == 1
-    assert "NO REASON" in capsys.readouterr().out
-    monkeypatch.setattr(mutate_rules, "EQUIVALENT", {f"calibration.folds {how}": "so" for how in ("+ 1", "- 1")})
-    assert mutate_rules.main(["--only", "calibration.folds"]) == 0
-
-
-def test_without_a_jar_kotlin_is_skipped_visibly(
+def test_the_mutation_run_can_fail(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A number that no case looks at: `calibration.folds` in the cheap stages. Without a jar Kotlin is skipped."""
     monkeypatch.setattr("benchmarks.kernels.kotlin_calibrate.BINDINGS", tmp_path)
     monkeypatch.setattr(mutate_rules, "STAGES", ("signals",))
-    assert mutate_rules.main(["--kotlin", "--only", "signals.lost +"]) == 0
-    assert "Kotlin: SKIPPED" in capsys.readouterr().out
+    assert mutate_rules.main(["--only", "calibration.folds +"]) == 1
+    assert "NO REASON" in capsys.readouterr().out
+    monkeypatch.setattr(mutate_rules, "EQUIVALENT", {"calibration.folds + 1": "so"})
+    assert mutate_rules.main(["--kotlin", "--only", "calibration.folds +"]) == 0
+    out = capsys.readouterr().out
+    assert "survives: so" in out
+    assert "Kotlin: SKIPPED" in out
 
 
 @pytest.mark.full

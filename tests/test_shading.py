@@ -22,7 +22,7 @@ from camssf.photo.shot import Shot
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
-from tests.scenes import SIZE, mosaic, shoot
+from tests.scenes import mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 PATCH = Pose("classic24", np.zeros((4, 2)), np.array([10.0 + 80 * SQUARE]), 0, "by hand", 1.0, ())
@@ -169,7 +169,7 @@ def test_what_is_asked_for_must_exist() -> None:
 
 # -- a simulated phone --------------------------------------------------------------------------------------------
 
-SHADED = Scene(size=SIZE, vignetting=0.5, fill=0.8)
+SHADED = Scene(size=(900, 675), vignetting=0.5, fill=0.8)
 
 
 def phone(samples: np.ndarray, sensor: Sensor, vignetting: float) -> bytes:

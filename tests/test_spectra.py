@@ -822,6 +822,7 @@ def test_nothing_warns_without_the_optional_packages() -> None:
         "from camssf.spectra import read_camera, read_chart, read_lamp\n"
         "assert 'colour' not in sys.modules\n"
         "read_lamp('D55'), read_lamp('D:5000'), read_chart('classic24'), read_camera('Nikon 5100 (NPL)')\n"
+        "assert 'colour' not in sys.modules\nfrom camssf.spectra import colour_science\ncolour_science()\n"
     )
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False, timeout=120

@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -182,18 +180,6 @@ def test_drift_is_found(part: str) -> None:
     FALSE[part](stored)
     (fault,) = tabulate.drift(stored, made)
     assert part in fault
-
-
-def test_lamps_and_charts_by_name_need_no_colour_science() -> None:
-    code = (
-        "import sys; from camssf.spectra import chart_names, lamp_names, read_chart, read_lamp\n"
-        "for name in lamp_names(): read_lamp(name)\n"
-        "for name in chart_names(): read_chart(name)\n"
-        "read_lamp('2856K'); read_lamp('D:5500')\n"
-        "print(sorted({name.partition('.')[0] for name in sys.modules} & {'colour', 'scipy', 'matplotlib'}))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout == "[]\n"
 
 
 def test_planck_by_hand() -> None:

@@ -169,8 +169,9 @@ def test_the_page_keeps_its_results_when_only_the_tests_are_made_anew() -> None:
 def test_ci_checks_the_trace_with_its_own_results() -> None:
     text = (ROOT / ".ci" / "run").read_text("utf-8")
     (line,) = [line for line in text.splitlines() if line.startswith('run "trace"')]
-    assert '--results "$log/pytest.xml" android-bindings' in line
+    assert '--results "$log"/pytest*.xml android-bindings' in line
     assert 'PYTEST_ADDOPTS="-n 2 --junitxml=$log/pytest.xml"' in text
+    assert 'PYTEST_ADDOPTS="-n 2 --junitxml=$log/pytest-full.xml"' in text
 
 
 # -- what is not proven, and what may be claimed --------------------------------------------------------------------

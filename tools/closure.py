@@ -10,8 +10,8 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("passport", "fleet")
-"""Extras for users; `dev` and `export` are for developers."""
+EXTRAS = ("passport", "fleet", "colour-science", "cxf")
+"""Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
 CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",

@@ -163,7 +163,8 @@ def survivors(reader: Reader, found: Sequence[Mutant], stages: Sequence[str], wo
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             (folder / "rules.json").write_text(json.dumps(mutant.document, ensure_ascii=False), "utf-8")
-            return mutant.name, reader(folder, stages) is None
+            own_first = sorted(stages, key=lambda stage: not mutant.name.startswith(f"{stage}."))
+            return mutant.name, reader(folder, own_first) is None
 
     with tempfile.TemporaryDirectory() as place:
         shutil.copy(PLACE, place)

@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         packages = closure()
     except PackageNotFoundError as error:
-        print(f"{error.name} is not installed here. Install camssf[passport,fleet] first.", file=sys.stderr)
+        print(f"{error.name} is not installed here. Install camssf[test] first.", file=sys.stderr)
         return 1
     options.out.parent.mkdir(parents=True, exist_ok=True)
     write_file(options.out, json.dumps(document(packages), indent=2, ensure_ascii=False) + "\n")

@@ -155,12 +155,12 @@ def _place(path: Path, root: Path) -> str:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Surefire's files anywhere below the folder, and pytest's file in it."""
-    return sorted({*folder.glob("**/TEST-*.xml"), *folder.glob("pytest.xml")})
+    """Surefire's files anywhere below the folder, and pytest's files in it, one a run."""
+    return sorted({*folder.glob("**/TEST-*.xml"), *folder.glob("pytest*.xml")})
 
 
 def read_results(paths: Sequence[Path]) -> Results:
-    """The results in JUnit XML files; for a folder, in all TEST-*.xml below it and its pytest.xml."""
+    """The results in JUnit XML files; for a folder, in all TEST-*.xml below it and its pytest*.xml."""
     files = [file for path in paths for file in (_inside(path) if path.is_dir() else [path])]
     found: dict[tuple[str, str], Counts] = {}
     for file in files:

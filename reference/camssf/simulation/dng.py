@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.simulation.shot_plan import FileTags
-from camssf.spectra import CameraCurves, colour_science
+from camssf.spectra import CameraCurves
+from camssf.spectra.bundled import illuminant, observer_1931
 
 MAKE = "camssf"
 """Maker in the tags of a simulated photo."""
@@ -83,10 +84,7 @@ def write_truth(path: Path, camera: CameraCurves) -> None:
 
 def _color_matrix(camera: CameraCurves) -> Floats:
     """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, rows scaled to keep white."""
-    colour = colour_science()
-    shape = colour.SpectralShape(380, 720, STEP)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
-    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape).values
+    observer, daylight = observer_1931(), illuminant("D65")
     weights = np.sqrt(daylight)[:, None]
     matrix = np.linalg.lstsq(weights * observer, weights * camera.values, rcond=None)[0].T
     white = daylight @ observer / (daylight @ observer[:, 1])

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import colour_science, read_lamp
+from camssf.spectra import read_lamp
+from camssf.spectra.bundled import observer_1931
 
 
 def ink_jet_copy(wanted: Floats) -> Floats:
     """(n, 681) reflectance of ink amounts whose XYZ under D50 comes closest to that of `wanted`."""
     from scipy.optimize import least_squares
 
-    colour = colour_science()
-    shape = colour.SpectralShape(380, 720, 0.5)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
-    weights = observer * read_lamp("D50").values[:, None]
+    weights = observer_1931() * read_lamp("D50").values[:, None]
     weights = weights / weights[:, 1].sum()
     bands = ((605.0, 720.0), (505.0, 585.0), (375.0, 490.0))  # absorbed by cyan, magenta, yellow
     ink = np.array(

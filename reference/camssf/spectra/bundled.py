@@ -44,6 +44,14 @@ def illuminant(name: str) -> Floats:
 
 
 @cache
+def observer_1931() -> Floats:
+    """The CIE 1931 observer x̄ ȳ z̄ on the grid, (681, 3); smooth between its 1-nm nodes."""
+    entry = bundled()["observer"]
+    functions = [sprague(entry["start"], entry["step"], np.array(entry[name])) for name in "xyz"]
+    return _shared(np.stack(functions, axis=1))
+
+
+@cache
 def reflectances(table: str) -> Floats:
     """A bundled chart table on the grid, (n, 681); smooth between its nodes."""
     entry = bundled()["tables"][table]

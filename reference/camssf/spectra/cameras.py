@@ -6,6 +6,7 @@ colour-science. Curves are interpolated smoothly, with Sprague's method, as refl
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,7 +20,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.objects import Name, Pair
-from camssf.spectra.sampled import check_wavelengths, colour_science, frozen, smooth, text_of
+from camssf.spectra.sampled import check_wavelengths, frozen, smooth, text_of
 from camssf.spectra.tables import read_curves
 from camssf.spectra.text import is_file, looks_like_file, nearest, plain
 
@@ -64,7 +65,7 @@ SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
 
 
 LIBRARY = ("Nikon 5100 (NPL)", "Sigma SDMerill (NPL)")
-"""The cameras of colour-science, which is loaded only if one of them is requested."""
+"""Colour-science's cameras, in data/npl.json, which `python -m tools.npl` writes."""
 
 
 def camera_names() -> tuple[str, ...]:
@@ -127,8 +128,9 @@ def _known_camera(name: str) -> CameraCurves:
     nodes = shipped_cameras().get(name)
     if nodes is not None:
         return CameraCurves(name, _on_grid(WAVELENGTHS[::10], nodes), f"{name} ({SHIPPED_SOURCE})")
-    table = colour_science().MSDS_CAMERA_SENSITIVITIES[name]
-    values = _on_grid(np.asarray(table.wavelengths), np.asarray(table.values))
+    table = json.loads((files("camssf") / "data" / "npl.json").read_text("utf-8"))["cameras"][name]
+    curves = np.array(table["values"])
+    values = _on_grid(table["start"] + table["step"] * np.arange(len(curves)), curves)
     return CameraCurves(name, values, f"{name} (colour-science)")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from functools import cache
 from os import PathLike
 from pathlib import Path
@@ -14,6 +15,7 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import check_local
 from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.libraries import library
 from camssf.spectra.bundled import sprague
 
 # A table must cover this range without a larger gap, nm.
@@ -22,18 +24,16 @@ _FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
 
 @cache
 def colour_science() -> Any:
-    """Import colour-science on first use, without its warnings about optional packages that camssf does not use."""
+    """Import colour-science on first use, without its warnings about optional packages that camssf does not use.
+
+    Raises:
+        InvalidArgument: it is not installed.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
+        with suppress(ImportError):
             prepare_matplotlib()  # colour-science loads it
-            import colour
-        except ImportError as error:
-            raise InvalidArgument(
-                f"This needs colour-science, which is not installed ({error}).",
-                "Run pip install colour-science matplotlib.",
-            ) from error
-    return colour
+        return library("colour", "An object of colour-science needs", "colour-science")
 
 
 def smooth(wavelengths: Floats, values: Floats) -> Floats:

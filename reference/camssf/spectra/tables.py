@@ -14,6 +14,7 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.libraries import library
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.readers.cgats import exact_wavelengths, shows_light
 from camssf.spectra.text import nearest, numbers_of, read_bytes, read_text, rows_of, tokens_of, wavelength_of
@@ -250,14 +251,7 @@ def _cxf(data: bytes, path: Path) -> SpectraTable:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            try:
-                import colour_cxf
-                from colour_cxf.cxf3 import ReflectanceSpectrum
-            except ImportError as error:
-                raise InvalidArgument(
-                    f"{path} is CxF, which needs the library colour-cxf, which is not installed.",
-                    "Run pip install colour-cxf, or save the table as CSV or CGATS.",
-                ) from error
+            colour_cxf = library("colour_cxf", f"{path} is CxF, which needs", "cxf")
             resources: Any = colour_cxf.read_cxf(data).resources
         ranges: dict[Any, Any] = {
             each.id: each.measurement_spec.wavelength_range
@@ -268,7 +262,7 @@ def _cxf(data: bytes, path: Path) -> SpectraTable:
             (str(item.name), spectrum, ranges.get(spectrum.color_specification))
             for item in resources.object_collection.object_value
             for spectrum in (item.color_values.choice if item.color_values is not None else ())
-            if isinstance(spectrum, ReflectanceSpectrum)
+            if isinstance(spectrum, colour_cxf.cxf3.ReflectanceSpectrum)
         ]
         grids = [
             (spectrum.start_wl or span.start_wl) + span.increment * np.arange(len(spectrum.value), dtype=np.float64)
