@@ -400,10 +400,12 @@ def good(result: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.requirement("R-REFUSAL")
 @pytest.mark.parametrize(
-    "photo",
-    ["typo.dng", "folder", "empty.dng", "picture.jpg", "note.dng", "s3://bucket/photo.dng", "white: typo.dng"],
+    ("photo", "lamp"),
+    [
+        *((name, "D55") for name in ("typo.dng", "folder", "empty.dng", "picture.jpg", "note.dng")),
+        *((name, lamp) for name in ("s3://bucket/photo.dng", "white: typo.dng") for lamp in ("D55", "tungstn")),
+    ],
 )
-@pytest.mark.parametrize("lamp", ["D55", "tungstn"])
 def test_a_wrong_input_writes_nothing_and_deletes_nothing(
     photo: str,
     lamp: str,

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
-from scipy.stats import multivariate_normal
 
 from camssf.recovery import pivoting as walking
 from camssf.recovery.duality_gap import duality_gap
@@ -420,6 +419,8 @@ def test_channels_without_common_errors_are_three_problems() -> None:
 @pytest.mark.parametrize("which", ["random", "joint", "modes"])
 def test_the_evidence_is_the_density_of_the_target(which: str) -> None:
     """ln N(b; 0, Σ + A Aᵀ) without its 2π, by SciPy's eigenvalues."""
+    from scipy.stats import multivariate_normal
+
     sensing = {
         "random": lambda: random_sensing(7, 20, 12, correlated=True),
         "joint": lambda: joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02),

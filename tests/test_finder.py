@@ -70,16 +70,6 @@ def test_without_a_whole_chart_there_is_none(drawing: Drawing) -> None:
     assert preview(drawing) == FoundCharts((), ("none",))
 
 
-def test_the_bars_count_enough_pictures() -> None:
-    assert len(SCENES) == 18
-    assert len(DRAWINGS) >= 40
-    assert {d.behind for d in DRAWINGS} >= {"books", "tiles", "keys", "window", "checks"}
-    assert min(d.fill for d in DRAWINGS) <= 0.1
-    assert max(d.fill for d in DRAWINGS) >= 0.9
-    assert max(abs(d.tilt) for d in DRAWINGS) >= 55
-    assert min(d.stops for d in DRAWINGS) <= -4
-
-
 @pytest.mark.requirement("R-FINDER")
 def test_the_real_photo() -> None:
     """Before it is refined within a twentieth of a patch of where the refined pose lies."""

@@ -27,14 +27,14 @@ from camssf.exports import export
 from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
 from camssf.result import Refusal, Result, SavedResult
-from camssf.simulation.frames import Simulation, simulate
-from camssf.simulation.scene import Scene
+from camssf.simulation.frames import Simulation
 from camssf.spectra import read_camera, read_chart, read_lamp, read_light
+from tests.captures import photos
 
 
 @pytest.fixture(scope="module")
-def shot(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
-    return simulate("Nikon 5100 (NPL)", "D55", tmp_path_factory.mktemp("shot"), scene=Scene(size=(900, 675)))
+def shot() -> Simulation:
+    return photos()
 
 
 @pytest.fixture(scope="module")

@@ -158,31 +158,25 @@ def test_version_is_the_package_s() -> None:
 @cache
 def imports(stage: str, *, typed: bool = False) -> list[tuple[str, bool]]:
     """(module, at the top?) of every import of a stage; those for type checkers only where `typed`."""
-    whole = tree(stage)
-    typing_only = {
-        id(node)
-        for block in ast.walk(whole)
-        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.unparse(block.test)
-        for node in ast.walk(block)
-    }
-    lazy = {
-        id(node)
-        for function in ast.walk(whole)
-        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
-        for node in ast.walk(function)
-    }
-    found = []
-    for node in ast.walk(whole):
-        if id(node) in typing_only and not typed:
-            continue
+    found: list[tuple[str, bool]] = []
+
+    def visit(node: ast.AST, top: bool) -> None:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) and not typed:
+            return
         if isinstance(node, ast.Import):
-            found += [(alias.name, id(node) not in lazy) for alias in node.names]
+            found.extend((alias.name, top) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{stage}: relative import"
             if node.module == "camssf":
-                found += [(f"camssf.{alias.name}", id(node) not in lazy) for alias in node.names]
+                found.extend((f"camssf.{alias.name}", top) for alias in node.names)
             else:
-                found.append((node.module or "", id(node) not in lazy))
+                found.append((node.module or "", top))
+        elif isinstance(node, ast.stmt | ast.Module | ast.excepthandler | ast.match_case):
+            top = top and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            for part in ast.iter_child_nodes(node):
+                visit(part, top)
+
+    visit(tree(stage), True)
     return found
 
 

@@ -899,8 +899,9 @@ def run(folder: Path, *words: str, stdin: bytes = b"") -> Done:
     with chdir(folder), redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patched:
         patched.setattr("sys.stdin", given)
         status = cli.main(["passport", *words])
-    out.flush(), err.flush()
-    return Done(status, out.buffer.getvalue(), err.buffer.getvalue())  # type: ignore[attr-defined]
+    out.flush()
+    err.flush()
+    return Done(status, out.buffer.getvalue(), err.buffer.getvalue())
 
 
 def test_sign_verify_show(desk: Path) -> None:

@@ -155,7 +155,8 @@ def test_a_damaged_file_is_named(one: Registry, tmp_path: Path) -> None:
     spoilt += [flipped(whole, len(whole) - back) for back in range(500, 3500, 500)]
     for number, data in enumerate(spoilt):
         files[1].write_bytes(data)
-        for attempt in (one.listing, one.gather, lambda: one.export(tmp_path / "all.parquet")):
+        attempts = (one.listing, one.gather, lambda: one.export(tmp_path / "all.parquet"))
+        for attempt in attempts if number in (0, 4) else attempts[number % 3 :][:1]:
             with pytest.raises(InvalidArgument, match=files[1].name) as caught:
                 attempt()
             assert "Move it away" in caught.value.advice, number
@@ -181,11 +182,12 @@ def test_curves_that_cannot_be_are_named(tmp_path: Path) -> None:
         curves[1, 30] = wrong
         one.add([*history(5, 0), made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
         (place,) = (one.folder / "results").glob("*.parquet")
-        for attempt in (
+        attempts = [
             lambda one=one: compare.spread(one, Unit(model="Model")),
             lambda one=one: drift_of(one, Unit(serial="A1")),
             lambda one=one: compare.nearest(one, bells()),
-        ):
+        ]
+        for attempt in attempts if wrong == 7.0 else attempts[:1]:
             with pytest.raises(InvalidArgument, match=f"{place.name} is damaged: of the result 00000000000"):
                 attempt()
 

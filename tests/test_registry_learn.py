@@ -160,6 +160,7 @@ def test_photos_that_say_nothing_change_nothing() -> None:
 
 
 @pytest.mark.requirement("R-LEARN")
+@pytest.mark.full
 def test_a_population_is_found_again() -> None:
     """Two-level, of photos that say half of it: mean, between and within, in simulated measurements of known size."""
     rng = np.random.default_rng(3)
@@ -229,6 +230,8 @@ def test_a_registry_learns_its_phones(registry: Registry, tmp_path: Path) -> Non
     old_, all_, own = (np.mean(each) for each in wrong.values())
     assert own < 0.9 * old_
     assert own < all_ < 1.02 * old_
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(lesson.document())
     lesson.save(tmp_path / "own.npz")
     kept = read_basis(str(tmp_path / "own.npz"))
     assert kept.mean[:, ::10] == pytest.approx(lesson.mean)
@@ -423,11 +426,9 @@ def test_the_command(registry: Registry, tmp_path: Path, capsys: pytest.CaptureF
     words = " ".join(err.split())
     assert "nats a photo, 95 % interval" in words
     assert "from 4 models, each left out in turn (Student's t, 3 degrees of freedom)" in words
-    assert run("learn", registry.folder, "-o", tmp_path / "own.npz", "--model", "P2") == 0
-    schema.validate(json.loads(capsys.readouterr().out))
     assert run("learn", registry.folder, "-o", tmp_path / "own.txt") == InvalidArgument.exit_status
     assert run("learn", registry.folder, "-o", tmp_path / "no.npz", "--basis", "cameras") == 2
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["ours.npz", "own.npz", "phones"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ours.npz", "phones"]
     basis: Basis = read_basis(str(tmp_path / "ours.npz"))
     assert basis.prior
 
