@@ -32,15 +32,16 @@ CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
 
 
 @contextmanager
-def standing_in(basis: Basis) -> Iterator[None]:
-    """Within, the reference engine reads this one for the shipped basis of its name: `auto` on a camera left out."""
+def standing_in(*others: Basis) -> Iterator[None]:
+    """Within, the reference engine reads these for the shipped bases of their names: `auto` on a camera left out."""
     shipped = bases.basis_file
 
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "basis.npz"
-        nodes = {"mean": basis.mean[:, ::10], "dictionary": basis.dictionary[:, ::10]}
-        np.savez(path, **nodes, source=np.array(basis.source))
-        bases.basis_file = lambda spec: path if spec == basis.name else shipped(spec)
+        paths = {basis.name: Path(folder) / f"{basis.name}.npz" for basis in others}
+        for basis in others:
+            nodes = {"mean": basis.mean[:, ::10], "dictionary": basis.dictionary[:, ::10]}
+            np.savez(paths[basis.name], **nodes, source=np.array(basis.source))
+        bases.basis_file = lambda spec: paths[spec] if spec in paths else shipped(spec)
         bases.read_basis.cache_clear()
         try:
             yield

@@ -38,6 +38,14 @@ PHONE = {
     ],
 }  # fmt: skip
 """Near the mean of the phones."""
+YELLOW_PHONE = {
+    "bells": [
+        PHONE["bells"][0],
+        PHONE["bells"][1] + [[0.5 * height, centre, width] for height, centre, width in PHONE["bells"][0]],
+        PHONE["bells"][2],
+    ],
+}
+"""The same with yellow in green's place, G + 0.5 R."""
 BETWEEN = {
     "bells": [
         [[0.636, 595.0, 12.8], [0.559, 624.3, 25.9], [0.103, 557.6, 77.1]],

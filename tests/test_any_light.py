@@ -25,7 +25,6 @@ from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
-from camssf.recovery.hypotheses import FAMILIES, SCALES, UNFAMILIAR_CAMERA
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer
 from camssf.recovery.unnamed_light import (
@@ -51,7 +50,7 @@ from camssf.verdict.rival_lamps import weigh_rivals
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.problems import measured_cameras
-from tests.test_choice import SEEN, capture, told
+from tests.test_choice import HYPOTHESES, SEEN, belief, capture, told
 
 
 def unnamed(given: Capture, *shots: int) -> Capture:
@@ -96,7 +95,7 @@ def test_a_light_without_a_name_is_no_spectrum() -> None:
 
 
 def test_the_probabilities_are_evidence_times_belief() -> None:
-    """By hand from the single answers: 2 kinds, 2 bases, 2 widths."""
+    """By hand from the single answers: 2 kinds, 3 bases, 2 widths for two of them."""
     given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
     two = guesses(given, ("daylight", "bulb"))
     ssf = recover_in_any_light(two, prior={"phones": 5.0}, settings=SolverSettings(engine="reference"))
@@ -104,18 +103,12 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
         (guess.kinds, basis, scale): answer(
             guess.observation, basis, prior_scale=scale, settings=SolverSettings(engine="reference")
         ).posterior.log_evidence
-        for basis in FAMILIES
-        for scale in SCALES
+        for basis, scale in HYPOTHESES
         for guess in two
     }
     most = max(value or -np.inf for value in nats.values())
-    raw = {
-        key: np.exp((value or 0.0) - most)
-        * (5.0 if key[1] == "phones" else 1.0)
-        * (UNFAMILIAR_CAMERA if key[2] > 1 else 1 - UNFAMILIAR_CAMERA)
-        for key, value in nats.items()
-    }
-    assert len(ssf.choice) == len(raw) == 8
+    raw = {key: np.exp((value or 0.0) - most) * belief(key[1], key[2], phones=5.0) for key, value in nats.items()}
+    assert len(ssf.choice) == len(raw) == 10
     for weight in ssf.choice:
         key = weight.kinds, weight.basis, weight.prior_scale
         assert weight.log_evidence == pytest.approx(nats[key], abs=1e-9)
@@ -275,7 +268,7 @@ def test_two_shots_join_what_each_knows() -> None:
     assert bulb is not None
     assert day.kinds["daylight"] > 0.9
     assert bulb.kinds["bulb"] > 0.9
-    assert len(done.ssf.choice) == 64
+    assert len(done.ssf.choice) == 80
 
 
 def test_one_of_two_lamps_may_be_named() -> None:
@@ -314,7 +307,8 @@ def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
     assert "writes the phone's maker" in caught.value.advice
     fit = prepare_fit(given, Options())
     ssf = recover_fit(fit, fit.signals.used, None)
-    odds = np.divide(*(sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES))
+    cameras = sum(w.probability for w in ssf.choice if w.basis == "cameras")
+    odds = (1.0 - cameras) / cameras
     assert odds > 1.0
     assert caught.value.value == pytest.approx(odds / (odds + 20.0))
     assert caught.value.threshold == rules().number("verdict.unnameable")

@@ -22,17 +22,26 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
-from camssf.recovery.hypotheses import CLEAR, FAMILIES, SCALES, UNFAMILIAR_CAMERA, choose, probabilities, recover
+from camssf.recovery.hypotheses import (
+    CLEAR,
+    FAMILIES,
+    MAKERS_OF,
+    SCALES,
+    UNFAMILIAR_CAMERA,
+    choose,
+    probabilities,
+    recover,
+)
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import LARGEST_GAP, SolverSettings, Ssf, answer
 from camssf.rules import rules
-from camssf.spectra import read_chart, read_lamp
+from camssf.spectra import Unnamed, read_chart, read_lamp
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import RIVALS, Rival
 from camssf.verdict.rival_lamps import weigh_rivals
 from golden.forms import resolve
-from golden.scenes import BETWEEN, ODD, PHONE
+from golden.scenes import BETWEEN, ODD, PHONE, YELLOW_PHONE
 from tests.problems import measured_cameras, theory
 from tests.test_verdict import BLACK, Scene, frame, pose
 
@@ -59,6 +68,15 @@ def between() -> Observation:
     return told(resolve(BETWEEN), "D55", patches=12, noise=0.005)
 
 
+HYPOTHESES = [*((basis, scale) for basis in ("phones", "cameras") for scale in SCALES), ("ryyb", 1.0)]
+
+
+def belief(basis: str, scale: float, phones: float = 1.0) -> float:
+    """Prior odds by hand: 19 : 1 for the basis's own width, RYYB one phone in twenty."""
+    odds = {"phones": phones, "cameras": 1.0, "ryyb": 0.05 * phones}[basis]
+    return odds * (UNFAMILIAR_CAMERA if scale > 1 else 1 - UNFAMILIAR_CAMERA)
+
+
 def shares(ssf: Ssf) -> dict[str, float]:
     return {name: sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES}
 
@@ -73,22 +91,16 @@ def test_probabilities_add_up_however_large_the_evidence() -> None:
     for camera in (resolve(PHONE), resolve(BETWEEN), measured_cameras()["Nikon D5100"]):
         found = recover(told(camera, "D55"))
         assert sum(weight.probability for weight in found.choice) == pytest.approx(1.0, abs=1e-12)
-        assert [(w.basis, w.prior_scale) for w in found.choice] == [(b, s) for b in FAMILIES for s in SCALES]
+        assert [(w.basis, w.prior_scale) for w in found.choice] == HYPOTHESES
 
 
 def test_the_probabilities_are_evidence_times_belief() -> None:
-    """By hand from four single answers: 19 : 1 for the basis's own width, odds of a family as they are told."""
+    """By hand from the single answers: the odds of phones, which RYYB sensors share, as they are told."""
     given = between()
     found = recover(given, prior={"phones": 5.0})
-    evidence = {
-        (b, s): answer(given, b, prior_scale=s).posterior.log_evidence or 0.0 for b in FAMILIES for s in SCALES
-    }
-    belief = {"phones": 5.0, "cameras": 1.0}
+    evidence = {(b, s): answer(given, b, prior_scale=s).posterior.log_evidence or 0.0 for b, s in HYPOTHESES}
     most = max(evidence.values())
-    raw = {
-        key: np.exp(value - most) * belief[key[0]] * (UNFAMILIAR_CAMERA if key[1] > 1 else 1 - UNFAMILIAR_CAMERA)
-        for key, value in evidence.items()
-    }
+    raw = {key: np.exp(value - most) * belief(*key, phones=5.0) for key, value in evidence.items()}
     for weight in found.choice:
         key = weight.basis, weight.prior_scale
         assert weight.log_evidence == evidence[key]
@@ -116,7 +128,7 @@ def weighing(ssf: Ssf, log_evidence: float) -> Ssf:
 def pair(apart: float) -> tuple[Observation, list[Ssf]]:
     """The answers of both bases, their evidences set `apart` nats from each other."""
     given = between()
-    first, second = (answer(given, name) for name in FAMILIES)
+    first, second = (answer(given, name) for name in ("phones", "cameras"))
     return given, [weighing(first, apart), weighing(second, 0.0)]
 
 
@@ -275,7 +287,7 @@ def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
         assert prior_odds(silent, "") == {}
     names = [name for makers in rules().makers.values() for name in makers]
     assert len(set(names)) == len(names)
-    assert set(rules().makers) == set(FAMILIES)
+    assert set(rules().makers) == set(MAKERS_OF.values())
     for name in names:
         (odds,) = prior_odds(name, "").values()
         assert odds == CLEAR == 20.0
@@ -314,7 +326,7 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     (reason,) = other.verdict.reasons
     assert reason.code == "camera_unusual"
     assert reason.value is not None
-    assert reason.value == pytest.approx(shares(other.ssf)["phones"])
+    assert reason.value == pytest.approx(shares(other.ssf)["phones"] + shares(other.ssf)["ryyb"])
     assert solve(capture(resolve(PHONE), lamps)).verdict.status == "accepted"
 
 
@@ -419,7 +431,7 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
         other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
         given = prepare_fit(other, Options()).given(fit.signals.used)
         parts = []
-        for basis in FAMILIES:
+        for basis in ("phones", "cameras"):
             found = answer(given, basis, prior_scale=narrow, settings=SolverSettings(engine="reference"))
             assert found.posterior is not None
             parts.append(found.posterior.log_evidence + np.log(odds.get(basis, 1.0)))
@@ -505,8 +517,29 @@ def test_the_words_of_a_real_choice() -> None:
     found = choice_of({"choice": [vars(weight) for weight in ssf.choice]})
     assert found is not None
     assert found.basis == "cameras"
-    assert found.odds == pytest.approx(shares(ssf)["cameras"] / shares(ssf)["phones"])
+    assert found.odds == pytest.approx(shares(ssf)["cameras"] / (1.0 - shares(ssf)["cameras"]))
     assert found.prior_odds == pytest.approx(20.0, rel=1e-6)
+
+
+def test_the_maker_s_odds_are_told_of_phones_whatever_their_sensor() -> None:
+    """RYYB's own prior odds of .05 are none of the maker's."""
+    for camera, basis, prior in ((PHONE, "phones", 20.0), (YELLOW_PHONE, "ryyb", 20.0), (YELLOW_PHONE, "ryyb", 1.0)):
+        ssf = recover(told(resolve(camera), "D55"), prior={"phones": prior})
+        found = choice_of({"choice": [vars(weight) for weight in ssf.choice]})
+        assert found is not None
+        assert found.basis == basis
+        assert found.prior_odds == pytest.approx(prior, rel=1e-6)
+        assert ("20 : 1 for phones." in " ".join(found.words)) == (prior == 20.0)
+
+
+@pytest.mark.requirement("R-UNUSUAL")
+def test_a_phone_with_yellow_for_green_is_a_phone() -> None:
+    """In a phone's file it is no unusual camera, and its light may be unnamed."""
+    shot = capture(resolve(YELLOW_PHONE), ["D55"], make="HUAWEI")
+    found = solve(shot)
+    assert (found.ssf.settings.basis, found.verdict.status) == ("ryyb", "accepted")
+    unnamed = solve(replace(shot, shots=(replace(shot.shots[0], lamp=Unnamed()),)))
+    assert (unnamed.ssf.settings.basis, unnamed.verdict.status) == ("ryyb", "accepted")
 
 
 @pytest.mark.parametrize("function", [recover, answer])

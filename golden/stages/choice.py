@@ -12,7 +12,7 @@ from camssf.recovery.sensitivity import SolverSettings
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, each, limit, stored, words
 from golden.forms import Json
 from golden.products import CALL, build_observation
-from golden.scenes import BETWEEN, NIKON, ODD, PHONE, TWELVE, Case, scene
+from golden.scenes import BETWEEN, NIKON, ODD, PHONE, TWELVE, YELLOW_PHONE, Case, scene
 
 
 def cases() -> Iterator[Json]:
@@ -32,6 +32,8 @@ def cases() -> Iterator[Json]:
                      ["D55"], {family: 20.0}, patches=TWELVE, noise="usual")  # fmt: skip
     yield choice("maker-outweighed", "A phone whose file names a maker of cameras: the signals outweigh 20 : 1.",
                  PHONE, ["D55", "A"], {"cameras": 20.0}, noise="none")  # fmt: skip
+    yield choice("ryyb", "A phone with yellow in green's place: the basis made for it answers alone.", YELLOW_PHONE,
+                 ["D55", "A"], {"phones": 20.0})  # fmt: skip
     yield choice("wide", "Curves that neither knows: the prior twice as wide is the likelier.", ODD, ["D55", "A"])
     yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],
                  patches=TWELVE, noise="usual", l2=0.0, gamma=1.4)  # fmt: skip

@@ -33,6 +33,7 @@ from golden.scenes import (
     NINE,
     PHONE,
     TWELVE,
+    YELLOW_PHONE,
     Case,
     photograph,
     scene,
@@ -171,6 +172,10 @@ def _phones() -> Iterator[Case]:
     yield scene(
         "phones-bells", "A phone of Gaussian bells, which is in nobody's list; two lamps, the product's penalties.",
         lamps=["D55", "A"], rmse=0.06, **phone,
+    )  # fmt: skip
+    yield scene(
+        "ryyb-bells", "The same phone with yellow in green's place.", lamps=["D55", "A"], rmse=0.06, basis="ryyb",
+        camera=YELLOW_PHONE,
     )  # fmt: skip
     yield scene("phones-l1-only", "λ₂ = 0, γ = 1.4: the l1 penalty alone.", l2=0.0, gamma=1.4, **phone)
     yield scene(

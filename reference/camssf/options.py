@@ -23,7 +23,7 @@ class Options:
     For solving, as in `recover`:
 
     Attributes:
-        basis: "auto" to choose between phones and cameras by the marginal likelihood; a name, a file, or a Basis.
+        basis: "auto" to choose among phones, cameras and ryyb by the marginal likelihood; a name, a file, or a Basis.
         fit: 1-based numbers of the patches that enter the fit; None for all patches, with cross-validation.
         nonnegative: coefficients ≥ 0; None for the basis' default.
         l2, gamma: the penalties λ₂ and γ; None for the basis' defaults.

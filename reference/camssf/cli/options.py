@@ -87,7 +87,8 @@ BasisName: TypeAlias = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="auto (phones or cameras, chosen by the signals), phones, cameras, gaussian (the paper's), or a file.",
+        help="auto (chosen by the signals), phones, cameras, ryyb (phones with yellow in green's place), "
+        "gaussian (the paper's), or a file.",
     ),
 ]
 Gamma: TypeAlias = Annotated[

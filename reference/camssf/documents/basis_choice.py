@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from camssf.recovery.hypotheses import CLEAR
+from camssf.recovery.hypotheses import CLEAR, MAKERS_OF
 
 Json: TypeAlias = dict[str, Any]
 
@@ -21,7 +21,8 @@ class Chosen:
     Attributes:
         basis: the most probable one.
         odds: its posterior odds against all other bases together; infinite if they have probability 0.
-        prior_odds: its prior odds, from the camera maker named in the file; None if they cannot be recovered.
+        prior_odds: prior odds of its makers' cameras (phones or cameras) against the others', from the maker named in
+            the file; None if they cannot be recovered.
         wide: probability that the camera lies outside the family that its basis was learned from (a wider prior).
         words: all of this in sentences.
     """
@@ -47,7 +48,7 @@ def choice_of(document: Json) -> Chosen | None:
     odds = shares[basis] / rest if rest > 0 else math.inf
     others = " and ".join(name for name in shares if name != basis)
     wide = math.fsum(each["probability"] for each in weighed if each["prior_scale"] > 1.0) / total
-    prior_odds = _prior_odds(weighed, basis)
+    prior_odds = _prior_odds(weighed, MAKERS_OF.get(basis, basis))
     return Chosen(basis, odds, prior_odds, wide, tuple(_words(basis, others, odds, prior_odds, wide)))
 
 
@@ -67,10 +68,11 @@ def odds_in_words(odds: float) -> str:
 
 
 def _prior_odds(weighed: list[Json], basis: str) -> float | None:
-    """Prior odds of the basis against the most probable other one: posterior odds divided by the Bayes factor."""
+    """Prior odds of phones against cameras, or the reverse: posterior odds divided by the Bayes factor."""
+    makers = set(MAKERS_OF.values())
     own, other = (
-        max((each for each in weighed if (each["basis"] == basis) == same), key=_probability, default=None)
-        for same in (True, False)
+        max((each for each in weighed if each["basis"] in names), key=_probability, default=None)
+        for names in ({basis}, makers - {basis})
     )
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
@@ -99,11 +101,13 @@ def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide:
         words.append(
             f"{family} This basis is used alone."
             if odds >= CLEAR
-            else f"{family} Below {CLEAR:g} : 1 the curves of both are averaged with their probabilities, and the "
-            "band includes their difference."
+            else f"{family} Below {CLEAR:g} : 1 the curves of these bases are averaged with their probabilities, and "
+            "the band includes their difference."
         )
         if prior_odds is not None and abs(math.log(prior_odds)) > 0.01:
-            likely, prior = (basis, prior_odds) if prior_odds > 1 else (others, 1 / prior_odds)
+            own = MAKERS_OF.get(basis, basis)
+            (other,) = set(MAKERS_OF.values()) - {own}
+            likely, prior = (own, prior_odds) if prior_odds > 1 else (other, 1 / prior_odds)
             words.append(f"These odds include the maker's name in the file: {odds_in_words(prior)} for {likely}.")
     if wide > 0:
         words.append(

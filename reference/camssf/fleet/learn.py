@@ -31,7 +31,7 @@ from camssf.learning.results import (
     reference_basis,
 )
 from camssf.learning.training import TrainingSet, maker_of, read_training_set, training_set_of
-from camssf.recovery.basis import LEARNED, Basis, interpolate, read_basis
+from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.penalties import L2
 from camssf.version import __version__
@@ -44,6 +44,8 @@ FOLDS = 12
 """Largest number of cross-validation folds; with more groups, a fold leaves out several."""
 CONFIDENCE = 0.95
 """Level of the interval that decides whether a basis helps."""
+BASES = ("cameras", "phones")
+"""Those that were learned from measured curves."""
 LEAVE = ("model", "maker")
 SLACK, WIDEST = 1e-3, 10.0
 """Bounds for eigenvalues of a stored covariance: at least -SLACK (rounding to 32 bits), less than WIDEST."""
@@ -202,10 +204,10 @@ def learn_basis(
         InvalidArgument: no usable result, no such model, an unknown basis, or a bad table.
     """
     request, tell = request or LearnRequest(), progress or (lambda *_: None)
-    if request.basis not in LEARNED or request.leave not in LEAVE:
+    if request.basis not in BASES or request.leave not in LEAVE:
         option, wrong, right = ("--leave", request.leave, LEAVE)
-        if request.basis not in LEARNED:
-            option, wrong, right = ("--basis", request.basis, LEARNED)
+        if request.basis not in BASES:
+            option, wrong, right = ("--basis", request.basis, BASES)
         raise InvalidArgument(f"{option} takes {' or '.join(right)}; got {wrong!r}.", "Name one of these.")
     training = training_set_of(request.basis)
     names = (*(training.statistics.names if training.statistics else ()), *training.curves)

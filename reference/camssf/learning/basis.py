@@ -33,12 +33,14 @@ from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.learning.training import (
     HANDFUL,
+    RYYB_PHONES,
     Enlargement,
     Statistics,
     TrainingSet,
     maker_of,
     read_training_set,
     training_set_of,
+    with_yellow,
 )
 from camssf.recovery.basis import NODES
 
@@ -216,7 +218,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     fresh = parser.add_argument_group("without --extend, which takes both from the basis")
     fresh.add_argument("--handful", action="store_true", help="enlarge as suits a few of one or two makers")
-    fresh.add_argument("--noun", choices=("cameras", "phones"), default="cameras", help="what the curves are of")
+    fresh.add_argument(
+        "--noun",
+        choices=("cameras", "phones", RYYB_PHONES),
+        default="cameras",
+        help=f"what the curves are of; {RYYB_PHONES!r} computes them from phones, with yellow in green's place",
+    )
     options = parser.parse_args(arguments)
     try:
         if not 1 <= options.components <= NODES.size:
@@ -235,6 +242,7 @@ def main(arguments: list[str] | None = None) -> int:
             size=HANDFUL if options.handful else Enlargement(),
             noun=options.noun,
         )
+        training = with_yellow(training) if options.noun == RYYB_PHONES else training
         if options.extend:
             training = training_set_of(options.extend).joined(training)
         source = save(training, options.components, options.output, statistics=options.statistics)

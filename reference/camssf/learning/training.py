@@ -59,6 +59,12 @@ and for details finer than 120 nm, so cross-talk is larger and the warp's correl
 `few_makers` would only widen bands that are wide enough."""
 
 
+YELLOW = (0.3, 0.5, 0.75, 1.0)
+"""Shares of red in yellow, relative to the peaks of the curves."""
+RYYB_PHONES = "RYYB phones"
+"""What the curves of `with_yellow` are of."""
+
+
 @dataclass(frozen=True)
 class Statistics:
     """Mean and covariance of cameras whose curves are not stored.
@@ -129,7 +135,7 @@ class TrainingSet:
         papers: in which the curves were published, to be cited.
         size: of the random changes of the copies.
         statistics: statistics of further cameras whose curves are not stored.
-        noun: "cameras" or "phones": what `known` are, or all of them if there is no `known`.
+        noun: "cameras", "phones" or RYYB_PHONES: what `known` are, or all of them if there is no `known`.
     """
 
     curves: dict[str, Floats]
@@ -172,8 +178,25 @@ class TrainingSet:
         groups = [(len(self.statistics.names), self.noun)] if self.statistics else []
         if self.curves or not groups:
             groups.append((len(self.curves), "cameras" if self.statistics else self.noun))
-        who = " and ".join(f"{count} measured {noun[:-1] if count == 1 else noun}" for count, noun in groups)
+        who = " and ".join(
+            f"{count} {'computed' if noun == RYYB_PHONES else 'measured'} {noun[:-1] if count == 1 else noun}"
+            for count, noun in groups
+        )
         return f"{components} components learned from {who} ({'; '.join(parts)})"
+
+
+def with_yellow(training: TrainingSet) -> TrainingSet:
+    """The phones with a yellow filter in green's place, as sensors with RYYB mosaics have it.
+
+    Each curve of green becomes G + r R, divided by its peak, once for every r of YELLOW; red and blue stay. No such
+    phone has published curves.
+    """
+    curves = {}
+    for name, curve in training.curves.items():
+        for share in YELLOW:
+            yellow = curve[:, 1] + share * curve[:, 0]
+            curves[f"{name}, G + {share:g} R"] = np.stack([curve[:, 0], yellow / yellow.max(), curve[:, 2]], axis=1)
+    return replace(training, curves=curves, noun=RYYB_PHONES)
 
 
 def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSet:

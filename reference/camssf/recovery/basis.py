@@ -1,8 +1,8 @@
 """Bases of the spectral sensitivities: a mean μ and a dictionary Ψ for each channel, s = μ + Ψ x.
 
 `gaussian` is the paper's basis: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` and `phones` are
-learned from measured cameras and phones and whitened, so that the prior of the code x is N(0, I);
-`camssf.learning.basis` writes their files.
+learned from measured cameras and phones, `ryyb` from the phones with yellow in green's place; they are whitened, so
+that the prior of the code x is N(0, I). `camssf.learning.basis` writes their files.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NODES: Floats = WAVELENGTHS[::10]
 """The 69 wavelengths, 5 nm apart, of the measured curves; between them curves are interpolated linearly."""
 
 FWHM_TO_SIGMA = 1.0 / np.sqrt(8.0 * np.log(2.0))
-LEARNED = ("cameras", "phones")
+LEARNED = ("cameras", "phones", "ryyb")
 """Learned bases that the package ships, as data/NAME.npz."""
 NAMES = (*LEARNED, "gaussian")
 
@@ -35,7 +35,7 @@ class Basis:
     """A basis of the curves, s = μ + Ψ x for each channel.
 
     Attributes:
-        name: "gaussian", "cameras", "phones", or a file's name.
+        name: "gaussian", "cameras", "phones", "ryyb", or a file's name.
         mean: (3, 681) μ of R, G, B.
         dictionary: (3, 681, r) Ψ of R, G, B.
         prior: whether x ~ N(0, I) a priori; without a prior there are no error bands.

@@ -1,8 +1,9 @@
-"""Chooses the phones basis, the cameras basis or a mixture of both by their marginal likelihoods.
+"""Chooses the basis, or a mixture of bases, by their marginal likelihoods.
 
-Phones and cameras are two families of curves. A hypothesis is a family and a width of its prior; its posterior
-probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A basis with odds of at least
-CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance.
+Phones, cameras and phones with an RYYB sensor are three families of curves. A hypothesis is a family and a width of
+its prior; its posterior probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A
+basis with odds of at least CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the
+law of total variance.
 """
 
 from __future__ import annotations
@@ -27,12 +28,16 @@ from camssf.recovery.sensitivity import (
 from camssf.rules import rules
 
 AUTO = "auto"
-FAMILIES = ("phones", "cameras")
+FAMILIES = ("phones", "cameras", "ryyb")
 """The bases that `auto` chooses from, in this order."""
+MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
+"""Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`."""
 SCALES = (1.0, rules().number("choice.wide"))
 """Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
 UNFAMILIAR_CAMERA = rules().number("choice.unfamiliar_camera")
 """Prior probability of the second scale."""
+RYYB = rules().number("choice.ryyb")
+"""Prior odds of an RYYB sensor against another one in a phone; it is compared at the first scale only."""
 CLEAR = rules().number("choice.clear")
 """Posterior odds at which a basis is used alone."""
 
@@ -50,7 +55,7 @@ def recover(
     Args:
         observation: the signals, and what is known of chart, white and lamps.
         basis: "auto" chooses among FAMILIES by their evidence; else a name, a file, or a Basis.
-        prior: with "auto", prior odds of FAMILIES by name; 1 for a missing name.
+        prior: with "auto", prior odds of phones and cameras; 1 for a missing name.
         prior_scale: with a named basis, the width of its prior relative to the learned one.
         settings: penalties, signs and engine; `SolverSettings()` for the defaults.
 
@@ -69,10 +74,14 @@ def recover(
 
 def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
     """The hypotheses of "auto": family, width of its prior, and ln of their prior odds."""
-    return [
-        (name, scale, float(np.log(odds.get(name, 1.0) * belief)))
-        for name in FAMILIES
+    beliefs = {
+        (name, scale): belief
+        for name in ("phones", "cameras")
         for scale, belief in zip(SCALES, (1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA), strict=True)
+    } | {("ryyb", 1.0): RYYB * (1.0 - UNFAMILIAR_CAMERA)}
+    return [
+        (name, scale, float(np.log(odds.get(MAKERS_OF[name], 1.0) * belief)))
+        for (name, scale), belief in beliefs.items()
     ]
 
 

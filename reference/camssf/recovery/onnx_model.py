@@ -15,7 +15,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 
-SHIPPED = ("phones", "cameras", "gaussian")
+SHIPPED = ("phones", "cameras", "ryyb", "gaussian")
 VOCABULARY = "1"
 LAST_SILENT = (1, 28)
 """Last version of ONNX Runtime without telemetry; later ones send usage data on every system unless disabled."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.find.search import agreement, plain_signals
-from camssf.recovery.hypotheses import CLEAR
+from camssf.recovery.hypotheses import CLEAR, MAKERS_OF
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable
@@ -52,7 +52,7 @@ POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 UNFAMILIAR_CAMERA = _NUMBER("verdict.unfamiliar_camera")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 PHONES = "phones"
-"""The only basis whose cameras are similar enough to estimate an unnamed light."""
+"""The only cameras that are similar enough to each other to estimate an unnamed light."""
 
 
 def judge(
@@ -188,7 +188,9 @@ def _strange(ssf: Ssf, checks: Checks) -> list[Reason]:
 def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     """Check rule 7: whether the camera needs a wider prior, or another basis than its maker's name suggests."""
     wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
-    other = sum(weight.probability for weight in ssf.choice if family is not None and weight.basis != family)
+    other = 0.0
+    if family is not None:
+        other = sum(weight.probability for weight in ssf.choice if MAKERS_OF.get(weight.basis) != family)
     if ssf.choice:
         checks.note("unfamiliar_camera", max(wide, other))
     if max(wide, other) <= UNFAMILIAR_CAMERA:
@@ -204,7 +206,8 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     a file that names no listed maker has prior odds of CLEAR : 1 against a phone.
     """
     phone, rest = (
-        sum(weight.probability for weight in ssf.choice if (weight.basis == PHONES) == same) for same in (True, False)
+        sum(weight.probability for weight in ssf.choice if (MAKERS_OF.get(weight.basis) == PHONES) == same)
+        for same in (True, False)
     )
     if family is None and rest > 0:  # else the prior odds already include the maker, or there was no choice
         phone = phone / (phone + CLEAR * rest)

@@ -9,7 +9,7 @@ import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
 from camssf.recovery.basis import Basis, read_basis, widened
-from camssf.recovery.hypotheses import AUTO, FAMILIES
+from camssf.recovery.hypotheses import AUTO, MAKERS_OF
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.solve import log_evidence
@@ -69,9 +69,9 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
     if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
     scale = NARROW * ssf.settings.prior_scale
-    families = FAMILIES if fit.basis == AUTO else (fit.basis,)
+    families = sorted({*MAKERS_OF.values(), ssf.settings.basis}) if fit.basis == AUTO else [fit.basis]
     bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in families]
-    beliefs = [np.log(fit.prior_odds.get(basis.name, 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
+    beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
     def weighed(posed: CaptureFit) -> float:
         given = posed.given(used)

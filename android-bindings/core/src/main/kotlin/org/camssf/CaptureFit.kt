@@ -139,14 +139,15 @@ internal class CaptureFit(
 
     /**
      * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, with each basis's prior `scale`
-     * times as wide. With several bases it is that of their mixture by prior odds, up to the ln of the sum of these
+     * times as wide. With several bases, of which only those named by `bases` count, it is that of their mixture by prior odds, up to the ln of the sum of these
      * odds.
      */
-    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, scale: Double): Double {
+    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
         val given = observation(used, lamps)
-        val each = engines.map { Recover.logEvidence(it, given, scale) }
-        if (each.size == 1) return each[0]
-        val weighed = engines.mapIndexed { i, engine -> each[i] + ln(priorOdds[engine.basis] ?: 1.0) }
+        if (engines.size == 1) return Recover.logEvidence(engines[0], given, scale)
+        val weighed = engines.filter { it.basis in bases }.map { engine ->
+            Recover.logEvidence(engine, given, scale) + ln(priorOdds[Choice.MAKERS_OF[engine.basis]] ?: 1.0)
+        }
         val most = weighed.max()
         return most + ln(weighed.sumOf { exp(it - most) })
     }

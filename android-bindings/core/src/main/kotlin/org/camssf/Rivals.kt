@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
@@ -16,7 +17,8 @@ internal object Rivals {
      * Gain in ln marginal likelihood of other lamps, one shot at a time; empty on a basis without a prior, or with
      * more than [Light.MOST_SHOTS_COMPARED] shots.
      *
-     * If the signals choose the basis, they choose it again for every lamp. An unnamed light has no rivals, because
+     * If the signals choose the basis, they choose between phones, cameras and the answer's basis again for every
+     * lamp. An unnamed light has no rivals, because
      * all its kinds were already compared; it keeps the kind that the answer found.
      *
      * @param fit before it is conditioned on the answer.
@@ -25,9 +27,10 @@ internal object Rivals {
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
+        val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
         fun observation(lamps: List<Lamp>): Double {
             tell()
-            return fit.logEvidence(used, lamps, Light.NARROW * ssf.priorScale)
+            return fit.logEvidence(used, lamps, bases, Light.NARROW * ssf.priorScale)
         }
         val named = fit.lamps.indices.filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()

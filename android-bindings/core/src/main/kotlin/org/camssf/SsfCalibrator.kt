@@ -53,7 +53,7 @@ public fun interface Logger {
  */
 public class SsfCalibrator private constructor(
     /**
-     * The basis of the curves: "phones", "cameras", "gaussian", or "auto" (phones or cameras, chosen by the signals).
+     * The basis of the curves: "phones", "cameras", "ryyb", "gaussian", or "auto", which the signals choose from.
      */
     public val basis: String,
     private val engines: List<Engine>,
@@ -61,7 +61,7 @@ public class SsfCalibrator private constructor(
 ) : Closeable {
     private val gate = Gate { engines.forEach { it.close() } }
 
-    /** SHA-256 of each model file by its basis, lower-case hex; "auto" has two. */
+    /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
     public val modelHashes: Map<String, String> =
         Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
@@ -198,15 +198,14 @@ public class SsfCalibrator private constructor(
 
     public companion object {
         /**
-         * Names that [open] accepts: "auto"; "phones" and "cameras", learned from measured curves; "gaussian", the
-         * paper's basis.
+         * Names that [open] accepts: "auto"; "phones" and "cameras", learned from measured curves; "ryyb", phones
+         * with yellow in green's place; "gaussian", the paper's basis.
          */
         @JvmField
         public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()
 
         /**
-         * Loads the shipped model of a basis, for "auto" those of phones and cameras, and checks hash, grid and
-         * vocabulary.
+         * Loads the shipped model of a basis, for "auto" all but the paper's, and checks hash, grid and vocabulary.
          *
          * @param logger receives the stages and the outcome of each run; null for none.
          * @throws InvalidArgument there is no such basis, the app contains another model than this version's, or ONNX

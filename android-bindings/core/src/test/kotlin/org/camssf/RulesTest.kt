@@ -43,7 +43,8 @@ class RulesTest {
 
     @Test
     fun `makers speak for the bases that are weighed`() {
-        assertEquals(Choice.FAMILIES, Rules.shipped.makers.keys.toList())
+        assertEquals(Choice.MAKERS_OF.values.toSet(), Rules.shipped.makers.keys)
+        assertEquals(Choice.FAMILIES, Choice.MAKERS_OF.keys.toList())
         val all = Rules.shipped.makers.values.flatten()
         assertTrue("google" in Rules.shipped.makers.getValue("phones") && all.all { it == it.lowercase() })
         assertEquals(all.size, all.toSet().size)

@@ -101,11 +101,11 @@ class SsfCalibratorTest {
     fun `what was weighed stands in the document, and the model that answered`() {
         fun numbers(of: JsonObject, name: String) = of.getValue(name).jsonPrimitive.double
         SsfCalibrator.open().use { calibrator ->
-            assertEquals("auto" to setOf("phones", "cameras"), calibrator.basis to calibrator.modelHashes.keys)
+            assertEquals("auto" to setOf("phones", "cameras", "ryyb"), calibrator.basis to calibrator.modelHashes.keys)
             val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val told = document.getValue("choice").jsonArray.map { it.jsonObject }
-            val wanted = listOf("phones" to 1.0, "phones" to 2.0, "cameras" to 1.0, "cameras" to 2.0)
+            val wanted = listOf("phones" to 1.0, "phones" to 2.0, "cameras" to 1.0, "cameras" to 2.0, "ryyb" to 1.0)
             val bases = told.map { it.getValue("basis").jsonPrimitive.content }
             assertEquals(wanted, bases.zip(told.map { numbers(it, "prior_scale") }))
             assertEquals(found.ssf.choice.map { it.logEvidence }, told.map { numbers(it, "log_evidence") })

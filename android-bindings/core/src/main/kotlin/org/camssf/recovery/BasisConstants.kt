@@ -17,7 +17,7 @@ internal class BasisConstants private constructor(val mean: DoubleArray, val dic
     val atoms: Int get() = dictionary.size / mean.size
 
     companion object {
-        private val NAMES = listOf("phones", "cameras")
+        private val NAMES = SHIPPED_BASES - "gaussian"
         private val made = HashMap<String, BasisConstants>()
 
         /** The basis of the shipped model of this name; null for any other name. */

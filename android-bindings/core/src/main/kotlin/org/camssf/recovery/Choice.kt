@@ -5,7 +5,7 @@ import kotlin.math.exp
 import kotlin.math.ln
 
 /**
- * Chooses the phones basis, the cameras basis or a mixture of both by their marginal likelihoods.
+ * Chooses the basis, or a mixture of bases, by their marginal likelihoods.
  *
  * A hypothesis is a family of cameras and a width of its prior; its posterior probability follows from its evidence
  * and its prior odds. A basis with odds of at least [CLEAR] is used alone; otherwise the solutions are mixed by
@@ -16,13 +16,19 @@ internal object Choice {
     const val AUTO = "auto"
 
     /** The bases that `auto` chooses from, in this order. */
-    val FAMILIES = listOf("phones", "cameras")
+    val FAMILIES = listOf("phones", "cameras", "ryyb")
+
+    /** Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`. */
+    val MAKERS_OF = mapOf("phones" to "phones", "cameras" to "cameras", "ryyb" to "phones")
 
     /** Widths of the prior that `auto` compares, relative to the spread that the basis was learned from. */
     val SCALES: List<Double> get() = listOf(1.0, Rules.shipped.number("choice.wide"))
 
     /** Prior probability of the second scale. */
     private val UNFAMILIAR_CAMERA get() = Rules.shipped.number("choice.unfamiliar_camera")
+
+    /** Prior odds of an RYYB sensor against another one in a phone. */
+    private val RYYB get() = Rules.shipped.number("choice.ryyb")
 
     /** Posterior odds at which a basis is used alone. */
     val CLEAR get() = Rules.shipped.number("choice.clear")
@@ -43,13 +49,16 @@ internal object Choice {
     class Family(val engine: Engine, val scale: Double, val belief: Double)
 
     /**
-     * The hypotheses of `auto`: each basis with each of [SCALES]; `prior` holds the prior odds by basis, 1 if
-     * missing.
+     * The hypotheses of `auto`: phones and cameras with each of [SCALES], RYYB sensors with the first; `prior` holds
+     * the prior odds of phones and cameras, 1 if missing.
      */
     fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
-        val odds = prior[engine.basis] ?: 1.0
-        SCALES.zip(listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)) { scale, prior ->
-            Family(engine, scale, ln(odds * prior))
+        val odds = prior[MAKERS_OF[engine.basis]] ?: 1.0
+        val beliefs = listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)
+        if (engine.basis == "ryyb") {
+            listOf(Family(engine, SCALES[0], ln(odds * RYYB * beliefs[0])))
+        } else {
+            SCALES.zip(beliefs) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
         }
     }
 
@@ -57,7 +66,7 @@ internal object Choice {
      * The curves that explain the signals, on the basis or the mixture that their evidence chooses.
      *
      * @param engines of [FAMILIES], in this order.
-     * @param prior prior odds of each family; 1 if missing.
+     * @param prior prior odds of phones and cameras; 1 if missing.
      * @throws org.camssf.CalibrationException as [Recover.recover], for any of the hypotheses.
      */
     fun recover(

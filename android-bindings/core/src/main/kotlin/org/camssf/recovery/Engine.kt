@@ -62,11 +62,11 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
 }
 
 /** Names of the bases whose model is shipped. */
-internal val SHIPPED_BASES = listOf("phones", "cameras", "gaussian")
+internal val SHIPPED_BASES = listOf("phones", "cameras", "ryyb", "gaussian")
 
 /** Runs a shipped model: one thread, sequentially, on the CPU. Must be closed after use. */
 internal interface Engine : Closeable {
-    /** The basis of its curves: "phones", "cameras" or "gaussian". */
+    /** The basis of its curves: "phones", "cameras", "ryyb" or "gaussian". */
     val basis: String
 
     /** SHA-256 of the model file, lower-case hex. */

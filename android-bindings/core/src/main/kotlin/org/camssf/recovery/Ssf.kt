@@ -7,7 +7,7 @@ import java.util.Collections
 /**
  * One of the compared hypotheses.
  *
- * @property basis family of the camera, "phones" or "cameras".
+ * @property basis family of the camera, "phones", "cameras" or "ryyb".
  * @property priorScale width of the prior relative to the learned one; 1 for a camera like those of the basis.
  * @property logEvidence ln of the marginal likelihood of the signals, nats, up to a constant common to all
  *   hypotheses: only differences within one capture have a meaning.
@@ -60,7 +60,7 @@ public class EstimatedLamp internal constructor(
  * [values] do not follow from it. [lights] holds the estimated lights.
  *
  * @property l2 the quadratic penalty.
- * @property basis its name, "phones", "cameras" or "gaussian"; of a mixture that of the most probable part.
+ * @property basis its name, "phones", "cameras", "ryyb" or "gaussian"; of a mixture that of the most probable part.
  * @property priorScale width of the prior relative to the learned one, 1 if the basis was named; of a mixture that of
  *   the most probable part.
  */

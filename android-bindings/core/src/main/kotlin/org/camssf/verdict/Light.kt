@@ -27,7 +27,7 @@ internal class CameraWhite(val light: DoubleArray, val white: DoubleArray)
  * family (rules 4, 5 and 8 of docs/verdict.md).
  */
 internal object Light {
-    /** The only basis whose cameras are similar enough to estimate a light. */
+    /** The only cameras that are similar enough to each other to estimate a light. */
     private const val PHONES = "phones"
 
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
@@ -85,8 +85,9 @@ internal object Light {
      * : 1 against a phone.
      */
     fun unnamed(choice: List<Hypothesis>, family: String?, checks: Checks = Checks()): List<Reason> {
-        var phone = choice.sumOf { if (it.basis == PHONES) it.probability else 0.0 }
-        val rest = choice.sumOf { if (it.basis != PHONES) it.probability else 0.0 }
+        val (phones, others) = choice.partition { Choice.MAKERS_OF[it.basis] == PHONES }
+        var phone = phones.sumOf { it.probability }
+        val rest = others.sumOf { it.probability }
         // Otherwise the odds already include the maker's name, or there was no choice.
         if (family == null && rest > 0) phone /= phone + Choice.CLEAR * rest
         val number = Rules.shipped::number

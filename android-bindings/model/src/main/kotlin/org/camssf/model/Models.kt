@@ -8,8 +8,8 @@ public object Models {
     /** Names of the files. */
     @JvmField
     public val NAMES: List<String> = listOf(
-        "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-gaussian.onnx", "spectra.json", "rules.json",
-        "colour.json", "finder.json",
+        "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-ryyb.onnx", "camssf-gaussian.onnx",
+        "spectra.json", "rules.json", "colour.json", "finder.json",
     )
 
     /**

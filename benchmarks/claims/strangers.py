@@ -1,0 +1,177 @@
+"""Is a camera that no basis knows recognised? `python -m benchmarks.claims.strangers --phones phones.csv`
+
+The measured phones, each solved with bases of the other phones, and changed so that they are strangers: all curves
+moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of white in each channel (RGBW), an
+infrared cut at 635 nm. One photo with white and dark frame, solved and judged as `camssf calibrate` does it, under
+six lamps, named and not; Ohta's chart told as BabelColor's, noise hypot(0.1 %, 0.0002). Cameras (maker left out) and
+another laboratory's, each with its own maker's name, with a phone maker's, and with none.
+
+`--phones` (or CAMSSF_PHONES) and `--foreign` (CAMSSF_FOREIGN) name the tables that may not be passed on; without them
+cameras alone are judged. Error: RMSE of peak-normalised curves, 400 to 700 nm, of all captures, refused ones too;
+coverage of the 95 % bands.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.claims.any_light import HARM, Taken, capture, judged, unnamed
+from benchmarks.claims.phones import (
+    CAMERAS,
+    OTHERS,
+    Device,
+    foreign_cameras,
+    measured_cameras,
+    phones_left_out,
+    taught,
+)
+from benchmarks.shared import (
+    command_parser,
+    console,
+    one_thread,
+    progress,
+    save,
+    standing_in,
+    table,
+    take_tables,
+    versions,
+)
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.learning.training import HANDFUL, TrainingSet, maker_of, read_curves, with_yellow
+from camssf.recovery.basis import Basis
+from camssf.spectra import read_lamp
+
+LAMPS = ("D55", "D:7500", "2700K", "LED-B3", "FL2")
+PHONE_MAKER = "Apple"
+Change = Callable[[Floats], Floats]
+
+
+def moved(nm: float) -> Change:
+    """All curves moved along the wavelength."""
+    return lambda curves: np.stack([np.interp(WAVELENGTHS - nm, WAVELENGTHS, each) for each in curves.T], axis=1)
+
+
+def wider(curves: Floats) -> Floats:
+    """Each curve 20 % wider about its centre of gravity."""
+    centre = WAVELENGTHS @ curves / curves.sum(axis=0)
+    places = centre + (WAVELENGTHS[:, None] - centre) / 1.2
+    return np.stack([np.interp(place, WAVELENGTHS, each) for place, each in zip(places.T, curves.T, strict=True)], 1)
+
+
+def yellow(share: float) -> Change:
+    """Yellow in green's place; `share` of red is none of those that the basis is made with."""
+    return lambda curves: np.stack([curves[:, 0], curves[:, 1] + share * curves[:, 0], curves[:, 2]], axis=1)
+
+
+STRANGERS: dict[str, Change] = {
+    "as measured": lambda curves: curves,
+    "8 nm to the red": moved(8),
+    "8 nm to the blue": moved(-8),
+    "12 nm to the red": moved(12),
+    "12 nm to the blue": moved(-12),
+    "20 % wider": wider,
+    "RYYB, G + 0.4 R": yellow(0.4),
+    "RYYB, G + 0.85 R": yellow(0.85),
+    "RGBW": lambda curves: curves + 0.1 * curves.sum(axis=1, keepdims=True),
+    "infrared cut at 635 nm": lambda curves: curves / (1.0 + np.exp((WAVELENGTHS - 635.0) / 4.0))[:, None],
+}
+
+
+def ryyb(nodes: dict[str, Floats]) -> Basis:
+    """The basis `ryyb` as these phones teach it, curves (69, 3) by name."""
+    computed = with_yellow(TrainingSet(nodes, (), (), ())).curves
+    return taught(computed, list(computed), HANDFUL, "ryyb")
+
+
+def phones(path: Path) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
+    """Title, changed phone, bases that do not know it, and maker's name."""
+    nodes = read_curves(path)
+    for device in phones_left_out(nodes):
+        others = {name: curves for name, curves in nodes.items() if name != device.name}
+        known = (replace(device.bases[OTHERS], name="phones"), ryyb(others))
+        for title, change in STRANGERS.items():
+            curves = change(device.curves)
+            yield title, replace(device, curves=curves / curves.max(axis=0)), known, maker_of(device.name)
+
+
+def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
+    """The same of cameras, every third of the 52, and of another laboratory's."""
+    groups = [("cameras", measured_cameras()[::3])]
+    groups += [] if foreign is None else [("another laboratory's cameras", foreign_cameras(foreign))]
+    for title, devices in groups:
+        for device in devices:
+            known = (replace(device.bases[CAMERAS], name="cameras"),) if title == "cameras" else ()
+            for word, maker in (
+                ("", maker_of(device.name)),
+                (f", says {PHONE_MAKER}", PHONE_MAKER),
+                (", no maker", ""),
+            ):
+                yield title + word, device, known, maker
+
+
+def taken(device: Device, known: Sequence[Basis], maker: str, number: int) -> Iterator[tuple[str, Taken]]:
+    """How the light was told, and what came of it."""
+    with standing_in(*known):
+        for at, lamp in enumerate(LAMPS):
+            for word, light in (("named", read_lamp(lamp)), ("not named", unnamed(lamp))):
+                asked = capture(device, (lamp,), [light], maker, 100 * number + at)
+                yield word, judged(asked, device, (lamp,))
+
+
+def row(found: Sequence[Taken]) -> dict[str, Any]:
+    """Means and counts."""
+    accepted = [one for one in found if one.status == "accepted"]
+    doubtful = [one.covered for one in found if one.status == "doubtful"]
+    return {
+        "captures": len(found),
+        "rmse": float(np.mean([one.rmse for one in found])),
+        "coverage": float(np.mean([one.covered for one in found])),
+        "status": {word: sum(one.status == word for one in found) for word in ("accepted", "doubtful", "refused")},
+        "accepted_wrong": sum(one.rmse > HARM for one in accepted),
+        "doubtful_coverage": float(np.mean(doubtful)) if doubtful else None,
+        "codes": {code: sum(code in one.codes for one in found) for one in found for code in one.codes},
+    }
+
+
+def show(document: dict[str, dict[str, Any]]) -> None:
+    """The table."""
+    head = ["camera", "light", "RMSE", "coverage", "accepted, doubtful, refused", "wrong and accepted", "why"]
+    lines = [
+        [
+            title, word, f"{one['rmse']:.4f}", f"{one['coverage']:.3f}",
+            ", ".join(str(count) for count in one["status"].values()), one["accepted_wrong"],
+            ", ".join(f"{code} {count}" for code, count in one["codes"].items()),
+        ]
+        for title, words in document.items()
+        for word, one in words.items()
+    ]  # fmt: skip
+    console().print(table(f"Strangers; wrong: RMSE above {HARM:g}", head, lines))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = command_parser(__spec__, __doc__)
+    take_tables(parser, "phones", "foreign")
+    parser.add_argument("--only", default="", help="rows whose name begins so")
+    options = parser.parse_args(arguments)
+    asked = [*(phones(options.phones) if options.phones else ()), *cameras(options.foreign)]
+    asked = [each for each in asked if each[0].startswith(options.only)]
+    found: dict[str, dict[str, list[Taken]]] = {}
+    with progress() as bar:
+        for number, (title, device, known, maker) in enumerate(bar.track(asked, description="strangers")):
+            for word, one in taken(device, known, maker, number):
+                found.setdefault(title, {}).setdefault(word, []).append(one)
+    document = {title: {word: row(each) for word, each in words.items()} for title, words in found.items()}
+    show(document)
+    print(f"written: {save('strangers', document | {'versions': versions('scipy')})}")
+    return 0
+
+
+if __name__ == "__main__":
+    one_thread(__spec__)
+    sys.exit(main())
