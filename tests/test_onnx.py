@@ -31,7 +31,7 @@ from tests.problems import chart_and_lamp, recovered, seeds, theory, told, toy_c
 EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 CASES = {name: case for name, case in EVERY.items() if by_model(case)}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
-SEEDED = ("cameras", "gaussian", "phones", "gaussian")
+SEEDED = ("cameras", "gaussian", "phones", "gaussian", "ryyb", "gaussian")
 """Bases of the seeded problems, in turn: every even seed has a learned one."""
 
 

@@ -39,7 +39,7 @@ from camssf.learning.basis import learn
 from camssf.learning.training import maker_of, read_curves
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import Basis, interpolate
-from camssf.recovery.hypotheses import FAMILIES, SCALES, UNFAMILIAR_CAMERA, choose, recover
+from camssf.recovery.hypotheses import choose, hypotheses, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.spectra import ChartTable, Lamp, read_chart
@@ -181,13 +181,17 @@ def without(maker: str) -> Basis:
 
 def automatic(given: Observation, left_out: Basis) -> Ssf:
     """`recover(basis="auto")` with another basis in the place of `cameras`."""
-    bases = [left_out if name == SHIPPED else name for name in FAMILIES]
+    candidates = hypotheses({})
     answers = [
-        answer(given, basis, prior_scale=scale, settings=SolverSettings(engine="reference"))
-        for basis in bases
-        for scale in SCALES
+        answer(
+            given,
+            left_out if name == SHIPPED else name,
+            prior_scale=scale,
+            settings=SolverSettings(engine="reference"),
+        )
+        for name, scale, _ in candidates
     ]
-    return choose(given, answers, np.log(np.tile([1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA], len(bases))))
+    return choose(given, answers, np.array([belief for _, _, belief in candidates]))
 
 
 def solve(

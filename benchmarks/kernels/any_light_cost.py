@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
-from camssf.recovery.hypotheses import FAMILIES, recover
+from camssf.recovery.hypotheses import hypotheses, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
 from camssf.recovery.sensitivity import answer
@@ -70,8 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
     calls["an answer, four kinds"] = lambda: [
         answer(guess.observation, name, prior_scale=scale)
         for guess in guesses
-        for name in FAMILIES
-        for scale in (1.0, 2.0)
+        for name, scale, _ in hypotheses({})
     ]
     found = recover_in_any_light(guesses)
     by_name = {guess.kinds[0]: guess for guess in guesses}

@@ -4,6 +4,7 @@ import org.camssf.Rules
 import org.camssf.photo.Agreement
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
+import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.ChartTable
 import kotlin.math.abs
