@@ -239,8 +239,7 @@ def test_budget_and_bands_are_the_reference_s(seed: int) -> None:
     modes[-1] = read_lamp("white-led").modes
     uneven = {"gain_modes": 0.1 * rng.normal(size=(k, 2, n)), "gain_own": 0.1}
     masked = np.where(np.arange(n)[:, None] % 3 == 1, 1000.0, a["standard_error"])
-    for more in ({}, {"standard_error": masked}, {"lamp_modes": modes}, uneven,
-                 {"standard_error": masked, "lamp_modes": modes} | uneven):  # fmt: skip
+    for more in ({}, {"standard_error": masked} | uneven, {"standard_error": masked, "lamp_modes": modes} | uneven):
         scale = 1.0 if seed % 4 else 2.0
         given = told(**a | more)[0]
         found = outputs_of(model, given, scale)

@@ -198,7 +198,7 @@ class FailuresTest {
         assertTrue(places.none { "onnxruntime" in it.path })
         URLClassLoader(places, ClassLoader.getPlatformClassLoader()).use { loader ->
             val type = loader.loadClass("org.camssf.SsfCalibrator")
-            assertEquals(listOf("auto", "phones", "cameras", "gaussian"), type.getField("BASES").get(null))
+            assertEquals(listOf("auto", "phones", "cameras", "ryyb", "gaussian"), type.getField("BASES").get(null))
             val companion = type.getField("Companion").get(null)
             repeat(2) {
                 val open = companion.javaClass.getMethod("open", String::class.java)
