@@ -68,9 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
         calls[f"{guess.kinds[0]}, its light"] = lambda guess=guess: answer(by_modes(guess.observation), "phones")  # type: ignore[misc]
     calls["an answer, lamp named"] = lambda: recover(given)
     calls["an answer, four kinds"] = lambda: [
-        answer(guess.observation, name, prior_scale=scale)
-        for guess in guesses
-        for name, scale, _ in hypotheses({})
+        answer(guess.observation, name, prior_scale=scale) for guess in guesses for name, scale, _ in hypotheses({})
     ]
     found = recover_in_any_light(guesses)
     by_name = {guess.kinds[0]: guess for guess in guesses}
