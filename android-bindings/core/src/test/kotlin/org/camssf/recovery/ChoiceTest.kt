@@ -190,7 +190,11 @@ class ChoiceTest {
                 assertEquals(alone.logEvidence, Recover.logEvidence(engine, given, scale))
                 assertEquals(emptyList<Hypothesis>(), alone.choice)
             }
-            fun odds(of: List<Hypothesis>) = of.take(2).sumOf { it.probability } / of.drop(2).sumOf { it.probability }
+            // Phones, with an RYYB sensor or not, against cameras.
+            fun odds(of: List<Hypothesis>): Double {
+                val (cameras, phones) = of.partition { it.basis == "cameras" }
+                return phones.sumOf { it.probability } / cameras.sumOf { it.probability }
+            }
             assertEquals(20.0 * odds(even), odds(choice(mapOf("phones" to 20.0))), 1e-9 * 20.0 * odds(even))
             // Of two scales one is believed 19 times as much.
             val wide = exp(even[1].logEvidence - even[0].logEvidence) / 19.0
