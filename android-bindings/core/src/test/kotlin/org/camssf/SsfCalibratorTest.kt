@@ -101,7 +101,8 @@ class SsfCalibratorTest {
     fun `what was weighed stands in the document, and the model that answered`() {
         fun numbers(of: JsonObject, name: String) = of.getValue(name).jsonPrimitive.double
         SsfCalibrator.open().use { calibrator ->
-            assertEquals("auto" to setOf("phones", "cameras", "ryyb"), calibrator.basis to calibrator.modelHashes.keys)
+            assertEquals("auto", calibrator.basis)
+            assertEquals(setOf("phones", "cameras", "ryyb"), calibrator.modelHashes.keys)
             val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val told = document.getValue("choice").jsonArray.map { it.jsonObject }

@@ -166,7 +166,8 @@ internal object Judge {
     /** Checks whether the camera needs a wider prior, or another basis than its maker's name suggests (rule 7). */
     private fun unfamiliarCamera(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
         val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
-        val other = ssf.choice.sumOf { if (family != null && Choice.MAKERS_OF[it.basis] != family) it.probability else 0.0 }
+        val others = ssf.choice.filter { family != null && Choice.MAKERS_OF[it.basis] != family }
+        val other = others.sumOf { it.probability }
         val most = max(wide, other)
         if (ssf.choice.isNotEmpty()) checks.note("unfamiliar_camera", most)
         if (most <= UNFAMILIAR_CAMERA) return emptyList()
