@@ -7,8 +7,8 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 
 from camssf.errors import InvalidArgument
@@ -134,21 +134,28 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
         InvalidArgument: the folder cannot be written to.
     """
     folder = local_folder(folder)
+    try:
+        with made_folder(folder):
+            _exchange(folder, contents)
+    except (OSError, ValueError) as error:
+        raise InvalidArgument(
+            f"{folder} cannot be written to ({_in_words(error)}).", f"{_advice(error)}; nothing was left behind."
+        ) from error
+    return [folder / name for name, content in contents.items() if content is not None]
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for the work within; if that fails, the folders that were made and are empty go again."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _exchange(folder, contents)
-    except BaseException as error:
+        yield
+    except BaseException:
         for path in made:
             if path.is_dir() and not any(path.iterdir()):
                 path.rmdir()
-        if isinstance(error, (OSError, ValueError)):
-            raise InvalidArgument(
-                f"{folder} cannot be written to ({_in_words(error)}).",
-                f"{_advice(error)}; nothing was left behind.",
-            ) from error
         raise
-    return [folder / name for name, content in contents.items() if content is not None]
 
 
 def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import local_folder
+from camssf.files import local_folder, made_folder
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.read.unit import read_unit
@@ -137,8 +137,7 @@ def simulate(
     try:
         for path in (*(folder / name for names in files for name in names.values()), truth, corners):
             _check_replaced(path)
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
+        with made_folder(folder), tempfile.TemporaryDirectory(dir=folder, prefix=".camssf-") as aside:
             shots = []
             poses: dict[str, Pose] = {}
             for number, (plan, names) in enumerate(zip(plans, files, strict=True)):

@@ -52,7 +52,7 @@ def comparison_of(document: Json, other: Json | None, name: str) -> Comparison |
     off = ours - theirs
     stds = [columns(each["ssf_std"]) if each.get("ssf_std") else None for each in (document, other)]
     std = None if stds[0] is None or stds[1] is None else np.hypot(stds[0], stds[1])
-    most = np.abs(off * VISIBLE[:, None]).argmax(axis=0)
+    most = np.where(VISIBLE[:, None], np.abs(off), -1.0).argmax(axis=0)
     moved = WAVELENGTHS[ours.argmax(axis=0)] - WAVELENGTHS[theirs.argmax(axis=0)]
     gains = np.array(document["channel_gain"]) / np.array(other["channel_gain"])
     rows = [
@@ -98,7 +98,7 @@ def worst_of(off: Floats, std: Floats) -> tuple[Floats, np.ndarray]:
         std: (681, 3) its standard deviation; where it is 0, any difference counts as infinite.
     """
     size = np.divide(np.abs(off), std, out=np.where(off == 0, 0.0, np.inf), where=std > 0)
-    size = np.where(VISIBLE[:, None], size, 0.0)
+    size = np.where(VISIBLE[:, None], size, -1.0)
     return np.asarray(size.max(axis=0)), size.argmax(axis=0)
 
 
