@@ -53,6 +53,7 @@ def test_without_a_build_the_command_says_what_to_do(tmp_path: Path, monkeypatch
         kotlin_decode.class_path()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("place", ["first", "chain", "sub", "nested"])
 def test_both_judges_give_the_active_area_s_samples(tmp_path: Path, place: str) -> None:
     path, samples = photo(tmp_path, place=place, tags={50829: (LONG, [4, 6, 38, 60])})
