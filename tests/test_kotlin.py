@@ -254,7 +254,7 @@ def test_two_shots_of_which_one_is_a_formula(
     shots, corners = photos
     case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
-    assert [len(ours["choice"]), len(theirs["choice"])] == [4, 4]
+    assert [len(ours["choice"]), len(theirs["choice"])] == [5, 5]
     check(ours, theirs)
     chart, white, dark = ([getattr(shot, role) for shot in shots] for role in ("chart", "white", "dark"))
     findings = parity(theirs, chart, white=white, dark=dark)
