@@ -506,6 +506,9 @@ def test_the_choice_in_words() -> None:
     assert outweighed is not None
     assert outweighed.words[1] == "These odds include the maker's name in the file: 20 : 1 for cameras."
     assert choice_of({}) is choice_of({"choice": []}) is choice_of(weighed(("phones", 1.0, 0.0, 0.0))) is None
+    foreign = choice_of(weighed(("mine", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
+    assert foreign is not None
+    assert foreign.prior_odds is None  # a basis that no maker's name speaks for
     one = choice_of(weighed(("phones", 1.0, 0.0, 1.0)))
     assert one is not None
     assert one.words == ()

@@ -230,7 +230,7 @@ def test_the_stored_solutions_prove_themselves() -> None:
 
 def test_some_problems_solved_anew_by_cvxpy() -> None:
     """Eight; `generate --check` solves them all. Four seeded ones are in test_onnx.py."""
-    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev): the oracle cannot be asked anew")
+    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: test): the oracle cannot be asked anew")
     for name in SOLVED[:: len(SOLVED) // 8][:8]:
         case = CASES[name]
         anew = generate._oracle(case)
@@ -509,7 +509,7 @@ def test_drift_is_found_and_rounding_is_not() -> None:
 @pytest.mark.full
 def test_nothing_drifted(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A case whose inputs are the stored ones is not run again: its outputs are those of the tests above."""
-    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev): the oracle cannot be asked anew")
+    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: test): the oracle cannot be asked anew")
 
     def known(made: Json) -> Json:
         name = made["case"]

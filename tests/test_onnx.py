@@ -359,7 +359,7 @@ def test_the_layers_alone_as_a_model(name: str) -> None:
 
 @pytest.mark.parametrize("seed", seeds(0, 12, 3))
 def test_seeded_problems_against_cvxpy(seed: int) -> None:
-    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: dev)")
+    pytest.importorskip("cvxpy", reason="cvxpy is not installed (extra: test)")
     from camssf.recovery.linear_model import linear_model
     from golden.oracle import consult
 

@@ -1,10 +1,10 @@
 """Is a camera that no basis knows recognised? `python -m benchmarks.claims.strangers --phones phones.csv`
 
 The measured phones, each solved with bases of the other phones, and changed so that they are strangers: all curves
-moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of white in each channel (RGBW), an
+moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of all channels in each (RGBW), an
 infrared cut at 635 nm. One photo with white and dark frame, solved and judged as `camssf calibrate` does it, under
-six lamps, named and not; Ohta's chart told as BabelColor's, noise hypot(0.1 %, 0.0002). Cameras (maker left out) and
-another laboratory's, each with its own maker's name, with a phone maker's, and with none.
+five lamps, named and not; Ohta's chart with BabelColor's table, noise hypot(0.1 %, 0.0002). Cameras (maker left
+out) and another laboratory's, each with its own maker's name, with a phone maker's, and with none.
 
 `--phones` (or CAMSSF_PHONES) and `--foreign` (CAMSSF_FOREIGN) name the tables that may not be passed on; without them
 cameras alone are judged. Error: RMSE of peak-normalised curves, 400 to 700 nm, of all captures, refused ones too;
@@ -44,7 +44,7 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import HANDFUL, TrainingSet, maker_of, read_curves, with_yellow
+from camssf.learning.training import HANDFUL, maker_of, read_curves, with_yellow, yellow_for_green
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_lamp
 
@@ -65,11 +65,7 @@ def wider(curves: Floats) -> Floats:
     return np.stack([np.interp(place, WAVELENGTHS, each) for place, each in zip(places.T, curves.T, strict=True)], 1)
 
 
-def yellow(share: float) -> Change:
-    """Yellow in green's place; `share` of red is none of those that the basis is made with."""
-    return lambda curves: np.stack([curves[:, 0], curves[:, 1] + share * curves[:, 0], curves[:, 2]], axis=1)
-
-
+# The shares of red are none of those that the basis `ryyb` is made with.
 STRANGERS: dict[str, Change] = {
     "as measured": lambda curves: curves,
     "8 nm to the red": moved(8),
@@ -77,8 +73,8 @@ STRANGERS: dict[str, Change] = {
     "12 nm to the red": moved(12),
     "12 nm to the blue": moved(-12),
     "20 % wider": wider,
-    "RYYB, G + 0.4 R": yellow(0.4),
-    "RYYB, G + 0.85 R": yellow(0.85),
+    "RYYB, G + 0.4 R": lambda curves: yellow_for_green(curves, 0.4),
+    "RYYB, G + 0.85 R": lambda curves: yellow_for_green(curves, 0.85),
     "RGBW": lambda curves: curves + 0.1 * curves.sum(axis=1, keepdims=True),
     "infrared cut at 635 nm": lambda curves: curves / (1.0 + np.exp((WAVELENGTHS - 635.0) / 4.0))[:, None],
 }
@@ -86,7 +82,7 @@ STRANGERS: dict[str, Change] = {
 
 def ryyb(nodes: dict[str, Floats]) -> Basis:
     """The basis `ryyb` as these phones teach it, curves (69, 3) by name."""
-    computed = with_yellow(TrainingSet(nodes, (), (), ())).curves
+    computed = with_yellow(nodes)
     return taught(computed, list(computed), HANDFUL, "ryyb")
 
 
@@ -117,12 +113,12 @@ def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ..
 
 
 def taken(device: Device, known: Sequence[Basis], maker: str, number: int) -> Iterator[tuple[str, Taken]]:
-    """How the light was told, and what came of it."""
+    """Whether the light was named, and the outcome."""
     with standing_in(*known):
         for at, lamp in enumerate(LAMPS):
             for word, light in (("named", read_lamp(lamp)), ("not named", unnamed(lamp))):
-                asked = capture(device, (lamp,), [light], maker, 100 * number + at)
-                yield word, judged(asked, device, (lamp,))
+                photo = capture(device, (lamp,), [light], maker, 100 * number + at)
+                yield word, judged(photo, device, (lamp,))
 
 
 def row(found: Sequence[Taken]) -> dict[str, Any]:
@@ -182,11 +178,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     take_tables(parser, "phones", "foreign")
     parser.add_argument("--only", default="", help="rows whose name begins so")
     options = parser.parse_args(arguments)
-    asked = [*(phones(options.phones) if options.phones else ()), *cameras(options.foreign)]
-    asked = [each for each in asked if each[0].startswith(options.only)]
+    devices = [*(phones(options.phones) if options.phones else ()), *cameras(options.foreign)]
+    devices = [each for each in devices if each[0].startswith(options.only)]
     found: dict[str, dict[str, list[Taken]]] = {}
     with progress() as bar:
-        for number, (title, device, known, maker) in enumerate(bar.track(asked, description="strangers")):
+        for number, (title, device, known, maker) in enumerate(bar.track(devices, description="strangers")):
             for word, one in taken(device, known, maker, number):
                 found.setdefault(title, {}).setdefault(word, []).append(one)
     document = {title: {word: row(each) for word, each in words.items()} for title, words in found.items()}

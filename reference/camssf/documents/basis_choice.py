@@ -10,6 +10,8 @@ from camssf.recovery.hypotheses import CLEAR, MAKERS_OF
 
 Json: TypeAlias = dict[str, Any]
 
+OTHERS = {"phones": "cameras", "cameras": "phones"}
+"""The other makers of MAKERS_OF."""
 LARGEST = 1e6
 """Larger odds are not distinguished."""
 
@@ -48,7 +50,7 @@ def choice_of(document: Json) -> Chosen | None:
     odds = shares[basis] / rest if rest > 0 else math.inf
     others = " and ".join(name for name in shares if name != basis)
     wide = math.fsum(each["probability"] for each in weighed if each["prior_scale"] > 1.0) / total
-    prior_odds = _prior_odds(weighed, MAKERS_OF.get(basis, basis))
+    prior_odds = _prior_odds(weighed, MAKERS_OF[basis]) if basis in MAKERS_OF else None
     return Chosen(basis, odds, prior_odds, wide, tuple(_words(basis, others, odds, prior_odds, wide)))
 
 
@@ -67,12 +69,11 @@ def odds_in_words(odds: float) -> str:
     return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
 
 
-def _prior_odds(weighed: list[Json], basis: str) -> float | None:
+def _prior_odds(weighed: list[Json], makers: str) -> float | None:
     """Prior odds of phones against cameras, or the reverse: posterior odds divided by the Bayes factor."""
-    makers = set(MAKERS_OF.values())
     own, other = (
-        max((each for each in weighed if each["basis"] in names), key=_probability, default=None)
-        for names in ({basis}, makers - {basis})
+        max((each for each in weighed if each["basis"] == name), key=_probability, default=None)
+        for name in (makers, OTHERS[makers])
     )
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
@@ -105,9 +106,8 @@ def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide:
             "the band includes their difference."
         )
         if prior_odds is not None and abs(math.log(prior_odds)) > 0.01:
-            own = MAKERS_OF.get(basis, basis)
-            (other,) = set(MAKERS_OF.values()) - {own}
-            likely, prior = (own, prior_odds) if prior_odds > 1 else (other, 1 / prior_odds)
+            own = MAKERS_OF[basis]
+            likely, prior = (own, prior_odds) if prior_odds > 1 else (OTHERS[own], 1 / prior_odds)
             words.append(f"These odds include the maker's name in the file: {odds_in_words(prior)} for {likely}.")
     if wide > 0:
         words.append(

@@ -242,7 +242,8 @@ def main(arguments: list[str] | None = None) -> int:
             size=HANDFUL if options.handful else Enlargement(),
             noun=options.noun,
         )
-        training = with_yellow(training) if options.noun == RYYB_PHONES else training
+        if options.noun == RYYB_PHONES:
+            training = replace(training, curves=with_yellow(training.curves))
         if options.extend:
             training = training_set_of(options.extend).joined(training)
         source = save(training, options.components, options.output, statistics=options.statistics)

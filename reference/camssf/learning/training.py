@@ -185,18 +185,20 @@ class TrainingSet:
         return f"{components} components learned from {who} ({'; '.join(parts)})"
 
 
-def with_yellow(training: TrainingSet) -> TrainingSet:
-    """The phones with a yellow filter in green's place, as sensors with RYYB mosaics have it.
+def with_yellow(curves: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Each phone with `yellow_for_green`, once for every share of YELLOW. No such phone has published curves."""
+    return {
+        f"{name}, G + {share:g} R": yellow_for_green(curve, share)
+        for name, curve in curves.items()
+        for share in YELLOW
+    }
 
-    Each curve of green becomes G + r R, divided by its peak, once for every r of YELLOW; red and blue stay. No such
-    phone has published curves.
-    """
-    curves = {}
-    for name, curve in training.curves.items():
-        for share in YELLOW:
-            yellow = curve[:, 1] + share * curve[:, 0]
-            curves[f"{name}, G + {share:g} R"] = np.stack([curve[:, 0], yellow / yellow.max(), curve[:, 2]], axis=1)
-    return replace(training, curves=curves, noun=RYYB_PHONES)
+
+def yellow_for_green(curves: Floats, share: float) -> Floats:
+    """Curves (m, 3) of a sensor with an RYYB mosaic: G + `share` R, divided by its peak, in the place of G."""
+    red, green, blue = curves.T
+    yellow = green + share * red
+    return np.stack([red, yellow / yellow.max(), blue], axis=1)
 
 
 def read_training_set(path: Path, licence: str, *, least: int = 2) -> TrainingSet:

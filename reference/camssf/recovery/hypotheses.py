@@ -28,10 +28,10 @@ from camssf.recovery.sensitivity import (
 from camssf.rules import rules
 
 AUTO = "auto"
-FAMILIES = ("phones", "cameras", "ryyb")
-"""The bases that `auto` chooses from, in this order."""
 MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
 """Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`."""
+FAMILIES = tuple(MAKERS_OF)
+"""The bases that `auto` chooses from, in this order."""
 SCALES = (1.0, rules().number("choice.wide"))
 """Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
 UNFAMILIAR_CAMERA = rules().number("choice.unfamiliar_camera")
