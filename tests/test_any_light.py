@@ -20,11 +20,11 @@ from camssf.documents.result_json import check_document
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit
-from camssf.fit.solutions import recover_fit
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
+from camssf.recovery.hypotheses import FAMILIES, MAKER
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer
 from camssf.recovery.unnamed_light import (
@@ -39,7 +39,6 @@ from camssf.recovery.unnamed_light import (
 )
 from camssf.report.page import page
 from camssf.result import Calibration, Refusal
-from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
@@ -50,7 +49,7 @@ from camssf.verdict.rival_lamps import weigh_rivals
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.problems import measured_cameras
-from tests.test_choice import HYPOTHESES, SEEN, belief, capture, told
+from tests.test_choice import SEEN, belief, capture, told
 
 
 def unnamed(given: Capture, *shots: int) -> Capture:
@@ -95,22 +94,22 @@ def test_a_light_without_a_name_is_no_spectrum() -> None:
 
 
 def test_the_probabilities_are_evidence_times_belief() -> None:
-    """By hand from the single answers: 2 kinds, 3 bases, 2 widths for two of them."""
+    """By hand from the single answers: 2 kinds, 3 bases."""
     given = told(resolve(PHONE), "D55", patches=12, noise=0.005)
     two = guesses(given, ("daylight", "bulb"))
     ssf = recover_in_any_light(two, prior={"phones": 5.0}, settings=SolverSettings(engine="reference"))
     nats = {
-        (guess.kinds, basis, scale): answer(
-            guess.observation, basis, prior_scale=scale, settings=SolverSettings(engine="reference")
+        (guess.kinds, basis): answer(
+            guess.observation, basis, settings=SolverSettings(engine="reference")
         ).posterior.log_evidence
-        for basis, scale in HYPOTHESES
+        for basis in FAMILIES
         for guess in two
     }
     most = max(value or -np.inf for value in nats.values())
-    raw = {key: np.exp((value or 0.0) - most) * belief(key[1], key[2], phones=5.0) for key, value in nats.items()}
-    assert len(ssf.choice) == len(raw) == 10
+    raw = {key: np.exp((value or 0.0) - most) * belief(key[1], phones=5.0) for key, value in nats.items()}
+    assert len(ssf.choice) == len(raw) == 6
     for weight in ssf.choice:
-        key = weight.kinds, weight.basis, weight.prior_scale
+        key = weight.kinds, weight.basis
         assert weight.log_evidence == pytest.approx(nats[key], abs=1e-9)
         assert weight.probability == pytest.approx(raw[key] / sum(raw.values()), rel=1e-9)
     (light,) = ssf.light.lights
@@ -238,7 +237,7 @@ def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
     curves, std = done.ssf.peak()
     assert std is not None
     off = np.abs(curves - truth / truth.max(axis=0))[SEEN]
-    assert (off <= 1.96 * std[SEEN]).mean() >= 0.93
+    assert (off <= 1.96 * std[SEEN]).mean() >= 0.9  # of this made phone; measured ones: benchmarks.claims.any_light
     assert np.sqrt(np.mean(off**2)) < 0.03
     (light,) = done.ssf.light.lights
     assert light is not None
@@ -268,7 +267,7 @@ def test_two_shots_join_what_each_knows() -> None:
     assert bulb is not None
     assert day.kinds["daylight"] > 0.9
     assert bulb.kinds["bulb"] > 0.9
-    assert len(done.ssf.choice) == 80
+    assert len(done.ssf.choice) == 48
 
 
 def test_one_of_two_lamps_may_be_named() -> None:
@@ -292,50 +291,43 @@ def test_three_lights_without_a_name_are_too_many() -> None:
         solve(unnamed(capture(resolve(PHONE), ["D55", "A", "FL2"], make="Apple")))
 
 
-@pytest.mark.parametrize("make", ["NIKON CORPORATION", ""])
+@pytest.mark.parametrize("make", ["NIKON CORPORATION", "", "Apple"])
 def test_a_camera_must_name_its_lamp(make: str) -> None:
-    """The evidence of a camera cannot carry it: the refusal says which words would help."""
-    with pytest.raises(LampUnfit, match=r"the light was not named.*Name the lamp:.*daylight, bulb"):
-        solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make)))
+    """Whatever maker its file names, the signals say that it is no phone; the message says which words would help."""
+    try:
+        reasons = solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make))).verdict.reasons
+    except LampUnfit as refused:
+        reasons = refused.reasons
+    reason = next(each for each in reasons if "the light was not named" in each.message)
+    assert reason.advice.startswith("Name the lamp: at least its kind (daylight, bulb")
 
 
-def test_a_file_that_names_no_maker_of_phones_is_taken_for_a_camera_s() -> None:
-    """Its maker is 20 : 1 of a phone's odds; without that word the same photo must name its lamp, whoever took it."""
-    given = unnamed(capture(resolve(PHONE), ["D55"], make="A maker of whom nobody knows"))
-    with pytest.raises(LampUnfit, match="the file names no maker of phones") as caught:
-        solve(given)
-    assert "writes the phone's maker" in caught.value.advice
-    fit = prepare_fit(given, Options())
-    ssf = recover_fit(fit, fit.signals.used, None)
-    cameras = sum(w.probability for w in ssf.choice if w.basis == "cameras")
-    odds = (1.0 - cameras) / cameras
-    assert odds > 1.0
-    assert caught.value.value == pytest.approx(odds / (odds + 20.0))
-    assert caught.value.threshold == rules().number("verdict.unnameable")
+@pytest.mark.parametrize("make", ["Apple", "A maker of whom nobody knows", ""])
+def test_a_phone_is_known_by_its_signals(make: str) -> None:
+    done = solve(unnamed(capture(resolve(PHONE), ["D55"], make=make)))
+    assert done.verdict.status == "accepted"
 
 
 def test_bounds_of_the_probability() -> None:
-    """By the maker's word, from weights alone: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without."""
+    """Without the maker's odds: .77 and .2, whoever made it."""
     ssf = found(("D55",)).ssf
 
     def said(phone: float, family: str | None) -> tuple[str, float | None]:
+        odds = phone / (1.0 - phone) * {"phones": MAKER, "cameras": 1.0 / MAKER, None: 1.0}[family]
+        share = odds / (1.0 + odds)
         weights = (
-            Hypothesis("phones", 1.0, 0.0, phone, ("bulb",)),
-            Hypothesis("cameras", 1.0, 0.0, 1.0 - phone, ("bulb",)),
+            Hypothesis("phones", 0.0, 0.7 * share, ("bulb",)),
+            Hypothesis("ryyb", 0.0, 0.3 * share, ("bulb",)),
+            Hypothesis("cameras", 0.0, 1.0 - share, ("bulb",)),
         )
         reasons = _unnamed(replace(ssf, choice=weights), family, Checks())
         return ("accepted", None) if not reasons else (type(reasons[0]).__name__, reasons[0].value)
 
-    assert said(0.81, "phones") == ("accepted", None)
-    assert said(0.79, "phones") == ("Reason", 0.79)
-    assert said(0.49, "phones") == ("Fatal", 0.49)
-    assert said(0.95, "cameras") == ("Reason", 0.95)
-    assert said(0.96, "cameras") == ("accepted", None)
-    # Nobody's word: 20 : 1 against it, so 19 : 1 are not even 1 : 1, and 401 : 1 are 20 : 1.
-    assert said(0.95, None) == ("Fatal", pytest.approx(19 / 39))
-    assert said(0.96, None) == ("Reason", pytest.approx(24 / 44))
-    assert said(399 / 400, None) == ("Reason", pytest.approx(399 / 419))
-    assert said(401 / 402, None) == ("accepted", None)
+    for family in ("phones", "cameras", None):
+        assert said(0.78, family) == ("accepted", None)
+        assert said(0.76, family) == ("Reason", pytest.approx(0.76))
+        assert said(0.21, family) == ("Reason", pytest.approx(0.21))
+        assert said(0.19, family) == ("Fatal", pytest.approx(0.19))
 
 
 def test_who_names_the_basis_says_that_it_is_a_phone() -> None:

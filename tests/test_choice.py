@@ -25,9 +25,8 @@ from camssf.recovery.covariance import DRIFT
 from camssf.recovery.hypotheses import (
     CLEAR,
     FAMILIES,
+    MAKER,
     MAKERS_OF,
-    SCALES,
-    UNFAMILIAR_CAMERA,
     choose,
     probabilities,
     recover,
@@ -35,6 +34,7 @@ from camssf.recovery.hypotheses import (
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import LARGEST_GAP, SolverSettings, Ssf, answer
+from camssf.recovery.unfamiliar_camera import code_length, family_test
 from camssf.rules import rules
 from camssf.spectra import Unnamed, read_chart, read_lamp
 from camssf.verdict.judge import judge
@@ -68,13 +68,9 @@ def between() -> Observation:
     return told(resolve(BETWEEN), "D55", patches=12, noise=0.005)
 
 
-HYPOTHESES = [*((basis, scale) for basis in ("phones", "cameras") for scale in SCALES), ("ryyb", 1.0)]
-
-
-def belief(basis: str, scale: float, phones: float = 1.0) -> float:
-    """Prior odds by hand: 19 : 1 for the basis's own width, RYYB one phone in twenty."""
-    odds = {"phones": phones, "cameras": 1.0, "ryyb": 0.05 * phones}[basis]
-    return odds * (UNFAMILIAR_CAMERA if scale > 1 else 1 - UNFAMILIAR_CAMERA)
+def belief(basis: str, phones: float = 1.0) -> float:
+    """Prior odds by hand: RYYB one phone in twenty."""
+    return {"phones": phones, "cameras": 1.0, "ryyb": 0.05 * phones}[basis]
 
 
 def shares(ssf: Ssf) -> dict[str, float]:
@@ -91,20 +87,19 @@ def test_probabilities_add_up_however_large_the_evidence() -> None:
     for camera in (resolve(PHONE), resolve(BETWEEN), measured_cameras()["Nikon D5100"]):
         found = recover(told(camera, "D55"))
         assert sum(weight.probability for weight in found.choice) == pytest.approx(1.0, abs=1e-12)
-        assert [(w.basis, w.prior_scale) for w in found.choice] == HYPOTHESES
+        assert [w.basis for w in found.choice] == ["phones", "cameras", "ryyb"]
 
 
 def test_the_probabilities_are_evidence_times_belief() -> None:
     """By hand from the single answers: the odds of phones, which RYYB sensors share, as they are told."""
     given = between()
     found = recover(given, prior={"phones": 5.0})
-    evidence = {(b, s): answer(given, b, prior_scale=s).posterior.log_evidence or 0.0 for b, s in HYPOTHESES}
+    evidence = {basis: nats(answer(given, basis)) for basis in FAMILIES}
     most = max(evidence.values())
-    raw = {key: np.exp(value - most) * belief(*key, phones=5.0) for key, value in evidence.items()}
+    raw = {basis: np.exp(value - most) * belief(basis, phones=5.0) for basis, value in evidence.items()}
     for weight in found.choice:
-        key = weight.basis, weight.prior_scale
-        assert weight.log_evidence == evidence[key]
-        assert weight.probability == pytest.approx(raw[key] / sum(raw.values()), rel=1e-12)
+        assert weight.log_evidence == evidence[weight.basis]
+        assert weight.probability == pytest.approx(raw[weight.basis] / sum(raw.values()), rel=1e-12)
 
 
 def test_a_told_basis_is_no_choice() -> None:
@@ -114,6 +109,11 @@ def test_a_told_basis_is_no_choice() -> None:
     assert (found.values == answer(given, "phones", prior_scale=2.0).values).all()
     with pytest.raises(InvalidArgument, match="prior_scale"):
         recover(replace(given, chart_tolerance=np.zeros(12)), basis="gaussian", prior_scale=2.0)
+
+
+def nats(ssf: Ssf) -> float:
+    assert ssf.posterior is not None
+    return ssf.posterior.log_evidence
 
 
 # -- who answers --------------------------------------------------------------------------------------------------
@@ -167,23 +167,44 @@ def test_odds_of_twenty_answer_alone() -> None:
     assert (choose(given, [first, second], FAIR).values == second.values).all()
 
 
-def test_the_widths_of_a_winner_are_mixed() -> None:
-    given = between()
-    own, wide, other = answer(given, "phones"), answer(given, "phones", prior_scale=2.0), answer(given, "cameras")
-    evidences = (10.0, 10.0 + np.log(3.0), 0.0)
-    answers = [weighing(each, e) for each, e in zip((own, wide, other), evidences, strict=True)]
-    found = choose(given, answers, np.zeros(3))
-    assert (found.settings.basis, found.settings.prior_scale) == ("phones", 2.0)
-    mean = 0.25 * own.peak()[0] + 0.75 * wide.peak()[0]
-    assert found.peak()[0] == pytest.approx(mean / mean.max(axis=0), abs=1e-12)
-
-
 def test_each_family_is_known_by_its_own() -> None:
     assert shares(recover(told(resolve(PHONE), "D55", "A")))["phones"] > 0.95
     assert shares(recover(told(measured_cameras()["Nikon D5100"], "D55", "A")))["cameras"] > 0.95
-    odd = recover(told(resolve(ODD), "D55", "A"))
-    assert odd.settings.prior_scale == SCALES[1]
-    assert sum(weight.probability for weight in odd.choice if weight.prior_scale > 1) > 0.99
+
+
+# -- a camera of no family ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-UNUSUAL")
+def test_a_camera_of_no_family_gets_a_wider_prior() -> None:
+    """The answer is that of its basis with a prior four times as wide; hypotheses and test are those of its width."""
+    given = told(resolve(ODD), "D55", "A")
+    found = recover(given)
+    test = found.family_test
+    assert test is not None
+    assert not test.passed
+    assert found.settings.prior_scale == 4.0
+    assert (found.values == answer(given, found.settings.basis, prior_scale=4.0).values).all()
+    assert test.length == code_length(answer(given, found.settings.basis))
+    phone = recover(told(resolve(PHONE), "D55", "A"))
+    assert phone.settings.prior_scale == 1.0
+    assert phone.family_test is not None
+    assert phone.family_test.passed
+    assert recover(given, basis="phones").family_test is None
+
+
+@pytest.mark.requirement("R-UNUSUAL")
+def test_the_lamp_residual_is_a_difference_of_evidences() -> None:
+    """By hand from two answers; only named lamps are loosened, and a lamp that is known worse is left as it is."""
+    given = told(resolve(PHONE), "D55", "A")
+    own, loose = (answer(replace(given, lamp_tolerance=np.array(t)), "phones") for t in ((0.02, 0.3), (0.16, 0.3)))
+    given = replace(given, lamp_tolerance=np.array([0.02, 0.3]))
+    test = family_test(given, own, [True, True])
+    assert test.lamp_residual == pytest.approx(nats(loose) - nats(own), abs=1e-9)
+    half = family_test(given, own, [False, True])
+    assert half.lamp_residual == pytest.approx(0.0, abs=1e-9)
+    assert half.longest == rules().number("verdict.unusual_phone_unnamed")
+    assert family_test(given, own, [False, False]).lamp_residual is None
 
 
 @pytest.mark.parametrize("camera", ["phone", "between", "odd"])
@@ -276,13 +297,13 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
 # -- the maker ------------------------------------------------------------------------------------------------------
 
 
-def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
-    """Beginnings of names, any case; the odds it moves are 20, never more, whatever the signals say."""
-    assert prior_odds("Apple", "") == prior_odds("apple inc.", "") == {"phones": CLEAR}
-    assert prior_odds("NIKON CORPORATION", "") == {"cameras": CLEAR}
+def test_a_maker_is_a_weak_belief() -> None:
+    """Beginnings of names, any case; the odds it moves are MAKER, never more, whatever the signals say."""
+    assert prior_odds("Apple", "") == prior_odds("apple inc.", "") == {"phones": MAKER}
+    assert prior_odds("NIKON CORPORATION", "") == {"cameras": MAKER}
     # Who makes both is told by the model.
-    assert prior_odds("samsung", "SM-G991B") == prior_odds("Sony", "XQ-DQ72") == {"phones": CLEAR}
-    assert prior_odds("SAMSUNG", "NX500") == prior_odds("SONY", "ILCE-7M3") == {"cameras": CLEAR}
+    assert prior_odds("samsung", "SM-G991B") == prior_odds("Sony", "XQ-DQ72") == {"phones": MAKER}
+    assert prior_odds("SAMSUNG", "NX500") == prior_odds("SONY", "ILCE-7M3") == {"cameras": MAKER}
     for silent in ("", "samsung", "Sony", "A maker of whom nobody knows", "x apple"):
         assert prior_odds(silent, "") == {}
     names = [name for makers in rules().makers.values() for name in makers]
@@ -290,15 +311,15 @@ def test_a_maker_is_a_belief_of_twenty_to_one() -> None:
     assert set(rules().makers) == set(MAKERS_OF.values())
     for name in names:
         (odds,) = prior_odds(name, "").values()
-        assert odds == CLEAR == 20.0
+        assert odds == MAKER
     given = between()
 
     def odds_of(make: str) -> float:
         share = shares(recover(given, prior=prior_odds(make, "")))
         return share["phones"] / share["cameras"]
 
-    assert odds_of("Apple") / odds_of("") == pytest.approx(20.0)
-    assert odds_of("") / odds_of("Canon") == pytest.approx(20.0)
+    assert odds_of("Apple") / odds_of("") == pytest.approx(MAKER)
+    assert odds_of("") / odds_of("Canon") == pytest.approx(MAKER)
 
 
 def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = None, make: str = "") -> Capture:
@@ -318,7 +339,7 @@ def capture(camera: Floats, true: Sequence[str], named: Sequence[str] | None = N
 
 @pytest.mark.requirement("R-UNUSUAL")
 def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
-    """Three lamps tell so clearly that the maker's 20 : 1 does not carry; without its name the same is accepted."""
+    """Three lamps tell so clearly that the maker's name does not carry; without its name the same is accepted."""
     lamps = ["A", "LED-B3", "FL2"]
     other = solve(capture(resolve(PHONE), lamps, make="NIKON CORPORATION"))
     assert other.ssf.settings.basis == "phones"
@@ -336,9 +357,10 @@ def test_a_camera_beyond_both_is_unusual() -> None:
     narrow = {"bells": [[[1.0, 622, 22]], [[1.0, 553, 27]], [[1.0, 447, 21]]]}
     found = solve(capture(resolve(narrow), ["D55"]))
     assert found.verdict.status == "doubtful"
-    assert found.ssf.settings.prior_scale == SCALES[1]
+    assert found.ssf.settings.prior_scale == 4.0
     reason = next(reason for reason in found.verdict.reasons if reason.code == "camera_unusual")
-    assert reason.value == pytest.approx(sum(w.probability for w in found.ssf.choice if w.prior_scale > 1))
+    assert found.ssf.family_test is not None
+    assert reason.value == found.ssf.family_test.length
 
 
 def test_a_told_basis_is_nobody_s_surprise() -> None:
@@ -425,14 +447,15 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
     fit = prepare_fit(shot, Options())
     ssf = recover_fit(fit, fit.signals.used, None)
     found = weigh_rivals(fit, ssf)
-    narrow, odds = rules().number("verdict.narrow") * ssf.settings.prior_scale, prior_odds(make, "")
+    assert ssf.settings.prior_scale > 1.0  # under a wrong lamp the camera looks unfamiliar: the learned width
+    odds = prior_odds(make, "")
 
     def evidence(name: str) -> float:
         other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
         given = prepare_fit(other, Options()).given(fit.signals.used)
         parts = []
         for basis in ("phones", "cameras"):
-            found = answer(given, basis, prior_scale=narrow, settings=SolverSettings(engine="reference"))
+            found = answer(given, basis, settings=SolverSettings(engine="reference"))
             assert found.posterior is not None
             parts.append(found.posterior.log_evidence + np.log(odds.get(basis, 1.0)))
         return float(np.logaddexp(*parts))
@@ -441,7 +464,7 @@ def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
         assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D55"), abs=1e-6)
     best = max(found, key=lambda rival: rival.gain)
     assert best.lamp in ("2300K", "2856K", "3500K", "LED-BH1")
-    assert best.gain > rules().number("verdict.condemned")
+    assert best.gain > 2.0 * rules().number("verdict.rival")
 
 
 @pytest.mark.requirement("R-WRONG-LAMP")
@@ -456,7 +479,7 @@ def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
 
 
 def test_lamps_of_a_phone() -> None:
-    """Right ones stand, a wrong one of another technique is doubted, a grossly wrong one refused."""
+    """Right ones stand, wrong ones are doubted, and a better one is named."""
     phone = resolve(PHONE)
     for lamp in ("D65", "LED-B3", "FL2"):
         assert solve(capture(phone, [lamp], make="Apple")).verdict.status == "accepted", lamp
@@ -465,16 +488,19 @@ def test_lamps_of_a_phone() -> None:
     (reason,) = [reason for reason in doubted.reasons if "fits" in reason.message]
     assert "fits LED-B3 better than D55. The named lamp is wrong with a probability of" in reason.message
     for true, named in (("A", "D55"), ("A", "FL2"), ("D65", "FL2")):
-        with pytest.raises(LampUnfit, match=rf"better than {named}"):
-            solve(capture(phone, [true], [named], make="Apple"))
+        try:
+            reasons = solve(capture(phone, [true], [named], make="Apple")).verdict.reasons
+        except LampUnfit as refused:
+            reasons = refused.reasons
+        assert any(f"better than {named}" in reason.message for reason in reasons)
 
 
 # -- in words -------------------------------------------------------------------------------------------------------
 
 
-def weighed(*weights: tuple[str, float, float, float]) -> dict[str, Any]:
-    names = ("basis", "prior_scale", "log_evidence", "probability")
-    return {"choice": [dict(zip(names, each, strict=True)) for each in weights]}
+def weighed(*weights: tuple[str, float, float], scale: float = 1.0) -> dict[str, Any]:
+    names = ("basis", "log_evidence", "probability")
+    return {"prior_scale": scale, "choice": [dict(zip(names, each, strict=True)) for each in weights]}
 
 
 def test_odds_in_words() -> None:
@@ -490,26 +516,27 @@ def test_odds_below_the_clear_ones_do_not_read_as_clear() -> None:
 def test_the_choice_in_words() -> None:
     """Odds, what the maker had in them, and the wide prior: from the document alone."""
     p = 1.0 / (1.0 + 30.0)
-    found = choice_of(weighed(("phones", 1.0, 100.0, 30 * p), ("cameras", 1.0, 100.0 - np.log(1.5), p)))
+    found = choice_of(weighed(("phones", 100.0, 30 * p), ("cameras", 100.0 - np.log(1.5), p)))
     assert found is not None
     assert (found.basis, found.odds, found.prior_odds) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
     assert found.words == (
         "Sensor family: phones (30 : 1 against cameras). This basis is used alone.",
         "These odds include the maker's name in the file: 20 : 1 for phones.",
     )
-    half = choice_of(weighed(("phones", 1.0, 5.0, 0.4), ("phones", 2.0, 4.0, 0.1), ("cameras", 1.0, 5.0, 0.5)))
+    half = choice_of(weighed(("phones", 5.0, 0.5), ("cameras", 5.0, 0.5), scale=4.0))
     assert half is not None
-    assert half.wide == pytest.approx(0.1)
     assert "averaged with their probabilities" in half.words[0]
-    assert "With a probability of 10.0 %" in half.words[-1]
-    outweighed = choice_of(weighed(("phones", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
+    assert half.words[-1].startswith(
+        "The camera is unlike those that this basis was learned from, so its prior is 4 "
+    )
+    outweighed = choice_of(weighed(("phones", 9.0, 0.9), ("cameras", 9.0 - np.log(180.0), 0.1)))
     assert outweighed is not None
     assert outweighed.words[1] == "These odds include the maker's name in the file: 20 : 1 for cameras."
-    assert choice_of({}) is choice_of({"choice": []}) is choice_of(weighed(("phones", 1.0, 0.0, 0.0))) is None
-    foreign = choice_of(weighed(("mine", 1.0, 9.0, 0.9), ("cameras", 1.0, 9.0 - np.log(180.0), 0.1)))
+    assert choice_of({}) is choice_of({"choice": []}) is choice_of(weighed(("phones", 0.0, 0.0))) is None
+    foreign = choice_of(weighed(("mine", 9.0, 0.9), ("cameras", 9.0 - np.log(180.0), 0.1)))
     assert foreign is not None
     assert foreign.prior_odds is None  # a basis that no maker's name speaks for
-    one = choice_of(weighed(("phones", 1.0, 0.0, 1.0)))
+    one = choice_of(weighed(("phones", 0.0, 1.0)))
     assert one is not None
     assert one.words == ()
 

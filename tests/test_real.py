@@ -109,14 +109,14 @@ def test_curves_without_a_nikon_in_the_basis(basis: str) -> None:
 @pytest.mark.parametrize(("basis", "most"), [(CLAIM, 0.06), (AUTO, 0.053)])
 def test_the_light_of_each_patch_solved_for(basis: str, most: float) -> None:
     """Measured: .055 and .054 without a Nikon, .047 and .049 as shipped, less than with 8 % on the chart; and the
-    published table, of no use with 3 % on the chart (.26), comes to .064."""
+    published table, of little use with 3 % on the chart (.20), comes to .064."""
     free = real.attempt(basis, MEASURED, 0.03, light_per_patch=real.SCATTERED)
     rmse, coverage = worst(free)
     assert APART < rmse < most
     assert rmse < worst(row(basis))[0]
     assert coverage > 0.88
     published = real.attempt(basis, PUBLISHED, 0.03, light_per_patch=real.SCATTERED)
-    assert worst(published)[0] < 0.3 * worst(row(basis, PUBLISHED, 0.03))[0]
+    assert worst(published)[0] < 0.35 * worst(row(basis, PUBLISHED, 0.03))[0]
     assert published["z"] < 3.5 < row(basis, PUBLISHED, 0.03)["z"]
 
 

@@ -388,7 +388,7 @@ def test_the_row_holds_what_learning_needs() -> None:
     chosen = choice_of(given)
     assert found.odds == (None if chosen is None else chosen.odds)
     weighed = [
-        {"basis": basis, "prior_scale": 1.0, "log_evidence": 0.0, "probability": share}
+        {"basis": basis, "log_evidence": 0.0, "probability": share}
         for basis, share in ((given["basis"], 0.98), ("other", 0.02))
     ]
     assert row("b" * 64, {**given, "choice": weighed}, Origin()).odds == pytest.approx(49.0)
@@ -397,16 +397,16 @@ def test_the_row_holds_what_learning_needs() -> None:
 
 
 def test_widths_of_what_answered_alone() -> None:
-    def weight(basis: str, scale: float, share: float, **more: Any) -> dict[str, Any]:
-        return {"basis": basis, "prior_scale": scale, "probability": share} | more
+    def weight(basis: str, share: float, **more: Any) -> dict[str, Any]:
+        return {"basis": basis, "probability": share} | more
 
     told = {"basis": "phones", "prior_scale": 1.0}
-    clear = [weight("phones", 1.0, 0.3), weight("phones", 2.0, 0.68), weight("cameras", 1.0, 0.02)]
-    mixed = [weight("phones", 1.0, 0.6), weight("cameras", 1.0, 0.4)]
-    unnamed = [weight("phones", 1.0, 1.0, kinds=["bulb"])]
+    clear = [weight("phones", 0.98), weight("cameras", 0.02)]
+    mixed = [weight("phones", 0.6), weight("cameras", 0.4)]
+    unnamed = [weight("phones", 1.0, kinds=["bulb"])]
     assert widths_of({}) == ()
-    assert widths_of(told | {"choice": []}) == ((1.0, 1.0),)
-    assert widths_of(told | {"choice": clear}) == ((2.0, 0.68), (1.0, 0.3))
+    assert widths_of(told | {"choice": []}) == widths_of(told | {"choice": clear}) == ((1.0, 1.0),)
+    assert widths_of({"basis": "phones", "prior_scale": 4.0, "choice": clear}) == ((4.0, 1.0),)
     assert widths_of(told | {"choice": mixed}) == widths_of(told | {"choice": unnamed}) == ()
 
 

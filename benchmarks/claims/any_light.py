@@ -77,6 +77,7 @@ class Taken:
         status: of the verdict. codes: of its reasons.
         rmse, covered: of the curves.
         phone: probability of the basis phones.
+        length, lamp_residual: of its `family_test`; None if the lamp was not named.
         kinds: of the first shot's light, by probability; empty where it was named.
         lamp_covered: share of the lamp's band that holds the true one. kelvin: (true, found, one standard deviation).
     """
@@ -88,6 +89,8 @@ class Taken:
     rmse: float
     covered: float
     phone: float
+    length: float
+    lamp_residual: float | None
     kinds: dict[str, float]
     lamp_covered: float | None
     kelvin: tuple[float, float, float] | None
@@ -148,11 +151,13 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
         ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     assert std is not None  # both bases have bands
+    assert ssf.family_test is not None
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]
     return Taken(
         device.name, lamps, status, codes, float(np.sqrt(np.mean(off**2, axis=0)).mean()),
         float((np.abs(off) <= 1.96 * std[SEEN]).mean()),
-        sum(weight.probability for weight in ssf.choice if weight.basis == "phones"), *light(ssf, lamps[0]),
+        sum(weight.probability for weight in ssf.choice if weight.basis == "phones"),
+        ssf.family_test.length, ssf.family_test.lamp_residual, *light(ssf, lamps[0]),
     )  # fmt: skip
 
 

@@ -49,7 +49,6 @@ from camssf.grid import Floats
 from camssf.learning.basis import learn
 from camssf.learning.training import HANDFUL, Enlargement, maker_of, read_curves
 from camssf.recovery.basis import Basis, interpolate, read_basis
-from camssf.recovery.hypotheses import SCALES, UNFAMILIAR_CAMERA
 from camssf.recovery.hypotheses import choose as chosen
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
@@ -178,20 +177,17 @@ def nats(ssf: Ssf) -> float:
 
 def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, float]]:
     """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
-    scaled = {
-        name: [
-            renamed(answer(observation, basis, prior_scale=scale, settings=SolverSettings(engine="reference")), name)
-            for scale in SCALES
-        ]
+    solved = {
+        name: renamed(answer(observation, basis, settings=SolverSettings(engine="reference")), name)
         for name, basis in device.bases.items()
     }
-    found = {name: (each[0].peak(), nats(each[0])) for name, each in scaled.items()}
+    found = {name: (each.peak(), nats(each)) for name, each in solved.items()}
     if CAMERAS not in device.bases:  # where enlargements are compared nothing is chosen
         return found
-    beliefs = np.log([1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA] * 2)
     for name in device.bases:
         if name != CAMERAS:
-            found[auto(name)] = chosen(observation, [*scaled[name], *scaled[CAMERAS]], beliefs).peak(), float("nan")
+            pair = [solved[name], solved[CAMERAS]]
+            found[auto(name)] = chosen(observation, pair, np.zeros(2)).peak(), float("nan")
     book = device.bases[CAMERAS]
     found[APART] = answer_of(apart(linear_model(observation, book)), observation, book), float("nan")
     return found

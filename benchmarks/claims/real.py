@@ -39,7 +39,7 @@ from camssf.learning.basis import learn
 from camssf.learning.training import maker_of, read_curves
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import Basis, interpolate
-from camssf.recovery.hypotheses import choose, hypotheses, recover
+from camssf.recovery.hypotheses import FAMILIES, choose, prior_belief, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
 from camssf.spectra import ChartTable, Lamp, read_chart
@@ -181,17 +181,11 @@ def without(maker: str) -> Basis:
 
 def automatic(given: Observation, left_out: Basis) -> Ssf:
     """`recover(basis="auto")` with another basis in the place of `cameras`."""
-    candidates = hypotheses({})
     answers = [
-        answer(
-            given,
-            left_out if name == SHIPPED else name,
-            prior_scale=scale,
-            settings=SolverSettings(engine="reference"),
-        )
-        for name, scale, _ in candidates
+        answer(given, left_out if name == SHIPPED else name, settings=SolverSettings(engine="reference"))
+        for name in FAMILIES
     ]
-    return choose(given, answers, np.array([belief for _, _, belief in candidates]))
+    return choose(given, answers, np.array([prior_belief(name, {}) for name in FAMILIES]))
 
 
 def solve(

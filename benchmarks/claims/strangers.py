@@ -1,10 +1,11 @@
 """Is a camera that no basis knows recognised? `python -m benchmarks.claims.strangers --phones phones.csv`
 
-The measured phones, each solved with bases of the other phones, and changed so that they are strangers: all curves
-moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of all channels in each (RGBW), an
-infrared cut at 635 nm. One photo with white and dark frame, solved and judged as `camssf calibrate` does it, under
-five lamps, named and not; Ohta's chart with BabelColor's table, noise hypot(0.1 %, 0.0002). Cameras (maker left
-out) and another laboratory's, each with its own maker's name, with a phone maker's, and with none.
+The measured phones, each solved with bases of the other phones (or of the other maker's alone), and changed so that
+they are strangers: all curves moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of all
+channels in each (RGBW), an infrared cut at 635 nm. One photo with white and dark frame, solved and judged as
+`camssf calibrate` does it, under five lamps, named and not; Ohta's chart with BabelColor's table, noise
+hypot(0.1 %, 0.0002). Cameras (maker left out) and another laboratory's, each with its own maker's name, with a phone
+maker's, and with none. z(x) and lamp residual: docs/verdict.md, rule 7.
 
 `--phones` (or CAMSSF_PHONES) and `--foreign` (CAMSSF_FOREIGN) name the tables that may not be passed on; without them
 cameras alone are judged. Error: RMSE of peak-normalised curves, 400 to 700 nm, of all captures, refused ones too;
@@ -24,6 +25,7 @@ import numpy as np
 from benchmarks.claims.any_light import HARM, Taken, capture, judged, unnamed
 from benchmarks.claims.phones import (
     CAMERAS,
+    OTHER_MAKER,
     OTHERS,
     Device,
     foreign_cameras,
@@ -48,6 +50,7 @@ from camssf.learning.training import HANDFUL, maker_of, read_curves, with_yellow
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_lamp
 
+OTHER, UNKNOWN = "as measured, basis of another maker's", "as measured, no maker in the file"
 LAMPS = ("D55", "D:7500", "2700K", "LED-B3", "FL2")
 PHONE_MAKER = "Apple"
 Change = Callable[[Floats], Floats]
@@ -92,9 +95,13 @@ def phones(path: Path) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
     for device in phones_left_out(nodes):
         others = {name: curves for name, curves in nodes.items() if name != device.name}
         known = (replace(device.bases[OTHERS], name="phones"), ryyb(others))
+        maker = maker_of(device.name)
         for title, change in STRANGERS.items():
             curves = change(device.curves)
-            yield title, replace(device, curves=curves / curves.max(axis=0)), known, maker_of(device.name)
+            yield title, replace(device, curves=curves / curves.max(axis=0)), known, maker
+        foreign = {name: curves for name, curves in nodes.items() if maker_of(name) != maker}
+        yield OTHER, device, (replace(device.bases[OTHER_MAKER], name="phones"), ryyb(foreign)), maker
+        yield UNKNOWN, device, known, ""
 
 
 def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
@@ -132,6 +139,10 @@ def row(found: Sequence[Taken]) -> dict[str, Any]:
         "status": {word: sum(one.status == word for one in found) for word in ("accepted", "doubtful", "refused")},
         "accepted_wrong": sum(one.rmse > HARM for one in accepted),
         "doubtful_coverage": float(np.mean(doubtful)) if doubtful else None,
+        "length": np.quantile([one.length for one in found], (0.5, 1.0)).tolist(),
+        "lamp_residual": None
+        if found[0].lamp_residual is None
+        else np.quantile([one.lamp_residual or 0.0 for one in found], (0.5, 1.0)).tolist(),
         "codes": {code: sum(code in one.codes for one in found) for one in found for code in one.codes},
     }
 
@@ -142,8 +153,11 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
     for title, words in document.items():
         named, unnamed_ = words["named"], words["not named"]
         doubted = 1.0 - named["status"]["accepted"] / named["captures"]
-        if title == "as measured":
+        if title in ("as measured", OTHER):
             found.append((f"{title}, named: doubted", doubted, 0.0, 0.01))
+        if title == UNKNOWN and "as measured" in document:
+            most = document["as measured"]["not named"]["status"]["accepted"]
+            found.append((f"{title}: accepted, of those with it", unnamed_["status"]["accepted"] / most, 0.9, 1.1))
         if title.startswith("12 nm"):
             found.append((f"{title}, named: not accepted", doubted, 0.9, 1.0))
         if title.startswith("20 %"):
@@ -153,6 +167,17 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
             found += [(f"{title}, named: coverage", named["coverage"], 0.96, 1.0)]
             found += [(f"{title}, not named: RMSE", unnamed_["rmse"], 0.0, 0.042)]
             found += [(f"{title}, not named: coverage", unnamed_["coverage"], 0.96, 1.0)]
+        if named["doubtful_coverage"] is not None and title.startswith(("12 nm", "20 %", "RGBW")):
+            found.append((f"{title}, named: coverage where doubted", named["doubtful_coverage"], 0.93, 1.0))
+        if title in ("cameras", "another laboratory's cameras"):
+            found.append(
+                (
+                    f"{title}, named: doubted as unusual",
+                    named["codes"].get("camera_unusual", 0) / named["captures"],
+                    0.0,
+                    0.04,
+                )
+            )
         if "cameras" in title:
             found.append((f"{title}, not named: wrong and accepted", unnamed_["accepted_wrong"], 0.0, 0.0))
     return found
@@ -160,11 +185,13 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
 
 def show(document: dict[str, dict[str, Any]]) -> None:
     """The table."""
-    head = ["camera", "light", "RMSE", "coverage", "accepted, doubtful, refused", "wrong and accepted", "why"]
+    head = ["camera", "light", "RMSE", "coverage", "accepted, doubtful, refused", "wrong and accepted"]
+    head += ["z(x), median and largest", "lamp residual", "why"]
     lines = [
         [
             title, word, f"{one['rmse']:.4f}", f"{one['coverage']:.3f}",
             ", ".join(str(count) for count in one["status"].values()), one["accepted_wrong"],
+            *(", ".join(f"{each:.2f}" for each in one[name] or ()) for name in ("length", "lamp_residual")),
             ", ".join(f"{code} {count}" for code, count in one["codes"].items()),
         ]
         for title, words in document.items()

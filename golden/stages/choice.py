@@ -28,13 +28,13 @@ def cases() -> Iterator[Json]:
     yield choice("undecided", "Between the two under one lamp: both answers are mixed, bands and all.", BETWEEN,
                  ["D55"], patches=TWELVE, noise="usual")  # fmt: skip
     for family, comment in (("cameras", "it answers alone"), ("phones", "it leads, but not by 20 : 1")):
-        yield choice(f"maker-{family}", f"The same, and the file's maker makes {family}: {comment}.", BETWEEN,
+        yield choice(f"maker-{family}", f"The same with odds of 20 for {family}: {comment}.", BETWEEN,
                      ["D55"], {family: 20.0}, patches=TWELVE, noise="usual")  # fmt: skip
     yield choice("maker-outweighed", "A phone whose file names a maker of cameras: the signals outweigh 20 : 1.",
                  PHONE, ["D55", "A"], {"cameras": 20.0}, noise="none")  # fmt: skip
     yield choice("ryyb", "A phone with yellow in green's place: the basis made for it answers alone.", YELLOW_PHONE,
                  ["D55", "A"], {"phones": 20.0})  # fmt: skip
-    yield choice("wide", "Curves that neither knows: the prior twice as wide is the likelier.", ODD, ["D55", "A"])
+    yield choice("unfamiliar", "Curves that no basis knows: answered with a wider prior.", ODD, ["D55", "A"])
     yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],
                  patches=TWELVE, noise="usual", l2=0.0, gamma=1.4)  # fmt: skip
 
@@ -54,8 +54,11 @@ def run(call: Call) -> dict[str, Any]:
     )
     curves, std = ssf.peak()
     assert std is not None
+    test = ssf.family_test
+    assert test is not None
     return {
-        "weighed": [[weight.basis, weight.prior_scale] for weight in ssf.choice],
+        "weighed": [[weight.basis] for weight in ssf.choice],
+        "family_test": np.array([test.length, test.lamp_residual, test.longest, test.largest]),
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
         "basis": ssf.settings.basis,
@@ -72,6 +75,7 @@ LIMITS = (
     *each("relative", 1e-10, "log_evidence"),
     *each("norm", 1e-8, "probability"),
     *each("exact", 0.0, "basis prior_scale"),
+    *each("norm", 1e-8, "family_test"),
     *each("norm", 1e-9, "ssf ssf_std predicted"),
 )
 
@@ -84,7 +88,8 @@ def limits(made: Json, scene: Json) -> list[Json]:
 STAGE = Stage(
     name="choice",
     keys=Keys(
-        CALL | words("prior"), words("gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale")
+        CALL | words("prior"),
+        words("gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale family_test"),
     ),
     requires=always("model"),
     cases=cases,

@@ -40,14 +40,14 @@ def cases() -> Iterator[Json]:
 
     yield light("daylight", "A phone under D55, and nobody said so.", PHONE, ["D55"], [1])
     yield light("white-led", "The same under a white LED: kinds are mixed.", PHONE, ["LED-B3"], [1])
-    yield light("two", "Daylight and a bulb, neither named: 64 hypotheses.", PHONE, ["D55", "A"], [1, 2])
+    yield light("two", "Daylight and a bulb, neither named: 48 hypotheses.", PHONE, ["D55", "A"], [1, 2])
     yield light("one-of-two", "Daylight by its name and a bulb by none: rivals of the first alone.", PHONE,
                 ["D55", "A"], [2])  # fmt: skip
     yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
                 basis="phones")  # fmt: skip
     yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],
                 make="NIKON CORPORATION")  # fmt: skip
-    yield light("no-maker", "A phone's curves in a file of nobody: taken for a camera's.", PHONE, ["D55"], [1],
+    yield light("no-maker", "A phone's curves in a file of nobody: the signals decide.", PHONE, ["D55"], [1],
                 make="golden")  # fmt: skip
     white = resolve({"chart": "babelcolor", "patches": [19]})[0]
     yield light(
@@ -76,8 +76,10 @@ def run(call: Call) -> dict[str, Any]:
     curves, std = ssf.peak()
     assert std is not None
     lights = [light for light in ssf.light.lights if light is not None]
+    test = ssf.family_test
     return {
-        "weighed": [[weight.basis, weight.prior_scale, *weight.kinds] for weight in ssf.choice],
+        "length": None if test is None else np.array([test.length]),
+        "weighed": [[weight.basis, *weight.kinds] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
         "basis": ssf.settings.basis,
@@ -109,6 +111,7 @@ LIMITS = (
     *each("relative", 1e-10, "log_evidence"),
     *each("norm", 1e-8, "probability"),
     *each("exact", 0.0, "basis prior_scale likeliest"),
+    *each("norm", 1e-8, "length"),
     *each("norm", 1e-9, "ssf ssf_std predicted"),
     *each("norm", 1e-8, "rmsre_percent kinds"),
     *each("norm", 1e-9, "power power_std"),
@@ -130,8 +133,8 @@ STAGE = Stage(
     keys=Keys(
         CAPTURE | words("unnamed"),
         words(
-            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale likeliest rmsre_percent "
-            "kinds power power_std kelvin kelvin_std status codes messages values thresholds said"
+            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale length likeliest "
+            "rmsre_percent kinds power power_std kelvin kelvin_std status codes messages values thresholds said"
         ),
         words("make model"),
         rounded=words("ssf ssf_std power power_std predicted"),

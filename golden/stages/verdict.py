@@ -15,7 +15,7 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.signals import Signals
-from camssf.recovery.sensitivity import FitSettings, Hypothesis, Illumination, Posterior, Proof, Ssf
+from camssf.recovery.sensitivity import FamilyTest, FitSettings, Hypothesis, Illumination, Posterior, Proof, Ssf
 from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
 from camssf.verdict.judge import judge as judge_capture
 from camssf.verdict.lamp import Neutral, Rival
@@ -128,7 +128,7 @@ def cases() -> Iterator[Json]:
     # rule 2
     yield case("strange", "Curves unlike a camera's.", y, code=22.0, known=10)
     yield case("strange-no-more", "The same code where the signals tell twice as much of it.", y, code=22.0, known=20)
-    yield case("alien", "Curves that no camera has: refused.", y, code=80.0, known=10)
+    yield case("alien", "Curves that no camera has: doubtful, never refused for this.", y, code=80.0, known=10)
     # rules 4 and 5
     yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", -12.0], [0, "A", 5.0]])
     yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", 3.0], [0, "FL2", -2.0]])
@@ -153,32 +153,37 @@ def cases() -> Iterator[Json]:
     )
     yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
     yield case("tint-unnamed", "A quarter off: only a light that was named is doubted for it.",
-               y, tint=1.3, unnamed=True, choice=[["phones", 1.0, 1.0]], family="phones")  # fmt: skip
+               y, tint=1.3, unnamed=True, choice=[["phones", 1.0]], family="phones")  # fmt: skip
     yield case("tint-unnamed-far", "More than half off: an unnamed light is doubted, too.", y, tint=1.7, unnamed=True,
-               choice=[["phones", 1.0, 1.0]], family="phones")  # fmt: skip
+               choice=[["phones", 1.0]], family="phones")  # fmt: skip
     yield case("tint-other-matrix", "One of two matrices agrees: that is enough.", y, tint=1.3, second=True)
     yield case(
         "rival-and-tint", "A rival that would be doubtful, and the raw white says the same: refused.", y, tint=1.3,
         rivals=[[0, "FL2", -12.0], [0, "A", 5.0]],
     )  # fmt: skip
     # rule 7
-    apart = [["phones", 1.0, 0.93], ["phones", 2.0, 0.03], ["cameras", 1.0, 0.03], ["cameras", 2.0, 0.01]]
-    yield case("choice-maker-agrees", "The maker makes phones, and so the signals say.", y, choice=apart,
-               family="phones")  # fmt: skip
+    apart = [["phones", 0.96], ["cameras", 0.04]]
     yield case("choice-other-maker", "The maker makes cameras, the signals speak for phones: camera_unusual.", y,
                choice=apart, family="cameras")  # fmt: skip
     yield case("choice-no-maker", "The file does not say who made it: phones it is.", y, choice=apart)
-    wide = [["phones", 1.0, 0.01], ["phones", 2.0, 0.02], ["cameras", 1.0, 0.03], ["cameras", 2.0, 0.94]]
-    yield case("choice-wide", "A camera wider than either basis: camera_unusual.", y, choice=wide)
-    nearly = [["phones", 1.0, 0.10], ["phones", 2.0, 0.35], ["cameras", 1.0, 0.05], ["cameras", 2.0, 0.5]]
-    yield case("choice-nearly-wide", "Wider with a probability of 85 %: not enough to say so.", y, choice=nearly)
+    both = [["phones", 0.99], ["cameras", 0.01]]
+    tests: tuple[tuple[str, str, list[float | None]], ...] = (
+        ("unusual-length", "A code longer than that of any clean phone: camera_unusual.", [0.7, 0.1, 0.05, 0.8]),
+        ("unusual-lamp", "Another light than the named one, or another camera.", [-2.0, 3.5, 0.05, 0.8]),
+        ("usual", "Neither is above its limit.", [0.04, 0.79, 0.05, 0.8]),
+        ("unusual-unnamed", "The light was not named, so there is no lamp residual.", [0.4, None, 0.3, 0.8]),
+    )
+    for name, comment, test in tests:
+        yield case(f"choice-{name}", comment, y, choice=both, family="phones", test=test, unnamed=test[1] is None)
     # rule 8
-    for name, phone, outcome in (("doubtful", 0.79, "doubtful"), ("hopeless", 0.49, "refused")):
+    for name, phone, maker, outcome in (
+        ("doubtful", 0.76, None, "doubtful"),
+        ("hopeless", 0.19, None, "refused"),
+        ("phones-maker", 0.92, "phones", "doubtful: without the name's odds it is 74 %"),
+        ("cameras-maker", 0.5, "cameras", "accepted: without the name's odds it is 80 %"),
+    ):  # fmt: skip
         yield case(f"unnamed-{name}", f"Nobody named the light, and a phone it is with {phone:.0%}: {outcome}.", y,
-                   choice=[["phones", 1.0, phone], ["cameras", 1.0, 1.0 - phone]], family="phones",
-                   unnamed=True)  # fmt: skip
-    yield case("unnamed-no-maker", "24 : 1 for a phone by the signals, and no maker in the file: doubtful.", y,
-               choice=[["phones", 1.0, 0.96], ["cameras", 1.0, 0.04]], unnamed=True)  # fmt: skip
+                   choice=[["phones", phone], ["cameras", 1.0 - phone]], family=maker, unnamed=True)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -241,6 +246,7 @@ def case(
     error: float = 1.0,
     choice: list[list[Any]] | None = None,
     family: str | None = None,
+    test: list[float | None] | None = None,
     known: int = 0,
     dark: bool = True,
     solved: bool = False,
@@ -322,6 +328,8 @@ def case(
         inputs["unnamed"] = True
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
+    if test is not None:
+        inputs["family_test"] = test
     return contract.case(f"verdict/{name}", comment, inputs)
 
 
@@ -377,8 +385,8 @@ def run(call: Call) -> dict[str, Any]:
     rho = np.ravel(given["white_reflectance"])
 
     choice = tuple(
-        Hypothesis(basis=basis, prior_scale=scale, log_evidence=0.0, probability=probability)
-        for basis, scale, probability in given.get("choice", ())
+        Hypothesis(basis=basis, log_evidence=0.0, probability=probability)
+        for basis, probability in given.get("choice", ())
     )
     basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
 
@@ -392,7 +400,10 @@ def run(call: Call) -> dict[str, Any]:
             posterior=None
             if std is None
             else Posterior(
-                std=std, code_covariance=np.eye(code.size) if spread is None else spread, log_evidence=0.0
+                std=std,
+                code_covariance=np.eye(code.size) if spread is None else spread,
+                log_evidence=0.0,
+                family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
             ),
             predicted=predicted,
             light=Illumination(lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3)),
@@ -464,7 +475,7 @@ STAGE = Stage(
         words(
             "z status codes messages values thresholds gains fatal named residual prior count advice checks checked"
         ),
-        words("choice family code_variance unnamed gain_modes gain_own"),
+        words("choice family family_test code_variance unnamed gain_modes gain_own"),
         arrays=VERDICT_NUMBERS,
     ),
     requires=always("verdict"),

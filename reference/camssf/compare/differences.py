@@ -200,7 +200,7 @@ def _pairs(
 
 def _name(entry: Json) -> str:
     """What a list's entry is called; empty if nothing."""
-    if {"basis", "prior_scale"} <= entry.keys():
+    if {"basis", "log_evidence"} <= entry.keys():
         return hypothesis_in_words(entry)
     return str(next((entry[key] for key in ("name", "source", "code") if key in entry), ""))
 

@@ -25,14 +25,12 @@ class Chosen:
         odds: its posterior odds against all other bases together; infinite if they have probability 0.
         prior_odds: prior odds of its makers' cameras (phones or cameras) against the others', from the maker named in
             the file; None if they cannot be recovered.
-        wide: probability that the camera lies outside the family that its basis was learned from (a wider prior).
         words: all of this in sentences.
     """
 
     basis: str
     odds: float
     prior_odds: float | None
-    wide: float
     words: tuple[str, ...]
 
 
@@ -49,15 +47,15 @@ def choice_of(document: Json) -> Chosen | None:
     rest = math.fsum(share for name, share in shares.items() if name != basis)
     odds = shares[basis] / rest if rest > 0 else math.inf
     others = " and ".join(name for name in shares if name != basis)
-    wide = math.fsum(each["probability"] for each in weighed if each["prior_scale"] > 1.0) / total
     prior_odds = _prior_odds(weighed, MAKERS_OF[basis]) if basis in MAKERS_OF else None
-    return Chosen(basis, odds, prior_odds, wide, tuple(_words(basis, others, odds, prior_odds, wide)))
+    scale = document.get("prior_scale", 1.0)
+    return Chosen(basis, odds, prior_odds, tuple(_words(basis, others, odds, prior_odds, scale)))
 
 
 def hypothesis_in_words(each: Json) -> str:
-    """Basis, width of its prior, and the kinds of the unnamed lights."""
+    """Basis and the kinds of the unnamed lights."""
     kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
-    return f"{each['basis']} × {each['prior_scale']:g}{kinds}"
+    return f"{each['basis']}{kinds}"
 
 
 def odds_in_words(odds: float) -> str:
@@ -77,12 +75,8 @@ def _prior_odds(weighed: list[Json], makers: str) -> float | None:
     )
     if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
         return None
-    # The prior odds of widths and lights cancel only between hypotheses of the same width and light.
-    alike = (
-        e
-        for e in weighed
-        if (e["basis"], e["prior_scale"], e.get("kinds")) == (other["basis"], own["prior_scale"], own.get("kinds"))
-    )
+    # The prior odds of lights cancel only between hypotheses of the same light.
+    alike = (e for e in weighed if (e["basis"], e.get("kinds")) == (other["basis"], own.get("kinds")))
     other = next(alike, None)
     if other is None or not other["probability"] > 0:
         return None
@@ -95,7 +89,7 @@ def _probability(each: Json) -> float:
     return float(each["probability"])
 
 
-def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide: float) -> list[str]:
+def _words(basis: str, others: str, odds: float, prior_odds: float | None, scale: float) -> list[str]:
     words = []
     if others:
         family = f"Sensor family: {basis} ({odds_in_words(odds)} against {others})."
@@ -109,9 +103,9 @@ def _words(basis: str, others: str, odds: float, prior_odds: float | None, wide:
             own = MAKERS_OF[basis]
             likely, prior = (own, prior_odds) if prior_odds > 1 else (OTHERS[own], 1 / prior_odds)
             words.append(f"These odds include the maker's name in the file: {odds_in_words(prior)} for {likely}.")
-    if wide > 0:
+    if scale > 1.0:
         words.append(
-            f"With a probability of {100 * wide:.1f} % the camera is unlike those that its basis was learned from; "
-            "the wider prior and its wider band have this weight."
+            f"The camera is unlike those that this basis was learned from, so its prior is {scale:g} times as wide "
+            "here, and the error bands are wider."
         )
     return words

@@ -17,7 +17,7 @@ from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis
-from camssf.recovery.hypotheses import AUTO, CLEAR
+from camssf.recovery.hypotheses import AUTO, MAKER
 from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
@@ -169,10 +169,10 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
 
 
 def prior_odds(make: str, model: str) -> dict[str, float]:
-    """Prior odds by basis: CLEAR if maker and model start with one of its entries in the rules' `makers`."""
+    """Prior odds by basis: MAKER if maker and model start with one of its entries in the rules' `makers`."""
     name = f"{make} {model}".casefold()
     return {
-        basis: CLEAR for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
+        basis: MAKER for basis, makers in rules().makers.items() if any(name.startswith(maker) for maker in makers)
     }
 
 

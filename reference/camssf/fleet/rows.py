@@ -232,8 +232,7 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
     rest = sum(each["probability"] for each in choice) - sum(each["probability"] for each in own)
     if any(each.get("kinds") for each in choice) or sum(each["probability"] for each in own) < CLEAR * rest:
         return ()
-    found = [(each["prior_scale"], each["probability"]) for each in own] or [(document["prior_scale"], 1.0)]
-    return tuple(sorted(found, key=lambda width: -width[1]))
+    return ((document["prior_scale"], 1.0),)
 
 
 def relative_path(file: Path | str, registry: Path | str) -> str:

@@ -1,9 +1,9 @@
 """Chooses the basis, or a mixture of bases, by their marginal likelihoods.
 
-Phones, cameras and phones with an RYYB sensor are three families of curves. A hypothesis is a family and a width of
-its prior; its posterior probability follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A
-basis with odds of at least CLEAR is used alone; otherwise solutions are mixed by probability, and their bands by the
-law of total variance.
+Phones, cameras and phones with an RYYB sensor are three families of curves. The posterior probability of each one
+follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A basis with odds of at least CLEAR is
+used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance. A camera that
+does not belong to its family is answered with a wider prior (`unfamiliar_camera`).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from camssf.recovery.sensitivity import (
     answer,
     predict_signals,
 )
+from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 
 AUTO = "auto"
@@ -32,12 +33,10 @@ MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
 """Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`."""
 FAMILIES = tuple(MAKERS_OF)
 """The bases that `auto` chooses from, in this order."""
-SCALES = (1.0, rules().number("choice.wide"))
-"""Widths of the prior that `auto` compares, relative to the spread that the basis was learned from."""
-UNFAMILIAR_CAMERA = rules().number("choice.unfamiliar_camera")
-"""Prior probability of the second scale."""
 RYYB = rules().number("choice.ryyb")
-"""Prior odds of an RYYB sensor against another one in a phone; it is compared at the first scale only."""
+"""Prior odds of an RYYB sensor against another one in a phone."""
+MAKER = rules().number("choice.maker")
+"""Prior odds of phones or cameras if the file names a maker of them."""
 CLEAR = rules().number("choice.clear")
 """Posterior odds at which a basis is used alone."""
 
@@ -67,22 +66,18 @@ def recover(
     """
     if basis != AUTO:
         return answer(observation, basis, prior_scale=prior_scale, settings=settings)
-    candidates = hypotheses(prior or {})
-    answers = [answer(observation, name, prior_scale=scale, settings=settings) for name, scale, _ in candidates]
-    return choose(observation, answers, np.array([belief for _, _, belief in candidates]))
+    answers = [answer(observation, name, settings=settings) for name in FAMILIES]
+    found = choose(observation, answers, np.array([prior_belief(name, prior or {}) for name in FAMILIES]))
+    test = family_test(observation, found, [True] * len(observation.lamp))
+    if not test.passed:
+        wide = answer(observation, found.settings.basis, prior_scale=WIDER, settings=settings)
+        found = replace(wide, choice=found.choice)
+    return found.tested(test)
 
 
-def hypotheses(odds: Mapping[str, float]) -> list[tuple[str, float, float]]:
-    """The hypotheses of "auto": family, width of its prior, and ln of their prior odds."""
-    beliefs = {
-        (name, scale): belief
-        for name in ("phones", "cameras")
-        for scale, belief in zip(SCALES, (1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA), strict=True)
-    } | {("ryyb", 1.0): RYYB * (1.0 - UNFAMILIAR_CAMERA)}
-    return [
-        (name, scale, float(np.log(odds.get(MAKERS_OF[name], 1.0) * belief)))
-        for (name, scale), belief in beliefs.items()
-    ]
+def prior_belief(family: str, odds: Mapping[str, float]) -> float:
+    """ln of a family's prior odds; `odds` are those of phones and cameras by the maker's name, 1 if missing."""
+    return float(np.log(odds.get(MAKERS_OF[family], 1.0) * (RYYB if family == "ryyb" else 1.0)))
 
 
 def choose(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
@@ -91,8 +86,7 @@ def choose(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) ->
     likely = probabilities(np.array(nats) + beliefs)
     names = [each.settings.basis for each in answers]
     weighed = tuple(
-        Hypothesis(name, each.settings.prior_scale, size, float(share))
-        for name, each, size, share in zip(names, answers, nats, likely, strict=True)
+        Hypothesis(name, size, float(share)) for name, size, share in zip(names, nats, likely, strict=True)
     )
     return replace(mixed(observation, answers, posterior_weights(names, likely)), choice=weighed)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,14 +29,13 @@ class Hypothesis:
     """One of the compared hypotheses.
 
     Attributes:
-        basis, prior_scale: name of the basis, and width of its prior relative to the learned one.
+        basis: its name.
         log_evidence: ln of the marginal likelihood of the signals, up to a constant common to all hypotheses.
         probability: posterior probability.
         kinds: of each shot's light, "" for a named lamp; empty if all lamps were named.
     """
 
     basis: str
-    prior_scale: float
     log_evidence: float
     probability: float
     kinds: tuple[str, ...] = ()
@@ -61,6 +60,28 @@ class EstimatedLamp:
 
 
 @dataclass(frozen=True)
+class FamilyTest:
+    """Whether a camera belongs to the family of its basis.
+
+    Attributes:
+        length: z(x), the length of the code as a standard normal number under the prior.
+        lamp_residual: gain in ln of the evidence if named lamps may err by much more than declared; None if none was
+            named.
+        longest, largest: their limits.
+    """
+
+    length: float
+    lamp_residual: float | None
+    longest: float
+    largest: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether both numbers are within their limits."""
+        return self.length <= self.longest and (self.lamp_residual is None or self.lamp_residual <= self.largest)
+
+
+@dataclass(frozen=True)
 class Posterior:
     """Uncertainty of the curves; it exists only where the basis has a prior. Columns are R, G, B.
 
@@ -68,11 +89,14 @@ class Posterior:
         std: (681, 3) standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself.
         code_covariance: (3 r, 3 r) of x, red's r first, then green's, then blue's, (H + I)⁻¹.
         log_evidence: ln of the marginal likelihood of the signals up to a constant, `Code.log_evidence`.
+        family_test: whether the camera belongs to the family of its basis, if the basis was chosen; else None. If it
+            does not, the answer is that of a wider prior (`FitSettings.prior_scale`).
     """
 
     std: Floats
     code_covariance: Floats
     log_evidence: float
+    family_test: FamilyTest | None = None
 
 
 @dataclass(frozen=True)
@@ -183,6 +207,16 @@ class Ssf:
     def std(self) -> Floats | None:
         """(681, 3) one standard deviation of `values`, as `Posterior.std`; None where the basis has no prior."""
         return None if self.posterior is None else self.posterior.std
+
+    @property
+    def family_test(self) -> FamilyTest | None:
+        """`Posterior.family_test`."""
+        return None if self.posterior is None else self.posterior.family_test
+
+    def tested(self, test: FamilyTest) -> Ssf:
+        """The answer with its `family_test`."""
+        assert self.posterior is not None  # every family has a prior
+        return replace(self, posterior=replace(self.posterior, family_test=test))
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""

@@ -1,6 +1,6 @@
 """Recovers the curves and the light of shots whose lamp is not named, by the evidence of each kind of light.
 
-A hypothesis is the kind of light of every unnamed shot, a basis and a width of its prior. The evidence of each is
+A hypothesis is the kind of light of every unnamed shot, and a basis. The evidence of each is
 computed in closed form; those of enough weight are solved, and mixed by the law of total variance (docs/maths.md, "A
 light that nobody named").
 """
@@ -17,8 +17,15 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.recovery.hypotheses import AUTO, mixture, of_peak_one, posterior_weights, probabilities
-from camssf.recovery.hypotheses import hypotheses as families
+from camssf.recovery.hypotheses import (
+    AUTO,
+    FAMILIES,
+    mixture,
+    of_peak_one,
+    posterior_weights,
+    prior_belief,
+    probabilities,
+)
 from camssf.recovery.linear_model import DARKEST, LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import (
@@ -31,6 +38,7 @@ from camssf.recovery.sensitivity import (
     predict_signals,
 )
 from camssf.recovery.solve import log_evidence
+from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
@@ -61,11 +69,11 @@ class LampGuess:
 
 @dataclass(frozen=True)
 class LampHypothesis:
-    """A hypothesis on kinds of light, basis and width of its prior.
+    """A hypothesis on kinds of light and basis.
 
     Attributes:
         guess, basis, scale: kinds of light, basis, and width of its prior relative to the learned one.
-        belief: ln of the prior odds of basis and scale.
+        belief: ln of the prior odds of the basis.
     """
 
     guess: LampGuess
@@ -109,8 +117,11 @@ def recover_in_any_light(
         InvalidArgument: as `recover`; also for a basis without a prior, which has no evidence.
         NotConverged: as `recover`.
     """
-    bases = families(prior or {}) if basis == AUTO else [(basis, prior_scale, 0.0)]
-    hypotheses = [LampHypothesis(guess, name, scale, belief) for name, scale, belief in bases for guess in guesses]
+    if basis == AUTO:
+        bases: list[tuple[str | Basis, float]] = [(name, prior_belief(name, prior or {})) for name in FAMILIES]
+    else:
+        bases = [(basis, 0.0)]
+    hypotheses = [LampHypothesis(guess, name, prior_scale, belief) for name, belief in bases for guess in guesses]
     without = next((each.widened_basis for each in hypotheses if not each.widened_basis.prior), None)
     if without is not None:
         raise InvalidArgument(
@@ -120,7 +131,7 @@ def recover_in_any_light(
     nats = np.array([log_evidence(linear_model(each.guess.observation, each.widened_basis)) for each in hypotheses])
     likely = probabilities(nats + [each.guess.belief + each.belief for each in hypotheses])
     weighed = tuple(
-        Hypothesis(each.name, each.scale, float(size), float(share), each.guess.kinds)
+        Hypothesis(each.name, float(size), float(share), each.guess.kinds)
         for each, size, share in zip(hypotheses, nats, likely, strict=True)
     )
     weights = posterior_weights([each.name for each in hypotheses], likely)
@@ -148,7 +159,14 @@ def recover_in_any_light(
     )
     found = _mixed(answers, share, best.observation)
     light = replace(found.light, lights=lights, kinds=best.kinds)
-    return replace(found, predicted=predicted, light=light, choice=weighed)
+    found = replace(found, predicted=predicted, light=light, choice=weighed)
+    if basis != AUTO:
+        return found
+    test = family_test(best.observation, found, [not kind for kind in best.kinds])
+    if not test.passed:
+        wide = recover_in_any_light(guesses, basis=found.settings.basis, prior_scale=WIDER, of=of, settings=settings)
+        found = replace(wide, choice=weighed)
+    return found.tested(test)
 
 
 def _mixed(answers: Sequence[Ssf], share: Floats, observation: Observation) -> Ssf:

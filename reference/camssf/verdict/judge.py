@@ -14,8 +14,9 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.find.search import agreement, plain_signals
-from camssf.recovery.hypotheses import CLEAR, MAKERS_OF
+from camssf.recovery.hypotheses import MAKER, MAKERS_OF
 from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.unfamiliar_camera import code_length, longest_code
 from camssf.rules import rules
 from camssf.spectra import ChartTable
 from camssf.verdict.checks import Checks
@@ -47,9 +48,8 @@ from camssf.verdict.reasons import Fatal, Reason, Verdict, because
 
 _NUMBER = rules().number
 HOPELESS = _NUMBER("verdict.hopeless")
-IMPROBABLE_CURVES, IMPOSSIBLE_CURVES = _NUMBER("verdict.improbable_curves"), _NUMBER("verdict.impossible_curves")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
-UNFAMILIAR_CAMERA = _NUMBER("verdict.unfamiliar_camera")
+OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 PHONES = "phones"
 """The only cameras that are similar enough to each other to estimate an unnamed light."""
@@ -81,7 +81,7 @@ def judge(
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
     each = [inputs.goodness_of_fit_of_shot(j, answer) for j, answer in enumerate(answers)]
     checks = Checks()
-    reasons = [*_unexplained(found, each, table, checks), *_strange(ssf, checks)]
+    reasons = _unexplained(found, each, table, checks)
     for j, means in enumerate(inputs.means):
         name = f"shot {j + 1}"
         reasons += exposure(name, signals, j, means, checks)
@@ -99,12 +99,13 @@ def judge(
     ]
     reasons += [reason for white in whites for reason in white]
     reasons += _vague(ssf, checks)
-    reasons += _unusual(ssf, family, checks)
+    reasons += _other_makers(ssf, family, checks)
     reasons += _unnamed(ssf, family, checks) if any(unnamed) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
         reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
+    reasons += _unusual(ssf, unnamed, checks)
     if any(isinstance(reason, Fatal) for reason in reasons):
         return Verdict("refused", tuple(reasons), tuple(checks))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons), tuple(checks))
@@ -160,64 +161,55 @@ def _reason_of(explanation: Explanation, table: ChartTable) -> tuple[str, dict[s
     return explanation.kind, {"exponent": 1 + explanation.amount} if explanation.kind == "tone" else {}
 
 
-def strangeness(ssf: Ssf) -> float | None:
-    """z(x) of rule 2: the length of the code as a standard normal number under the prior; None without a prior.
-
-    Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a scaled χ² (Satterthwaite 1946).
-    """
-    if ssf.posterior is None:
-        return None
-    K = np.eye(len(ssf.posterior.code_covariance)) - ssf.posterior.code_covariance
-    expected = float(np.trace(K))
-    if expected <= 0:  # the posterior equals the prior
-        return None
-    u = 2.0 * float(np.sum(K**2)) / (9.0 * expected**2)
-    return float((np.cbrt(np.sum(ssf.code**2) / expected) - (1.0 - u)) / np.sqrt(u))
-
-
-def _strange(ssf: Ssf, checks: Checks) -> list[Reason]:
-    """Check that the curves are probable under the prior."""
-    size = strangeness(ssf)
-    if size is not None:
-        checks.note("improbable_curves", size)
-    if size is None or size <= IMPROBABLE_CURVES:
+def _unusual(ssf: Ssf, unnamed: Sequence[bool], checks: Checks) -> list[Reason]:
+    """Check rule 7: whether the camera is unlike those of its basis, by its code and by its lamp."""
+    basis, test = ssf.settings.basis, ssf.family_test
+    length = code_length(ssf) if test is None else test.length
+    if length is None:
         return []
-    return [because("improbable_curves", size, {"size": size}, fatal=size > IMPOSSIBLE_CURVES)]
+    limit = longest_code(basis, named=not any(unnamed)) if test is None else test.longest
+    checks.note("improbable_curves", length, limit=limit)
+    words: dict[str, str | float] = {"size": length, "basis": basis}
+    reasons = []
+    if length > limit:
+        reasons.append(because("improbable_curves", length, words, threshold=limit))
+    if test is not None and test.lamp_residual is not None:
+        checks.note("lamp_residual", test.lamp_residual, limit=test.largest)
+        if test.lamp_residual > test.largest:
+            reasons.append(because("lamp_residual", test.lamp_residual, words, threshold=test.largest))
+    return reasons
 
 
-def _unusual(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
-    """Check rule 7: whether the camera needs a wider prior, or another basis than its maker's name suggests."""
-    wide = sum(weight.probability for weight in ssf.choice if weight.prior_scale > 1.0)
+def _other_makers(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
+    """Check rule 7: whether the camera belongs to another family than those of its maker."""
+    if not ssf.choice:
+        return []
     other = 0.0
     if family is not None:
-        other = sum(weight.probability for weight in ssf.choice if MAKERS_OF.get(weight.basis) != family)
-    if ssf.choice:
-        checks.note("unfamiliar_camera", max(wide, other))
-    if max(wide, other) <= UNFAMILIAR_CAMERA:
+        other = sum(each.probability for each in ssf.choice if MAKERS_OF.get(each.basis) != family)
+    checks.note("other_makers", other)
+    if other <= OTHER_MAKERS:
         return []
-    words = {"probability": max(wide, other), "basis": ssf.settings.basis}
-    return [because("unfamiliar_camera", max(wide, other), words)]
+    return [because("other_makers", other, {"probability": other, "basis": ssf.settings.basis})]
 
 
 def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
-    """Check rule 8: an unnamed light can be estimated only if the camera is probably a phone.
+    """Check rule 8: an unnamed light can be estimated only if the signals say that the camera is a phone.
 
-    For other cameras, the curves and the light cannot be separated well. The rules list nearly all makers of phones;
-    a file that names no listed maker has prior odds of CLEAR : 1 against a phone.
+    For other cameras, the curves and the light cannot be separated well. The maker's name does not count: it may be
+    missing, unknown, or wrong.
     """
-    phone, rest = (
+    phone, other = (
         sum(weight.probability for weight in ssf.choice if (MAKERS_OF.get(weight.basis) == PHONES) == same)
         for same in (True, False)
     )
-    if family is None and rest > 0:  # else the prior odds already include the maker, or there was no choice
-        phone = phone / (phone + CLEAR * rest)
-    bound = UNNAMED if family == PHONES else CLEAR / (1.0 + CLEAR)
-    checks.note("unnamed", phone, limit=bound)
-    if phone >= bound:
+    if family is not None:  # its odds are in the probabilities
+        other *= MAKER if family == PHONES else 1.0 / MAKER
+    phone /= phone + other
+    checks.note("unnamed", phone)
+    if phone >= UNNAMED:
         return []
-    fatal = phone < UNNAMEABLE
-    name = "no_maker" if family is None and phone > 0 else "unnamed"
-    return [because(name, phone, {"probability": phone}, fatal=fatal, threshold=None if fatal else bound)]
+    return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
 
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
@@ -228,8 +220,8 @@ def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: S
 
 
 def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:
-    """Check that the 95 % band is narrow enough to tell cameras apart."""
-    if ssf.std is None:
+    """Check that the 95 % band is narrow enough to tell cameras apart; an unfamiliar camera's is wide anyway."""
+    if ssf.std is None or (ssf.family_test is not None and not ssf.family_test.passed):
         return []
     width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
     checks.note("vague", width)

@@ -68,7 +68,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
     capture, used = fit.capture, fit.signals.used
     if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
-    scale = NARROW * ssf.settings.prior_scale
+    scale = NARROW if ssf.settings.prior_scale == 1.0 else 1.0  # the learned width for an unfamiliar camera
     families = sorted({*MAKERS_OF.values(), ssf.settings.basis}) if fit.basis == AUTO else [fit.basis]
     bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]

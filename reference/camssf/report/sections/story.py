@@ -37,10 +37,10 @@ def proof_of(document: Json) -> Markup | None:
 
 @dataclass(frozen=True)
 class Choice:
-    """The chosen basis in sentences, and one row per hypothesis: basis, width, log evidence, probability."""
+    """The chosen basis in sentences, and one row per hypothesis: basis, log evidence, probability."""
 
     words: tuple[str, ...]
-    rows: tuple[tuple[str, Markup, str, str], ...]
+    rows: tuple[tuple[str, str, str], ...]
 
 
 def basis_of(document: Json) -> Choice | None:
@@ -50,14 +50,14 @@ def basis_of(document: Json) -> Choice | None:
         return None
     weighed = document["choice"]
     best = max(each["log_evidence"] for each in weighed)
-    together: dict[tuple[str, float], tuple[float, float]] = {}
+    together: dict[str, tuple[float, float]] = {}
     for each in weighed:  # summed over kinds of unnamed light
-        nats, share = together.get((each["basis"], each["prior_scale"]), (-math.inf, 0.0))
+        nats, share = together.get(each["basis"], (-math.inf, 0.0))
         own = max(nats, each["log_evidence"]), share + each["probability"]
-        together[each["basis"], each["prior_scale"]] = own
+        together[each["basis"]] = own
     rows = tuple(
-        (basis, brief(scale), f"{nats - best:.1f}".replace("-", "\u2212"), percent(share))
-        for (basis, scale), (nats, share) in together.items()
+        (basis, f"{nats - best:.1f}".replace("-", "\u2212"), percent(share))
+        for basis, (nats, share) in together.items()
     )
     return Choice(found.words, rows)
 

@@ -139,8 +139,8 @@ internal class CaptureFit(
 
     /**
      * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, with each basis's prior `scale`
-     * times as wide. With several bases, of which only those named by `bases` count, it is that of their mixture by prior odds, up to the ln of the sum of these
-     * odds.
+     * times as wide. With several bases, of which only those named by `bases` count, it is that of their mixture by
+     * prior odds, up to the ln of the sum of these odds.
      */
     fun logEvidence(used: BooleanArray, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
         val given = observation(used, lamps)

@@ -18,8 +18,8 @@ internal object Rivals {
      * more than [Light.MOST_SHOTS_COMPARED] shots.
      *
      * If the signals choose the basis, they choose between phones, cameras and the answer's basis again for every
-     * lamp. An unnamed light has no rivals, because
-     * all its kinds were already compared; it keeps the kind that the answer found.
+     * lamp. An unnamed light has no rivals, because all its kinds were already compared; it keeps the kind that the
+     * answer found.
      *
      * @param fit before it is conditioned on the answer.
      * @param used (k, n) the patches that entered the fit.
@@ -27,10 +27,11 @@ internal object Rivals {
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
+        val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
         fun observation(lamps: List<Lamp>): Double {
             tell()
-            return fit.logEvidence(used, lamps, bases, Light.NARROW * ssf.priorScale)
+            return fit.logEvidence(used, lamps, bases, scale)
         }
         val named = fit.lamps.indices.filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()

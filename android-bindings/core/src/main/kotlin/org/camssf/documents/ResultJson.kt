@@ -77,7 +77,6 @@ internal object ResultJson {
 
     private fun weight(of: Hypothesis): JsonObject = buildJsonObject {
         text("basis", of.basis)
-        put("prior_scale", JsonPrimitive(of.priorScale))
         put("log_evidence", JsonPrimitive(of.logEvidence))
         put("probability", JsonPrimitive(of.probability))
         if (of.kinds.isNotEmpty()) put("kinds", JsonArray(of.kinds.map { JsonPrimitive(it) }))

@@ -22,11 +22,10 @@ internal class LampGuess(val kinds: List<String>, val observation: Observation) 
  * Recovers the curves and the light of shots whose lamp is not named, by the evidence of each kind of light. Python's
  * camssf.recovery.unnamed_light, in its order.
  *
- * A hypothesis is the kind of light of every unnamed shot, a basis and a width of its prior. The model computes the
- * evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
+ * A hypothesis is the kind of light of every unnamed shot, and a basis. The model computes the evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
  * (docs/maths.md, "Unnamed light").
  *
- * @param families bases and widths of their priors, with their prior odds.
+ * @param families bases and widths of their priors, with their prior odds; several if the signals choose the basis.
  * @param tell called before each run of a model.
  */
 internal class AnyLight(
@@ -62,7 +61,7 @@ internal class AnyLight(
             hypotheses.mapIndexed { i, each -> nats[i] + (each.guess.belief + each.family.belief) },
         )
         val compared = hypotheses.mapIndexed { i, each ->
-            Hypothesis(each.family.engine.basis, each.family.scale, nats[i], likely[i], each.guess.kinds)
+            Hypothesis(each.family.engine.basis, nats[i], likely[i], each.guess.kinds)
         }
         val weights = Choice.posteriorWeights(compared)
         val least = min(SOLVED, weights.max())
@@ -80,7 +79,19 @@ internal class AnyLight(
         val predicted = mixture.mean { predictSignals(it.sharedValues, of, it.sharedLamp, white) }
         val lamp = mixture.mean { levelled(it.sharedLamp) }
         val ssf = mixture.ssf(best.observation.known, lamp, predicted)
-        return ssf.chosen(compared, lights, best.kinds, mixture.between())
+        val chosen = ssf.chosen(compared, lights, best.kinds, mixture.between())
+        return if (families.size == 1) chosen else tested(chosen, best.observation, guesses, of)
+    }
+
+    /** The answer after [UnfamiliarCamera.test], with a wider prior if it did not pass. */
+    private fun tested(found: Ssf, observation: Observation, guesses: List<LampGuess>, of: DoubleArray): Ssf {
+        tell()
+        val engine = families.first { it.engine.basis == found.basis }.engine
+        val test = UnfamiliarCamera.test(engine, observation, found, found.kinds.map { it.isEmpty() })
+        if (test.passed) return found.tested(test)
+        val wider = listOf(Choice.Family(engine, UnfamiliarCamera.WIDER, 0.0))
+        val wide = AnyLight(wider, frames, penalties, tell).recover(guesses, of)
+        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between).tested(test)
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */

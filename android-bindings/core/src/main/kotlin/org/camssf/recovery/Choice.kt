@@ -7,10 +7,10 @@ import kotlin.math.ln
 /**
  * Chooses the basis, or a mixture of bases, by their marginal likelihoods.
  *
- * A hypothesis is a family of cameras and a width of its prior; its posterior probability follows from its evidence
- * and its prior odds. A basis with odds of at least [CLEAR] is used alone; otherwise the solutions are mixed by
- * probability, and their bands by the law of total variance (docs/maths.md, "Which basis"). Python's
- * camssf.recovery.hypotheses, in its order.
+ * The posterior probability of each family of cameras follows from its evidence and its prior odds. A basis with odds
+ * of at least [CLEAR] is used alone; otherwise the solutions are mixed by probability, and their bands by the law of
+ * total variance (docs/maths.md, "Which basis"). A camera that does not belong to its family is answered with a wider
+ * prior ([UnfamiliarCamera]). Python's camssf.recovery.hypotheses, in its order.
  */
 internal object Choice {
     const val AUTO = "auto"
@@ -21,14 +21,11 @@ internal object Choice {
     /** Who makes cameras of a family: makers of phones or of cameras, as in the rules' `makers`. */
     val MAKERS_OF = mapOf("phones" to "phones", "cameras" to "cameras", "ryyb" to "phones")
 
-    /** Widths of the prior that `auto` compares, relative to the spread that the basis was learned from. */
-    val SCALES: List<Double> get() = listOf(1.0, Rules.shipped.number("choice.wide"))
-
-    /** Prior probability of the second scale. */
-    private val UNFAMILIAR_CAMERA get() = Rules.shipped.number("choice.unfamiliar_camera")
-
     /** Prior odds of an RYYB sensor against another one in a phone. */
     private val RYYB get() = Rules.shipped.number("choice.ryyb")
+
+    /** Prior odds of phones or cameras if the file names a maker of them. */
+    val MAKER get() = Rules.shipped.number("choice.maker")
 
     /** Posterior odds at which a basis is used alone. */
     val CLEAR get() = Rules.shipped.number("choice.clear")
@@ -37,29 +34,23 @@ internal object Choice {
     private const val NEGLIGIBLE = 1e-6
 
     /**
-     * Prior odds by basis: [CLEAR] if maker and model start with one of its entries in the rules' `makers`. The model
+     * Prior odds by basis: [MAKER] if maker and model start with one of its entries in the rules' `makers`. The model
      * separates makers that build both phones and cameras.
      */
     fun priorOdds(make: String, model: String): Map<String, Double> {
         val name = "$make $model".lowercase()
-        return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { CLEAR }
+        return Rules.shipped.makers.filterValues { makers -> makers.any { name.startsWith(it) } }.mapValues { MAKER }
     }
 
     /** A basis, the width of its prior relative to the learned one, and ln of the prior odds of both. */
     class Family(val engine: Engine, val scale: Double, val belief: Double)
 
     /**
-     * The hypotheses of `auto`: phones and cameras with each of [SCALES], RYYB sensors with the first; `prior` holds
-     * the prior odds of phones and cameras, 1 if missing.
+     * The hypotheses of `auto` at the learned width; `prior` holds the prior odds of phones and cameras, 1 if missing.
      */
-    fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.flatMap { engine ->
+    fun families(engines: List<Engine>, prior: Map<String, Double>): List<Family> = engines.map { engine ->
         val odds = prior[MAKERS_OF[engine.basis]] ?: 1.0
-        val beliefs = listOf(1.0 - UNFAMILIAR_CAMERA, UNFAMILIAR_CAMERA)
-        if (engine.basis == "ryyb") {
-            listOf(Family(engine, SCALES[0], ln(odds * RYYB * beliefs[0])))
-        } else {
-            SCALES.zip(beliefs) { scale, belief -> Family(engine, scale, ln(odds * belief)) }
-        }
+        Family(engine, 1.0, ln(odds * if (engine.basis == "ryyb") RYYB else 1.0))
     }
 
     /**
@@ -78,14 +69,19 @@ internal object Choice {
     ): Ssf {
         val families = families(engines, prior)
         val answers = families.map { Recover.recover(it.engine, observation, frames, penalties, it.scale) }
-        return choose(observation.known, answers, families.map { it.belief })
+        val found = choose(observation.known, answers, families.map { it.belief })
+        val engine = engines.first { it.basis == found.basis }
+        val test = UnfamiliarCamera.test(engine, observation, found, List(observation.signals.shape[0]) { true })
+        if (test.passed) return found.tested(test)
+        val wide = Recover.recover(engine, observation, frames, penalties, UnfamiliarCamera.WIDER)
+        return wide.chosen(found.choice).tested(test)
     }
 
     /** Combines several solutions for the same signals; `beliefs` are the ln of their prior odds. */
     fun choose(known: Known, answers: List<Ssf>, beliefs: List<Double>): Ssf {
         val likely = probabilities(answers.mapIndexed { i, each -> each.logEvidence!! + beliefs[i] })
         val compared = answers.mapIndexed { i, each ->
-            Hypothesis(each.basis, each.priorScale, each.logEvidence!!, likely[i])
+            Hypothesis(each.basis, each.logEvidence!!, likely[i])
         }
         val weights = posteriorWeights(compared)
         val kept = answers.indices.filter { weights[it] > NEGLIGIBLE }

@@ -50,7 +50,11 @@ internal class Known(
     val lampTolerance: Tensor,
     val lampModes: Tensor,
     val gains: Gains? = null,
-)
+) {
+    /** The same with other tolerances (k) of the lamps. */
+    fun withLampTolerance(tolerance: Tensor): Known =
+        Known(reflectance, chartTolerance, whiteReflectance, whiteTolerance, lamp, tolerance, lampModes, gains)
+}
 
 /** The input of a fit: signals (k, n, 3), their standard error, and what is known of chart, white and lamps. */
 internal class Observation(val signals: Tensor, val standardError: Tensor, val known: Known)

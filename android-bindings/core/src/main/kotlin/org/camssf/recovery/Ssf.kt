@@ -8,14 +8,12 @@ import java.util.Collections
  * One of the compared hypotheses.
  *
  * @property basis family of the camera, "phones", "cameras" or "ryyb".
- * @property priorScale width of the prior relative to the learned one; 1 for a camera like those of the basis.
  * @property logEvidence ln of the marginal likelihood of the signals, nats, up to a constant common to all
  *   hypotheses: only differences within one capture have a meaning.
  * @property probability posterior probability, 0 to 1; all add up to 1.
  */
 public class Hypothesis internal constructor(
     public val basis: String,
-    public val priorScale: Double,
     public val logEvidence: Double,
     public val probability: Double,
     kinds: List<String> = emptyList(),
@@ -61,8 +59,8 @@ public class EstimatedLamp internal constructor(
  *
  * @property l2 the quadratic penalty.
  * @property basis its name, "phones", "cameras", "ryyb" or "gaussian"; of a mixture that of the most probable part.
- * @property priorScale width of the prior relative to the learned one, 1 if the basis was named; of a mixture that of
- *   the most probable part.
+ * @property priorScale width of the prior relative to the learned one: 1, or 4 for a camera that does not belong to the
+ *   family of its basis.
  */
 public class Ssf internal constructor(
     private val curves: Curves,
@@ -79,6 +77,8 @@ public class Ssf internal constructor(
      * (3) share of each channel's variance that is between the hypotheses on the light; null if all lamps were named.
      */
     internal val between: DoubleArray? = null,
+    /** Whether the camera belongs to the family of its basis; null if the basis was named. */
+    internal val familyTest: FamilyTest? = null,
 ) {
     /**
      * The compared hypotheses, if basis or kind of light were chosen by their evidence, phones before cameras; else
@@ -204,7 +204,7 @@ public class Ssf internal constructor(
 
     private fun with(predicted: DoubleArray, lamp: DoubleArray, gains: DoubleArray = sharedGainCode): Ssf {
         val seen = Curves(sharedValues, sharedStd, sharedCode, sharedCodeCovariance, predicted, lamp, gains)
-        return Ssf(seen, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
+        return copy(curves = seen)
     }
 
     /** The answer with the hypotheses that it was chosen among, and the estimated lights. */
@@ -213,7 +213,14 @@ public class Ssf internal constructor(
         lights: List<EstimatedLamp?> = emptyList(),
         kinds: List<String> = emptyList(),
         between: DoubleArray? = null,
-    ): Ssf = Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between)
+    ): Ssf =
+        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest)
+
+    /** The answer with the outcome of its test. */
+    internal fun tested(test: FamilyTest): Ssf = copy(familyTest = test)
+
+    private fun copy(curves: Curves = this.curves, familyTest: FamilyTest? = this.familyTest): Ssf =
+        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest)
 
     /** The mixture of which this is the most probable part: these curves and proof, all else as here. */
     internal fun mixed(

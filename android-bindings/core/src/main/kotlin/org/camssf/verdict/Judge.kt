@@ -6,9 +6,9 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
+import org.camssf.recovery.UnfamiliarCamera
 import org.camssf.spectra.ChartTable
 import kotlin.math.abs
-import kotlin.math.cbrt
 import kotlin.math.max
 import kotlin.math.sqrt
 
@@ -58,11 +58,9 @@ internal fun used(signals: Signals, shot: Int): List<Int> =
  */
 internal object Judge {
     private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
-    private val IMPROBABLE_CURVES get() = Rules.shipped.number("verdict.improbable_curves")
-    private val IMPOSSIBLE_CURVES get() = Rules.shipped.number("verdict.impossible_curves")
     private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
     private val VAGUE get() = Rules.shipped.number("verdict.vague")
-    private val UNFAMILIAR_CAMERA get() = Rules.shipped.number("verdict.unfamiliar_camera")
+    private val OTHER_MAKERS get() = Rules.shipped.number("verdict.other_makers")
 
     fun judge(case: Case): Verdict {
         val inputs = case.inputs
@@ -71,7 +69,6 @@ internal object Judge {
         val checks = Checks()
         val reasons = ArrayList<Reason>()
         reasons += explanations(found, each, inputs.table, checks)
-        reasons += improbableCurves(inputs.ssf, checks)
         case.shots.forEachIndexed { j, shot ->
             reasons += ExposureAndNoise(inputs.signals, j, shot.means, inputs.table, checks).reasons()
             reasons += disagreeing(j, case.single[j], checks)
@@ -82,12 +79,13 @@ internal object Judge {
         }
         whites.forEach { reasons += it }
         reasons += vague(inputs.ssf, checks)
-        reasons += unfamiliarCamera(inputs.ssf, case.family, checks)
+        reasons += otherMakers(inputs.ssf, case.family, checks)
         if (case.unnamed.any { it }) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
             reasons += Light.rivalLamp(case.rivals(), inputs.lamps.map { it.name }, doubted, checks)
         }
+        reasons += unusual(inputs.ssf, case.unnamed, checks)
         return Verdict(Status.of(reasons), reasons, checks.all)
     }
 
@@ -136,42 +134,31 @@ internal object Judge {
         Cause.WHITE, Cause.LIGHT -> emptyMap()
     }
 
-    /**
-     * z(x) of rule 2: the length of the code as a standard normal number under the prior; null without a prior. Under
-     * the prior the posterior mean x ~ N(0, K), K = I - C: xᵀx is nearly a scaled χ² (Satterthwaite 1946).
-     */
-    fun strangeness(ssf: Ssf): Double? {
-        val covariance = ssf.sharedCodeCovariance.takeIf { ssf.sharedStd != null } ?: return null
-        val size = ssf.sharedCode.size
-        var expected = 0.0
-        var squares = 0.0
-        for (at in covariance.indices) {
-            val own = (if (at / size == at % size) 1.0 else 0.0) - covariance[at]
-            squares += own * own
-            if (at / size == at % size) expected += own
+    /** Checks whether the camera is unlike those of its basis, by its code and by its lamp (rule 7). */
+    private fun unusual(ssf: Ssf, unnamed: List<Boolean>, checks: Checks): List<Reason> {
+        val test = ssf.familyTest
+        val length = (if (test == null) UnfamiliarCamera.codeLength(ssf) else test.length) ?: return emptyList()
+        val limit = test?.longest ?: UnfamiliarCamera.longestCode(ssf.basis, unnamed.none { it })
+        checks.note("improbable_curves", length, limit = limit)
+        val words = mapOf("size" to length, "basis" to ssf.basis)
+        val reasons = ArrayList<Reason>()
+        if (length > limit) reasons += Reasons.because("improbable_curves", length, words, threshold = limit)
+        val residual = test?.lampResidual ?: return reasons
+        checks.note("lamp_residual", residual, limit = test.largest)
+        if (residual > test.largest) {
+            reasons += Reasons.because("lamp_residual", residual, words, threshold = test.largest)
         }
-        if (expected <= 0) return null // the posterior equals the prior
-        val u = 2.0 * squares / (9.0 * expected * expected)
-        return (cbrt(ssf.sharedCode.sumOf { it * it } / expected) - (1.0 - u)) / sqrt(u)
+        return reasons
     }
 
-    /** Checks that the curves are probable under the prior. */
-    private fun improbableCurves(ssf: Ssf, checks: Checks): List<Reason> {
-        val size = strangeness(ssf) ?: return emptyList()
-        checks.note("improbable_curves", size)
-        if (size <= IMPROBABLE_CURVES) return emptyList()
-        return listOf(Reasons.because("improbable_curves", size, mapOf("size" to size), size > IMPOSSIBLE_CURVES))
-    }
-
-    /** Checks whether the camera needs a wider prior, or another basis than its maker's name suggests (rule 7). */
-    private fun unfamiliarCamera(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
-        val wide = ssf.choice.sumOf { if (it.priorScale > 1.0) it.probability else 0.0 }
+    /** Checks whether the camera belongs to another family than those of its maker (rule 7). */
+    private fun otherMakers(ssf: Ssf, family: String?, checks: Checks): List<Reason> {
+        if (ssf.choice.isEmpty()) return emptyList()
         val others = ssf.choice.filter { family != null && Choice.MAKERS_OF[it.basis] != family }
         val other = others.sumOf { it.probability }
-        val most = max(wide, other)
-        if (ssf.choice.isNotEmpty()) checks.note("unfamiliar_camera", most)
-        if (most <= UNFAMILIAR_CAMERA) return emptyList()
-        return listOf(Reasons.because("unfamiliar_camera", most, mapOf("probability" to most, "basis" to ssf.basis)))
+        checks.note("other_makers", other)
+        if (other <= OTHER_MAKERS) return emptyList()
+        return listOf(Reasons.because("other_makers", other, mapOf("probability" to other, "basis" to ssf.basis)))
     }
 
     /**
@@ -185,9 +172,11 @@ internal object Judge {
         return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))
     }
 
-    /** Checks that the 95 % band is narrow enough to tell cameras apart. */
+    /**
+     * Checks that the 95 % band is narrow enough to tell cameras apart; that of an unfamiliar camera is wide anyway.
+     */
     private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
-        if (ssf.sharedStd == null) return emptyList()
+        if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
         val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
         checks.note("vague", width)
         return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()

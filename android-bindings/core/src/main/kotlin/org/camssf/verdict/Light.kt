@@ -78,26 +78,21 @@ internal object Light {
     }
 
     /**
-     * Rule 8: an unnamed light can be estimated only if the camera is probably a phone. For other cameras the curves
-     * and the light cannot be separated well.
-     *
-     * The rules list nearly all makers of phones; a file that names no listed maker has prior odds of [Choice.CLEAR]
-     * : 1 against a phone.
+     * Rule 8: an unnamed light can be estimated only if the signals say that the camera is a phone. For other cameras
+     * the curves and the light cannot be separated well. The maker's name does not count: it may be missing, unknown,
+     * or wrong.
      */
     fun unnamed(choice: List<Hypothesis>, family: String?, checks: Checks = Checks()): List<Reason> {
         val (phones, others) = choice.partition { Choice.MAKERS_OF[it.basis] == PHONES }
-        var phone = phones.sumOf { it.probability }
-        val rest = others.sumOf { it.probability }
-        // Otherwise the odds already include the maker's name, or there was no choice.
-        if (family == null && rest > 0) phone /= phone + Choice.CLEAR * rest
+        val own = phones.sumOf { it.probability }
+        // The odds of the maker's name are in the probabilities.
+        val name = if (family == null) 1.0 else if (family == PHONES) Choice.MAKER else 1.0 / Choice.MAKER
+        val phone = own / (own + others.sumOf { it.probability } * name)
         val number = Rules.shipped::number
-        val bound = if (family == PHONES) number("verdict.unnamed") else Choice.CLEAR / (1.0 + Choice.CLEAR)
-        checks.note("unnamed", phone, limit = bound)
-        if (phone >= bound) return emptyList()
-        val fatal = phone < number("verdict.unnameable")
+        checks.note("unnamed", phone)
+        if (phone >= number("verdict.unnamed")) return emptyList()
         val words = mapOf("probability" to phone)
-        val name = if (family == null && phone > 0) "no_maker" else "unnamed"
-        return listOf(Reasons.because(name, phone, words, fatal, if (fatal) null else bound))
+        return listOf(Reasons.because("unnamed", phone, words, phone < number("verdict.unnameable")))
     }
 
     /**

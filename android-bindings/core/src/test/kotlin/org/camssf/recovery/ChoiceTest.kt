@@ -10,7 +10,6 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertSame
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
-import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.sqrt
@@ -65,7 +64,6 @@ class ChoiceTest {
         val whole = listOf(0.95, 0.05 * exp(1.0), 0.95 * exp(-1.0), 0.05 * exp(-2.0))
         told.forEachIndexed { i, each -> assertEquals(whole[i] / whole.sum(), each.probability, 1e-12) }
         assertEquals(listOf("phones", "phones", "cameras", "cameras"), told.map { it.basis })
-        assertEquals(listOf(1.0, 2.0, 1.0, 2.0), told.map { it.priorScale })
         assertEquals(listOf(800.0, 801.0, 799.0, 798.0), told.map { it.logEvidence })
     }
 
@@ -147,7 +145,7 @@ class ChoiceTest {
 
     @Test
     fun `a maker's name is a belief`() {
-        val clear = Rules.shipped.number("choice.clear")
+        val clear = Rules.shipped.number("choice.maker")
         for (name in listOf("Apple", "Google", "motorola", "HUAWEI", "LG Electronics", "OnePlus")) {
             assertEquals(mapOf("phones" to clear), Choice.priorOdds(name, ""), name)
         }
@@ -181,13 +179,10 @@ class ChoiceTest {
             val even = choice(emptyMap())
             assertEquals(1.0, even.sumOf { it.probability }, 1e-12)
             even.forEachIndexed { i, each ->
-                val engine = engines[i / 2]
-                val scale = if (i % 2 == 0) 1.0 else Rules.shipped.number("choice.wide")
-                val alone = Recover.recover(engine, given, null, penalties, scale)
-                assertEquals(engine.basis to scale, each.basis to each.priorScale)
-                assertEquals(engine.basis to scale, alone.basis to alone.priorScale)
+                val alone = Recover.recover(engines[i], given, null, penalties)
+                assertEquals(engines[i].basis, each.basis)
                 assertEquals(alone.logEvidence, each.logEvidence)
-                assertEquals(alone.logEvidence, Recover.logEvidence(engine, given, scale))
+                assertEquals(alone.logEvidence, Recover.logEvidence(engines[i], given, 1.0))
                 assertEquals(emptyList<Hypothesis>(), alone.choice)
             }
             // Phones, with an RYYB sensor or not, against cameras.
@@ -196,10 +191,9 @@ class ChoiceTest {
                 return phones.sumOf { it.probability } / cameras.sumOf { it.probability }
             }
             assertEquals(20.0 * odds(even), odds(choice(mapOf("phones" to 20.0))), 1e-9 * 20.0 * odds(even))
-            // Of two scales one is believed 19 times as much.
-            val wide = exp(even[1].logEvidence - even[0].logEvidence) / 19.0
-            assertEquals(wide, even[1].probability / even[0].probability, 1e-9 * wide)
-            assertTrue(abs(even[1].logEvidence - even[0].logEvidence) > 0.1)
+            // An RYYB sensor is believed in one phone of twenty.
+            val yellow = exp(even[2].logEvidence - even[0].logEvidence) / 20.0
+            assertEquals(yellow, even[2].probability / even[0].probability, 1e-9 * yellow)
         } finally {
             engines.forEach { it.close() }
         }

@@ -1,6 +1,7 @@
 package org.camssf.verdict
 
 import org.camssf.Grid
+import org.camssf.Rules
 import org.camssf.photo.ChartPose
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.LensShading
@@ -8,8 +9,10 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.FamilyTest
 import org.camssf.recovery.Hypothesis
 import org.camssf.recovery.Ssf
+import org.camssf.recovery.UnfamiliarCamera
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertEquals
@@ -42,7 +45,13 @@ class JudgeTest {
     }
 
     /** @param off what every signal is multiplied by in one patch of two. */
-    private fun judged(off: Double, choice: List<Hypothesis>, family: String?, vararg rivals: Rival): Verdict {
+    private fun judged(
+        off: Double,
+        choice: List<Hypothesis>,
+        family: String?,
+        vararg rivals: Rival,
+        test: FamilyTest? = null,
+    ): Verdict {
         val predicted = DoubleArray(3 * n) { at ->
             val seen = DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * curves[3 * it + at % 3] }
             dot(table.reflectance(at / 3), seen) / seen.sum()
@@ -60,7 +69,7 @@ class JudgeTest {
             DoubleArray(3),
             1.0,
             "phones",
-        ).chosen(choice)
+        ).chosen(choice).let { own -> test?.let { own.tested(it) } ?: own }
         val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         val quads = DoubleArray(8 * n) { square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6 }
         val pose = ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
@@ -75,16 +84,12 @@ class JudgeTest {
         return Judge.judge(case)
     }
 
-    private fun weights(vararg probability: Double) = listOf(
-        Hypothesis("phones", 1.0, 0.0, probability[0]),
-        Hypothesis("phones", 2.0, 0.0, probability[1]),
-        Hypothesis("cameras", 1.0, 0.0, probability[2]),
-        Hypothesis("cameras", 2.0, 0.0, probability[3]),
-    )
+    private fun weights(phones: Double) =
+        listOf(Hypothesis("phones", 0.0, phones), Hypothesis("cameras", 0.0, 1.0 - phones))
 
     @Test
     fun `a sound capture is accepted, and its rivals were asked for`() {
-        val found = judged(1.0, weights(0.9, 0.1, 0.0, 0.0), "phones", Rival(0, "A", -3.0))
+        val found = judged(1.0, weights(1.0), "phones", Rival(0, "A", -3.0))
         assertEquals(emptyList<String>(), found.reasons.map { it.message })
         assertEquals(Status.ACCEPTED to 1, found.outcome to asked)
     }
@@ -104,34 +109,35 @@ class JudgeTest {
     }
 
     @Test
-    fun `a camera that no basis knows makes it doubtful`() {
-        val found = judged(1.0, weights(0.02, 0.52, 0.04, 0.42), null).reasons.single()
-        assertEquals("camera_unusual", found.code)
-        assertEquals(0.94, found.value!!, 1e-12)
-        assertEquals(0.9, found.threshold)
-        assertTrue("94%" in found.message && "the basis phones" in found.message, found.message)
-        assertEquals(emptyList<Reason>(), judged(1.0, weights(0.06, 0.5, 0.04, 0.4), null).reasons)
+    fun `a camera of no family makes it doubtful`() {
+        val test = FamilyTest(0.2, 1.1, 0.05, 0.8)
+        val (length, lamp) = judged(1.0, weights(1.0), null, test = test).reasons
+        assertEquals(listOf("camera_unusual", "camera_unusual"), listOf(length.code, lamp.code))
+        assertEquals(listOf(0.2, 0.05, 1.1, 0.8), listOf(length.value, length.threshold, lamp.value, lamp.threshold))
+        assertTrue("the measured phones" in length.message, length.message)
+        assertTrue("tinted glass" in lamp.advice, lamp.advice)
+        val usual = FamilyTest(0.04, 0.7, 0.05, 0.8)
+        assertEquals(emptyList<Reason>(), judged(1.0, weights(1.0), null, test = usual).reasons)
         assertEquals(emptyList<Reason>(), judged(1.0, emptyList(), "phones").reasons)
     }
 
-    /** By the maker's word: 0.8 and 0.5 with a maker of phones, 20 : 1 and 0.5 without, and 20 : 1 against nobody's. */
     @Test
-    fun `in an unnamed light a phone's word is needed`() {
-        fun said(phone: Double, family: String?): Pair<Boolean, Double?>? =
-            Light.unnamed(weights(phone, 0.0, 1.0 - phone, 0.0), family).singleOrNull()?.let { it.fatal to it.value }
-        assertNull(said(0.81, "phones"))
-        assertEquals(false to 0.79, said(0.79, "phones"))
-        assertEquals(true to 0.49, said(0.49, "phones"))
-        assertEquals(false to 0.95, said(0.95, "cameras"))
-        assertNull(said(0.96, "cameras"))
-        assertEquals(19.0 / 39, said(0.95, null)!!.also { assertTrue(it.first) }.second!!, 1e-12)
-        assertEquals(24.0 / 44, said(0.96, null)!!.also { assertTrue(!it.first) }.second!!, 1e-12)
-        assertNull(said(401.0 / 402, null))
-        val told = listOf(Hypothesis("phones", 1.0, 0.0, 1.0, listOf("bulb")))
+    fun `in an unnamed light the signals must say phone, whoever made it`() {
+        val maker = Rules.shipped.number("choice.maker")
+        for ((family, odds) in listOf("phones" to maker, "cameras" to 1 / maker, null to 1.0)) {
+            fun said(phone: Double): Pair<Boolean, Double?>? {
+                val told = phone / (1.0 - phone) * odds
+                return Light.unnamed(weights(told / (1.0 + told)), family).singleOrNull()?.let { it.fatal to it.value }
+            }
+            assertNull(said(0.78))
+            assertEquals(false to 0.76, said(0.76)!!.let { it.first to Math.round(it.second!! * 1e9) / 1e9 })
+            assertEquals(true to 0.19, said(0.19)!!.let { it.first to Math.round(it.second!! * 1e9) / 1e9 })
+        }
+        val told = listOf(Hypothesis("phones", 0.0, 1.0, listOf("bulb")))
         assertEquals(emptyList<Reason>(), Light.unnamed(told, null))
-        val doubtful = Light.unnamed(weights(0.9, 0.0, 0.1, 0.0), "cameras").single()
-        assertEquals("lamp_unfit" to 20.0 / 21, doubtful.code to doubtful.threshold)
-        assertTrue("90%" in doubtful.message && "--lamp" !in doubtful.advice, doubtful.advice)
+        val doubtful = Light.unnamed(weights(0.5), null).single()
+        assertEquals("lamp_unfit" to 0.77, doubtful.code to doubtful.threshold)
+        assertTrue("50%" in doubtful.message && "--lamp" !in doubtful.advice, doubtful.advice)
     }
 
     @Test
@@ -143,7 +149,7 @@ class JudgeTest {
             val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
             val own = Ssf.Curves(curves, std, code, covariance, DoubleArray(72), lamp.sharedValues)
             val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), 0.0)
-            return Judge.strangeness(Ssf(own, proof, DoubleArray(3), DoubleArray(3), 1.0, "phones"))
+            return UnfamiliarCamera.codeLength(Ssf(own, proof, DoubleArray(3), DoubleArray(3), 1.0, "phones"))
         }
         // Upper quantiles of χ² of 10 and of the normal distribution, from tables.
         for ((square, normal) in listOf(9.342 to 0.0, 21.161 to 2.0537, 29.588 to 3.0902)) {
@@ -155,7 +161,7 @@ class JudgeTest {
 
     @Test
     fun `so does a camera of the other family than its maker's`() {
-        val choice = weights(0.95, 0.03, 0.01, 0.01)
+        val choice = weights(0.98)
         val found = judged(1.0, choice, "cameras").reasons.single()
         assertEquals("camera_unusual" to 0.98, found.code to found.value)
         for (family in listOf("phones", null)) {

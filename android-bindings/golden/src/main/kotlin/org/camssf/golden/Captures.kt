@@ -70,9 +70,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             val all = lights.flatMap { light -> of(light).filterIndexed { at, _ -> at % 10 == 0 } }
             return Tensor(all.toDoubleArray(), lights.size, NODES)
         }
-        val weighed = ssf.choice.map {
-            JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale)) + words(it.kinds))
-        }
+        val weighed = ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis)) + words(it.kinds)) }
         val kinds = lights.flatMap { it.kinds.values }.toDoubleArray()
         return mapOf(
             "weighed" to JsonArray(weighed),
@@ -80,6 +78,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "probability" to numbers(ssf.choice.map { it.probability }),
             "basis" to ssf.basis,
             "prior_scale" to ssf.priorScale,
+            "length" to ssf.familyTest?.let { Tensor(doubleArrayOf(it.length), 1) },
             "likeliest" to words(ssf.kinds),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },

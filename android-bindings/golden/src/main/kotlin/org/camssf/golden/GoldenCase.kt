@@ -146,7 +146,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "calibrate" to setOf("make", "model", "light_per_patch"),
             "light" to setOf("make", "model"),
             "rivals" to setOf("make", "model"),
-            "verdict" to setOf("choice", "family", "code_variance", "unnamed", "gain_modes", "gain_own"),
+            "verdict" to setOf("choice", "family", "family_test", "code_variance", "unnamed", "gain_modes", "gain_own"),
         )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
@@ -193,12 +193,12 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "choice" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "ssf", "ssf_std", "predicted",
-                "gap",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "family_test", "ssf", "ssf_std",
+                "predicted", "gap",
             ),
             "light" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "likeliest", "ssf", "ssf_std",
-                "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std", "status",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "length", "likeliest", "ssf",
+                "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std", "status",
                 "codes", "messages", "values", "thresholds", "said",
             ),
             "rivals" to setOf("gains"),

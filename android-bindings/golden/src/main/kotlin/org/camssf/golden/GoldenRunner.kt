@@ -272,9 +272,11 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val prior = case.inputs.getValue("prior").jsonObject.mapValues { number(it.value)!! }
         val ssf = Choice.recover(engines(case), observation, Frames(chart, white, dark), penalties(case), prior)
         fun weighed(of: (Hypothesis) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
-        val bases = ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis), JsonPrimitive(it.priorScale))) }
+        val test = ssf.familyTest!!
+        val numbers = doubleArrayOf(test.length, test.lampResidual!!, test.longest, test.largest)
         return mapOf(
-            "weighed" to JsonArray(bases),
+            "weighed" to JsonArray(ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis))) }),
+            "family_test" to Tensor(numbers, numbers.size),
             "log_evidence" to weighed { it.logEvidence },
             "probability" to weighed { it.probability },
             "basis" to ssf.basis,

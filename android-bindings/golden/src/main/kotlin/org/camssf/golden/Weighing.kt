@@ -8,6 +8,7 @@ import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.boolean
 import kotlinx.serialization.json.contentOrNull
 import kotlinx.serialization.json.double
+import kotlinx.serialization.json.doubleOrNull
 import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
@@ -19,6 +20,7 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.recovery.Gains
+import org.camssf.recovery.FamilyTest
 import org.camssf.recovery.Hypothesis
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
@@ -69,10 +71,12 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val std = inputs.getValue("ssf_std").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
         val proof = Ssf.Proof(DoubleArray(3), DoubleArray(1), IntArray(1), null)
         val choice = (inputs["choice"] as? JsonArray).orEmpty().map { entry ->
-            val (basis, scale, probability) = entry.jsonArray.map { it.jsonPrimitive }
-            Hypothesis(basis.content, scale.double, 0.0, probability.double)
+            val (basis, probability) = entry.jsonArray.map { it.jsonPrimitive }
+            Hypothesis(basis.content, 0.0, probability.double)
         }
         val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
+        val test = (inputs["family_test"] as? JsonArray)?.map { it.jsonPrimitive.doubleOrNull }
+            ?.let { (length, residual, longest, largest) -> FamilyTest(length!!, residual, longest!!, largest!!) }
         val variance = inputs["code_variance"]?.let { forms.resolve(it).values }
         val spread = variance?.let { own ->
             DoubleArray(own.size * own.size) { if (it / own.size == it % own.size) own[it % own.size] else 0.0 }
@@ -80,7 +84,8 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         fun answer(of: JsonObject): Ssf {
             fun value(name: String) = forms.resolve(of.getValue(name)).values
             val curves = Ssf.Curves(value("ssf"), std, value("code"), spread, value("predicted"), lamp.values)
-            return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
+            val ssf = Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
+            return test?.let { ssf.tested(it) } ?: ssf
         }
         val verdictInputs = VerdictInputs(
             signals,
