@@ -2,11 +2,23 @@
 
 import csv
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import bell, toy_camera
 
+from camssf.colour import Camera, Reference, View
+from camssf.colour.camera import OwnWhite
+from camssf.colour.light import see, see_together
+from camssf.colour.posterior import LinearResponse, surface_posterior
+from camssf.colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
+from camssf.colour.surface_prior import CHANGES, NEIGHBOURS, ROUGHNESS, prior_of, read_prior
+from camssf.colour.transforms import signals_of
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import read_lamp
 from camssf.spectra.surfaces import SURFACE_NODES, absorbers, surface_sets, surfaces
 from tools import surfaces as tool
 
@@ -54,3 +66,309 @@ def test_haemoglobin_absorbs_where_it_does() -> None:
     assert deoxy[at[560]] > oxy[at[560]]
     assert deoxy[at[660]] > 5.0 * oxy[at[660]]
     assert bilirubin.argmax() == at[460]
+
+
+# -- the posterior against judges of its own -----------------------------------------------------------------------
+
+NODES = SURFACE_NODES.size
+NONE: dict[str, slice] = {"curves": slice(0, 0)}
+
+
+def power(name: str = "D55") -> Floats:
+    return read_lamp(name).values
+
+
+def exact() -> Camera:
+    curves = toy_camera()
+    return Camera("toy", curves / curves.max(axis=0), np.zeros((0, *curves.shape)))
+
+
+def blurred(size: float = 0.02) -> Camera:
+    one = exact()
+    modes = np.zeros((2, *one.values.shape))
+    modes[0, :, 0] = size * np.gradient(one.values[:, 0], WAVELENGTHS) * 40
+    modes[1, :, 1] = size * bell(500, 15)
+    return replace(one, modes=modes)
+
+
+def owned() -> Camera:
+    one = blurred()
+    raw = power() @ one.values
+    return replace(one, own=OwnWhite(raw / raw[1], read_lamp("D55")))
+
+
+def known(name: str = "D55") -> object:
+    return replace(read_lamp(name), tolerance=0.0)
+
+
+def on_grid(reflectance: Floats) -> Floats:
+    return np.stack([np.interp(WAVELENGTHS, SURFACE_NODES, row) for row in reflectance])
+
+
+def folded(camera: Camera, name: str = "D55") -> Floats:
+    """(3, 35) signals of the unit functions: what `signals_of` gives, surface by surface."""
+    return signals_of(on_grid(np.eye(NODES)), power(name), camera.values).T
+
+
+def plain(rows: Floats) -> LinearResponse:
+    """Reflectance from exact signals."""
+    none = np.zeros((0, NODES))
+    return LinearResponse(rows, np.zeros((0, *rows.shape)), np.eye(NODES), np.zeros((0, *none.shape)), NONE)
+
+
+def a_few(count: int = 6) -> Floats:
+    return surface_sets()[0].values[:: 190 // count][:count]
+
+
+def test_one_surface_without_noise_is_a_gaussian_conditioned_by_hand() -> None:
+    """With one surface the prior is N(s, F), and E[R | A R = y] = s + F Aᵀ (A F Aᵀ)⁻¹ (y - A s)."""
+    row, a = a_few()[2], folded(exact())
+    shape = row / row.mean()
+    steps = (SURFACE_NODES[:, None] - SURFACE_NODES) / 20.0
+    roughness = 0.008**2 * np.exp(-0.5 * steps**2)
+    assert ROUGHNESS == 0.008
+    scale = (a @ shape).mean()
+    y = a @ row * [1.0, 1.01, 0.99]
+    level = y.mean()
+    prior_mean, prior_covariance = level * shape / scale, (level / scale) ** 2 * roughness
+    gain = np.linalg.lstsq((a @ prior_covariance @ a.T).T, (prior_covariance @ a.T).T, rcond=None)[0].T
+    found = surface_posterior(prior_of(row[None]), plain(a), y[None], np.zeros((1, 3)))
+    assert np.abs(found.mean[0] - prior_mean - gain @ (y - a @ prior_mean)).max() < 1e-9
+    assert np.abs(found.covariance[0] - (prior_covariance - gain @ a @ prior_covariance)).max() < 1e-9
+    assert np.abs(a @ found.mean[0] - y).max() < 1e-9
+
+
+def test_a_surface_of_the_prior_explains_its_own_signals() -> None:
+    row, a = a_few()[3], folded(exact())
+    found = surface_posterior(prior_of(row[None]), plain(a), (a @ row)[None], np.zeros((1, 3)))
+    assert np.abs(found.mean[0] - row).max() < 1e-9
+    assert found.distance[0] < 1e-6
+
+
+def test_two_equal_photos_are_one_with_less_noise() -> None:
+    prior, a, y = prior_of(a_few()), folded(exact()), np.array([[0.3, 0.22, 0.17]])
+    error = 0.02 * y
+    twice = surface_posterior(prior, plain(np.concatenate([a, a])), np.tile(y, 2), np.tile(error, 2))
+    once = surface_posterior(prior, plain(a), y, error / np.sqrt(2.0))
+    assert np.abs(twice.mean - once.mean).max() < 1e-9
+    assert np.abs(twice.covariance - once.covariance).max() < 1e-9
+
+
+def test_the_posterior_is_what_drawing_gives() -> None:
+    """Importance sampling: surfaces, errors and signals are drawn, the drawn responses are normalised exactly."""
+    rng = np.random.default_rng(5)
+    rows = surface_sets()[-1].values[[0, 9, 18, 27, 36, 45]]
+    prior, a = prior_of(rows, counts=np.array([1.0, 2.0, 1.0, 1.0, 3.0, 1.0])), folded(exact())
+    moves = 0.006 * rng.normal(size=(2, 3, NODES)) * a
+    asked = np.stack([np.eye(NODES)[10], np.eye(NODES)[25], folded(exact(), "A")[1]])
+    asked_moves = 0.02 * rng.normal(size=(2, 1, NODES)) * asked[2]
+    response = LinearResponse(a, moves, asked, asked_moves, {"curves": slice(0, 1), "lamp": slice(1, 2)})
+    y = (a @ (0.5 * (rows[1] + rows[4])))[None] * [1.01, 1.0, 0.99]
+    error = 0.025 * y
+    found = surface_posterior(prior, response, y, error)
+
+    level, draws = y.mean(), 400_000
+    z, noise = y[0] / level, error[0] / level
+    weights = np.exp(prior.log_weights)
+    which = rng.choice(len(weights), size=draws, p=weights / weights.sum())
+    scale = (prior.shapes @ a.T).mean(axis=1)
+    values, log = np.empty((draws, 3)), np.empty(draws)
+    for i in range(len(weights)):
+        mine = which == i
+        x = rng.normal(size=(mine.sum(), 2))
+        root = np.linalg.cholesky(prior.covariances[i] + 1e-12 * np.eye(NODES)) / scale[i]
+        centre, apart = prior.shapes[i] / scale[i], rng.normal(size=(mine.sum(), NODES)) @ root.T
+        seen = centre @ a.T + np.einsum("ne,ecj,j->nc", x, moves, centre)
+        size = seen.mean(axis=1, keepdims=True)
+        expected = seen / size + apart @ a.T
+        log[mine] = -0.5 * np.sum(((z - expected) / noise) ** 2, axis=1)
+        told = (centre + apart) @ asked.T
+        told[:, 2] += np.einsum("ne,ej,j->n", x, asked_moves[:, 0], centre)
+        values[mine] = told - (size - 1.0) * (centre @ asked.T)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    assert 1.0 / np.sum(weight**2) > 2_000, "too few draws count"
+    mean = weight @ values
+    covariance = (weight[:, None] * (values - mean)).T @ (values - mean)
+    std = np.sqrt(np.diagonal(covariance))
+    assert np.abs(found.mean[0] / level - mean).max() < 0.06 * std.min()
+    assert np.abs((found.covariance[0] / level**2 - covariance) / np.outer(std, std)).max() < 0.06
+
+
+# -- spectra ------------------------------------------------------------------------------------------------------
+
+
+def photographed(name: str = "D55", rows: Floats | None = None, camera: Camera | None = None) -> Floats:
+    """Signals of surfaces on the grid."""
+    rows = a_few() if rows is None else rows
+    return signals_of(on_grid(rows), power(name), (camera or exact()).values)
+
+
+def rms(found: SurfaceSpectra, truth: Floats) -> float:
+    return float(np.sqrt(np.mean((found.reflectance - truth)[:, 2:33] ** 2)))
+
+
+def test_spectra_reproduce_their_signals_and_colours() -> None:
+    y = photographed()
+    found = spectrum(exact(), LitSurfaces(known(), y, 1e-6, Reference(0.0)))
+    assert np.abs(signals_of(on_grid(found.reflectance), power(), exact().values) - y).max() < 1e-4
+    from camssf.colour.standard import of_surfaces
+
+    xyz, colours = of_surfaces(on_grid(found.reflectance), power(), View())
+    assert np.abs(found.xyz - xyz).max() < 1e-12
+    assert np.abs(found.lab - colours).max() < 1e-9
+    assert rms(found, a_few()) < 0.1
+
+
+@pytest.mark.parametrize("white", ["lamp", "D65"])
+def test_more_light_scales_a_spectrum_and_its_band(white: str) -> None:
+    y = photographed()
+    one, other = (
+        spectrum(blurred(), LitSurfaces("D55", k * y, k * 0.01 * y), view=View(white=white)) for k in (1.0, 0.5)
+    )
+    assert np.abs(0.5 * one.reflectance - other.reflectance).max() < 1e-12
+    assert np.abs(0.25 * one.covariance - other.covariance).max() < 1e-12
+    assert np.abs(one.from_photo - other.from_photo).max() < 1e-9
+
+
+def test_the_parts_add_up() -> None:
+    found = spectrum(blurred(), LitSurfaces("D55", photographed(), 0.003))
+    assert set(found.parts) == {"curves", "lamp", "noise", "reference", "metamers"}
+    assert np.abs(sum(found.parts.values()) - found.covariance).max() < 1e-15
+    assert all(np.linalg.eigvalsh(part).min() > -1e-9 for each in found.parts.values() for part in each)
+    assert np.allclose(found.standard_deviation**2, np.diagonal(found.covariance, axis1=1, axis2=2), rtol=1e-12)
+
+
+def test_a_second_light_tells_more() -> None:
+    rows = surface_sets()[1].values[::5]
+    lit = [LitSurfaces(name, photographed(name, rows), 0.002) for name in ("D65", "LED-B3")]
+    one, two = spectrum(exact(), lit[0]), spectrum(exact(), *lit)
+    assert rms(two, rows) < 0.8 * rms(one, rows)
+    assert two.from_photo.mean() > one.from_photo.mean()
+
+
+def test_what_no_surface_gives_is_far_from_the_prior() -> None:
+    y = np.stack([photographed()[0], [0.9, 0.05, 0.8]])
+    found = spectrum(exact(), LitSurfaces("D55", y, 0.002), prior="skin")
+    assert found.distance[1] > FAR
+    inside = spectrum(exact(), LitSurfaces("D55", photographed(rows=surface_sets()[-1].values), 0.002), prior="skin")
+    assert inside.distance.max() < FAR
+
+
+def test_skin_is_told_more_exactly_by_the_prior_of_skin() -> None:
+    rows = surface_sets()[-1].values[::7]
+    lit = LitSurfaces("D55", photographed(rows=rows), 0.002)
+    general, skin = spectrum(exact(), lit), spectrum(exact(), lit, prior="skin")
+    assert max(rms(general, rows), rms(skin, rows)) < 0.02
+
+
+def test_the_light_that_nobody_named_is_mixed() -> None:
+    camera, y = owned(), photographed("A")
+    raw = power("A") @ camera.values
+    lit = LitSurfaces("auto", y, 0.002, Reference(0.01, raw, 0.002))
+    found = spectrum(camera, lit)
+    assert sum(weight for _, weight in found.lamps) == pytest.approx(1.0)
+    assert max(found.lamps, key=lambda each: each[1])[0] == ("bulb",)
+    both = spectrum(camera, lit, LitSurfaces("D55", photographed(), 0.002))
+    assert len(both.lamps) == len(found.lamps)
+    assert all(names[1] == "D55" for names, _ in both.lamps)
+    with pytest.raises(LampUnfit):
+        spectrum(camera, replace(lit, lamp="D75"))
+
+
+def test_photos_seen_together() -> None:
+    """A second photo without a usable white changes nothing of the first; with one it narrows the curves."""
+    camera, lamps = owned(), [read_lamp("D55"), read_lamp("A")]
+    raws = [lamp.values @ camera.values for lamp in lamps]
+    ratios = [np.log(raw[[0, 2]] / raw[1]) for raw in raws]
+    alone = see(camera, lamps[0], ratios[0], 0.005)
+    first, second = see_together(camera, lamps, [ratios[0], None], [0.005, 0.0])
+    assert np.abs(first.curves - alone.curves).max() < 1e-12
+    assert np.abs(first.power - alone.power).max() < 1e-12
+    assert first.of_lamp == second.of_lamp
+    both = see_together(camera, lamps, ratios, [0.005, 0.005])[0]
+    of = [np.sum(light.curve_modes**2) for light in (alone, first, both)]
+    assert of[1] == pytest.approx(of[0])
+    assert of[2] < of[0]
+
+
+# -- priors -------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_a_prior(tmp_path: Path) -> None:
+    rows = a_few()
+    path = tmp_path / "leaves.csv"
+    lines = [",".join(["name", *(f"{nm:g}" for nm in SURFACE_NODES)])]
+    lines += [",".join([f"leaf {i}", *(repr(float(value)) for value in row)]) for i, row in enumerate(rows)]
+    path.write_text("\n".join(lines), "utf-8")
+    found, own = read_prior(str(path)), prior_of(rows)
+    assert found.name == "leaves.csv"
+    assert np.abs(found.shapes - own.shapes).max() < 1e-12
+    assert np.abs(found.covariances - own.covariances).max() < 1e-12
+    assert read_prior(found) is found
+
+
+def test_the_shipped_priors() -> None:
+    general, skin = read_prior("general"), read_prior("skin")
+    assert (len(general.shapes), len(skin.shapes)) == (857, 97)
+    assert np.unique(np.exp(general.log_weights)).round(6).tolist() == [1.0, 8.0]
+    narrow = prior_of(np.concatenate([each.values for each in surface_sets() if each.kind == "skin"]))
+    for name, size in CHANGES.items():
+        change = size * absorbers()[name] * skin.shapes
+        wider = np.einsum("ni,nij,nj->n", change, skin.covariances - narrow.covariances, change)
+        assert (wider >= np.sum(change**2, axis=1) ** 2 * (1 - 1e-9)).all()
+
+
+def test_neighbours_give_the_width() -> None:
+    """A tenfold spread of the shapes is a tenfold width, but for the roughness."""
+    rng = np.random.default_rng(2)
+    shapes = 1.0 + 0.02 * (off := rng.normal(size=(NEIGHBOURS + 4, NODES)) - 0.0)
+    off -= off.mean(axis=1, keepdims=True)
+    small, large = (prior_of(1.0 + size * off).covariances for size in (0.002, 0.02))
+    floor = prior_of(shapes[:1]).covariances[0]
+    assert np.abs((large - floor) - 100.0 * (small - floor)).max() < 1e-9
+
+
+@pytest.mark.parametrize("spec", ["", "fur", "https://example.org/skin.csv", "missing.csv"])
+def test_an_unknown_prior(spec: str) -> None:
+    with pytest.raises(InvalidArgument):
+        read_prior(spec)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        np.zeros((0, NODES)),
+        np.zeros((2, NODES)),
+        np.full((2, NODES), np.nan),
+        np.ones((2, 4)),
+    ],
+)
+def test_no_surfaces(rows: Floats) -> None:
+    with pytest.raises(InvalidArgument):
+        prior_of(rows)
+
+
+def test_a_file_of_no_reflectances(tmp_path: Path) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text(
+        "name,380,400,420,440,460,480,500,520,540,560,580,600,620,640,660,680,700\na,-1" + 16 * ",0.1", "utf-8"
+    )
+    with pytest.raises(InvalidArgument, match="no reflectance"):
+        read_prior(str(path))
+
+
+def test_what_is_no_photo() -> None:
+    lit = LitSurfaces("D55", [[0.3, 0.2, 0.1]], 0.002)
+    with pytest.raises(InvalidArgument, match="one or two"):
+        spectrum(exact())
+    with pytest.raises(InvalidArgument, match="one or two"):
+        spectrum(exact(), lit, lit, lit)
+    with pytest.raises(InvalidArgument, match="different numbers"):
+        spectrum(exact(), lit, LitSurfaces("A", [[0.3, 0.2, 0.1]] * 2, 0.002))
+    with pytest.raises(InvalidArgument, match="Surface 2 gives no signal"):
+        spectrum(exact(), LitSurfaces("D55", [[0.3, 0.2, 0.1], [0.1, -0.2, 0.0]], 0.002))
+    with pytest.raises(InvalidArgument, match="unknown"):
+        spectrum(exact(), replace(lit, lamp="auto"))
+    with pytest.raises(InvalidArgument, match="no response"):
+        spectrum(exact(), replace(lit, lamp=replace(read_lamp("D55"), values=np.zeros(681))))
