@@ -14,7 +14,7 @@ from camssf.colour.camera import OwnWhite
 from camssf.colour.light import see, see_together
 from camssf.colour.posterior import LinearResponse, surface_posterior
 from camssf.colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
-from camssf.colour.surface_prior import CHANGES, NEIGHBOURS, ROUGHNESS, prior_of, read_prior
+from camssf.colour.surface_prior import NEIGHBOURS, ROUGHNESS, prior_of, read_prior, skin_changes
 from camssf.colour.transforms import signals_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
@@ -313,10 +313,18 @@ def test_the_shipped_priors() -> None:
     assert (len(general.shapes), len(skin.shapes)) == (857, 97)
     assert np.unique(np.exp(general.log_weights)).round(6).tolist() == [1.0, 8.0]
     narrow = prior_of(np.concatenate([each.values for each in surface_sets() if each.kind == "skin"]))
-    for name, size in CHANGES.items():
-        change = size * absorbers()[name] * skin.shapes
+    changes = skin_changes()
+    assert len(changes) == 5
+    for relative in changes:
+        change = relative * skin.shapes
         wider = np.einsum("ni,nij,nj->n", change, skin.covariances - narrow.covariances, change)
         assert (wider >= np.sum(change**2, axis=1) ** 2 * (1 - 1e-9)).all()
+
+
+def test_strong_absorption_saturates() -> None:
+    """Of the two layers of oxyhaemoglobin the deeper one shows less of the band at 415 nm against that at 540 nm."""
+    above, below = skin_changes()[:2] / skin_changes()[:2, [16]]
+    assert above[4] > 4.0 * below[4] > 4.0
 
 
 def test_neighbours_give_the_width() -> None:

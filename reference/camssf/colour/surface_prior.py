@@ -31,9 +31,15 @@ ROUGHNESS, ROUGHNESS_CORRELATION = 0.008, 20.0
 """Standard deviation and correlation length, nm, of the fine structure that no neighbour shows, for a mean of 1."""
 SKINS_COUNT = 8.0
 """Weight of a skin in the prior "general"; another surface has 1. Photos show skin more often than the library."""
-CHANGES = {"oxyhaemoglobin": 0.4, "deoxyhaemoglobin": 0.4, "bilirubin": 0.2}
-"""Standard deviation of each absorber's change in one person, for the prior "skin": -Δ ln R at its largest
-absorption."""
+CHANGES = (
+    ("oxyhaemoglobin", 0.8, 0.2),
+    ("deoxyhaemoglobin", 0.8, 0.2),
+    ("bilirubin", 0.2, 0.0),
+)
+"""Changes within one person, for the prior "skin": absorber, and the standard deviations of -Δ ln R at its largest
+absorption, of a layer above everything and of one that light reaches the less the more it is absorbed."""
+SATURATION = 0.08
+"""Absorption, in parts of the largest, at which the second layer's effect is half of its largest."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +147,15 @@ def _shipped(name: str) -> SurfacePrior:
 
 
 def skin_changes() -> Floats:
-    """(3, 35) relative changes of a skin's reflectance, one standard deviation of each absorber in CHANGES."""
-    return np.stack([-size * absorbers()[name] for name, size in CHANGES.items()])
+    """(q, 35) relative changes of a skin's reflectance, one standard deviation each, as CHANGES says.
+
+    -size a(λ) for the layer above everything, -size a(λ) (1 + c) / (a(λ) + c) for the one that saturates.
+    """
+    found = []
+    for name, above, below in CHANGES:
+        a = absorbers()[name]
+        found += [-above * a, -below * a * (1.0 + SATURATION) / (a + SATURATION)]
+    return np.stack([each for each in found if each.any()])
 
 
 def _from_file(path: Path) -> Floats:
