@@ -2,27 +2,36 @@
 
 import csv
 import hashlib
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from problems import bell, toy_camera
 
+import camssf
+from camssf import cli
 from camssf.colour import Camera, Reference, View
+from camssf.colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
 from camssf.colour.camera import OwnWhite
 from camssf.colour.light import see, see_together
 from camssf.colour.posterior import LinearResponse, surface_posterior
 from camssf.colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
 from camssf.colour.surface_prior import NEIGHBOURS, ROUGHNESS, prior_of, read_prior, skin_changes
 from camssf.colour.transforms import signals_of
+from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import read_lamp
+from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import SURFACE_NODES, absorbers, surface_sets, surfaces
+from tests.captures import calibrated, photos
+from tests.schemas import check_schema
 from tools import surfaces as tool
 
 ROOT = Path(__file__).parents[1]
+SCHEMA = Path(camssf.__file__).parent / "data" / "spectrum.schema.json"
 
 
 # -- data -------------------------------------------------------------------------------------------------------
@@ -380,3 +389,147 @@ def test_what_is_no_photo() -> None:
         spectrum(exact(), replace(lit, lamp="auto"))
     with pytest.raises(InvalidArgument, match="no response"):
         spectrum(exact(), replace(lit, lamp=replace(read_lamp("D55"), values=np.zeros(681))))
+
+
+# -- indices ------------------------------------------------------------------------------------------------------
+
+
+def test_indices_are_means_of_absorbance() -> None:
+    """Of reflectance 10^-a with a straight line in a, means are values at the middle."""
+    line = 0.1 + 0.001 * (SURFACE_NODES - 380.0)
+    value = {name: float(absorbance(10.0**-line) @ shipped_index(name)) for name in INDICES}
+    assert value["erythema"] == pytest.approx(0.001 * (557.5 - 650.0))
+    assert value["melanin"] == pytest.approx(0.1 + 0.001 * (675.0 - 380.0))
+
+
+def test_the_band_of_an_index_is_what_drawing_gives() -> None:
+    found = spectrum(exact(), LitSurfaces("D55", photographed(rows=surface_sets()[-1].values[:1]), 0.002))
+    rng = np.random.default_rng(3)
+    drawn = rng.multivariate_normal(found.reflectance[0], found.covariance[0], 20_000, check_valid="ignore")
+    for name in INDICES:
+        value, std = indices(found, shipped_index(name))
+        seen = absorbance(drawn) @ shipped_index(name)
+        assert abs(seen.mean() - value[0]) < 0.2 * std[0]
+        assert std[0] == pytest.approx(seen.std(), rel=0.1)
+
+
+def test_own_weights(tmp_path: Path) -> None:
+    path = tmp_path / "slope.csv"
+    path.write_text("nm,weight\n605,1\n700,-0.5\n", "utf-8")
+    name, weights = index_weights(str(path))
+    line = 0.1 + 0.001 * (SURFACE_NODES - 380.0)
+    assert name == "slope"
+    assert float(line @ weights) == pytest.approx(0.325 - 0.5 * 0.42)
+    path.write_text("nm,weight\n605,1\n760,-0.5\n", "utf-8")
+    with pytest.raises(InvalidArgument, match="outside 380 to 720"):
+        index_weights(str(path))
+    with pytest.raises(InvalidArgument, match="No index"):
+        index_weights("redness")
+
+
+# -- files and the command ----------------------------------------------------------------------------------------
+
+
+def test_colour_science_takes_the_spectra() -> None:
+    colour = pytest.importorskip("colour")
+    found = spectrum(exact(), LitSurfaces("D55", photographed(), 0.002))
+    table = found.to_colour()
+    assert isinstance(table, colour.MultiSpectralDistributions)
+    assert np.array_equal(table.values.T, found.reflectance)
+    assert np.array_equal(table.wavelengths, SURFACE_NODES)
+
+
+def place(document: dict[str, Any], patch: int) -> str:
+    outline = np.array(document["shots"][0]["pose"]["patches"][patch])
+    x, y = outline.min(axis=0) + 8
+    width, height = np.ptp(outline, axis=0) - 16
+    return f"{x:.0f},{y:.0f},{width:.0f},{height:.0f}"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A folder with result.json, and its document."""
+    where = tmp_path_factory.mktemp("spectrum")
+    document = calibrated().document()
+    (where / "result.json").write_bytes(document_bytes(document))
+    return where, document
+
+
+@pytest.mark.requirement("R-COLOUR")
+def test_the_command_states_true_spectra(
+    folder: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    where, document = folder
+    patches = (0, 1, 12, 14)
+    words = [word for patch in patches for word in ("--region", place(document, patch))]
+    grey = read_chart("classic24").values[20][100:641].mean()  # the flattest of the greys
+    words += ["--white-region", place(document, 20), "--white-reflectance", f"{grey:.4f}"]
+    words += ["--index", "erythema", "--csv", str(tmp_path / "s.csv"), "--plot", str(tmp_path / "s.png")]
+    one, two = (photos(lamp).shots[0].chart for lamp in ("D55", "A"))
+    base = ["spectrum", str(where / "result.json"), str(one), "--lamp", "D55", *words]
+    truth = read_chart("classic24").values[list(patches)][:, ::20]
+    errors = []
+    for more in ([], ["--photo2", str(two), "--lamp2", "A"]):
+        assert cli.main([*base, *more]) == 0
+        said = capsys.readouterr()
+        found = json.loads(said.out)
+        jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(found)
+        assert found["prior"]["name"] == "general"
+        assert [len(each["signal"]) for each in found["regions"]] == [1 + len(more) // 4] * len(patches)
+        assert said.err.count("prior general") == len(patches)
+        got = np.array([each["reflectance"] for each in found["regions"]])
+        std = np.array([each["standard_deviation"] for each in found["regions"]])
+        assert (np.abs(got - truth) < 1.96 * std)[:, 5:33].mean() > 0.8  # below 430 nm the white patch is not white
+        errors.append(np.sqrt(np.mean((got - truth)[:, 2:33] ** 2)))
+        with (tmp_path / "s.csv").open(encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+        assert len(rows) == 1 + SURFACE_NODES.size
+        assert np.abs(np.array(rows[1:], dtype=float)[:, 1 : 1 + len(patches)].T - got).max() < 1e-6
+        assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+    assert max(errors) < 0.06
+
+
+def test_the_command_says_when_the_prior_does_not_hold(
+    folder: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    where, document = folder
+    words = ["--region", place(document, 12), "--white-region", place(document, 18), "--prior", "skin"]
+    assert cli.main(["spectrum", str(where / "result.json"), str(photos().shots[0].chart), *words]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["regions"][0]["status"] == "outside_prior"
+    assert "outside the prior" in said.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "needs a region"),
+        (["--region", "HERE"], "needs a region"),
+        (["--region", "HERE", "--white-region", "WHITE", "--photo2", "PHOTO"], "needs its light"),
+        (["--region", "HERE", "--white-region", "WHITE", "--lamp2", "A"], "needs its light"),
+        (["--region", "HERE", "--white-region", "WHITE", "--prior", "fur"], "No prior"),
+        (["--region", "HERE", "--white-region", "WHITE", "--index", "fur"], "No index"),
+        (["--region", "HERE", "--white-region", "WHITE", "--observer", "1932"], "observer"),
+        (["--region", "HERE", "--white-region", "WHITE", "--plot", "x.gif"], "No picture"),
+        (["--region", "HERE", "--white-region", "WHITE", "--csv", "PHOTO"], "would be overwritten"),
+    ],
+)
+def test_the_command_says_no(
+    words: list[str],
+    said: str,
+    folder: tuple[Path, dict[str, Any]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    where, document = folder
+    photo = str(photos().shots[0].chart)
+    places = {"HERE": place(document, 3), "WHITE": place(document, 18), "PHOTO": photo}
+    given = [places.get(word, word) for word in words]
+    assert cli.main(["spectrum", str(where / "result.json"), photo, *given]) == 2
+    found = capsys.readouterr()
+    assert said in found.err
+    assert found.out == ""
+
+
+def test_the_schema_is_sound_and_says_what_everything_is() -> None:
+    check_schema(SCHEMA)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from camssf.colour.standard import View, check_light, lamps_of, ratio_error, rat
 from camssf.colour.surface_prior import SurfacePrior, read_prior
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import LampLike, read_lamp
+from camssf.spectra import LampLike, colour_science, read_lamp
 from camssf.spectra.appearance import lab
 from camssf.spectra.surfaces import SURFACE_NODES, observer
 
@@ -86,7 +87,16 @@ class SurfaceSpectra:
     @property
     def standard_deviation(self) -> Floats:
         """Of the reflectance, (m, 35)."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+
+    def to_colour(self) -> Any:
+        """The reflectances as colour-science's MultiSpectralDistributions, one label for each surface.
+
+        Raises:
+            InvalidArgument: colour-science is not installed.
+        """
+        labels = [f"surface {i}" for i in range(1, len(self.reflectance) + 1)]
+        return colour_science().MultiSpectralDistributions(self.reflectance.T, SURFACE_NODES, labels=labels)
 
 
 def spectrum(
