@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -455,7 +456,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
     return where, document
 
 
-@pytest.mark.requirement("R-COLOUR")
 def test_the_command_states_true_spectra(
     folder: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -533,3 +533,45 @@ def test_the_command_says_no(
 
 def test_the_schema_is_sound_and_says_what_everything_is() -> None:
     check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_curves_that_no_camera_has_are_answered_or_refused(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    curves = exact().values.copy()
+    curves[:, rng.integers(3)] *= rng.choice([1e-9, -1.0, 1e9])
+    curves[:, rng.integers(3)] = rng.normal(size=681)
+    camera = Camera("none", np.where(curves.max(axis=0) > 0, curves, 1.0), 10.0 ** rng.integers(3) * blurred().modes)
+    try:
+        found = spectrum(camera, LitSurfaces("auto" if seed % 2 else "A", [[1e-300, 1e5, 1e9]], 10.0**seed))
+    except InvalidArgument:
+        return
+    assert np.isfinite(found.reflectance).all()
+    assert (found.standard_deviation >= 0).all()
+
+
+def test_the_python_of_spectrum_md_runs(
+    folder: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "spectrum.md").read_text("utf-8"), re.DOTALL)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "result.json").write_bytes((folder[0] / "result.json").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(block, "spectrum.md", "exec"), names)
+    assert names["found"].reflectance.shape == (1, 35)
+    assert names["table"].shape.interval == 10.0
+
+
+def test_spectra_are_drawn_with_their_bands() -> None:
+    from matplotlib.figure import Figure
+
+    from camssf.report.spectrum_plot import draw_spectra
+
+    found = spectrum(exact(), LitSurfaces("D55", photographed(rows=a_few()[:2]), 0.002))
+    ax = Figure().subplots()
+    draw_spectra(found, ax)
+    assert np.array_equal(ax.lines[1].get_ydata(), found.reflectance[1])
+    corners = ax.collections[1].get_paths()[0].vertices
+    assert corners[:, 1].max() == pytest.approx((found.reflectance[1] + 1.96 * found.standard_deviation[1]).max())
+    assert ax.get_title() == "reflectance and 95 % band, prior general"

@@ -75,6 +75,7 @@ def surface_posterior(prior: SurfacePrior, response: LinearResponse, y: Floats, 
 
     Raises:
         InvalidArgument: signals whose mean is not positive.
+        LinAlgError: a response of which no posterior can be computed.
     """
     level = y.mean(axis=1)
     if not (level > 0).all():
@@ -122,9 +123,15 @@ class _Components:
 
     @classmethod
     def of(cls, prior: SurfacePrior, response: LinearResponse) -> _Components:
-        """The surfaces of a prior."""
+        """The surfaces of a prior.
+
+        Raises:
+            LinAlgError: curves, too negative, through which a surface gives no signal.
+        """
         a = response.signals
         scale = (prior.shapes @ a.T).mean(axis=1)
+        if not (scale > 0).all():
+            raise np.linalg.LinAlgError("a surface of the prior gives no signal")
         shapes = prior.shapes / scale[:, None]
         expected = shapes @ a.T
         moves = np.einsum("kcj,nj->nkc", response.signal_moves, shapes, optimize=True)

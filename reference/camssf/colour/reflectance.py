@@ -17,7 +17,7 @@ from camssf.colour.posterior import LinearResponse, SurfacePosterior, surface_po
 from camssf.colour.spaces import adaptation, lab_slopes, white_of
 from camssf.colour.spread import Reference, checked_signals, of_reference
 from camssf.colour.standard import View, check_light, lamps_of, ratio_error, ratios_of
-from camssf.colour.surface_prior import SurfacePrior, read_prior
+from camssf.colour.surface_prior import PriorLike, read_prior
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import LampLike, colour_science, read_lamp
@@ -102,7 +102,7 @@ class SurfaceSpectra:
 def spectrum(
     camera: ColourCamera,
     *photos: LitSurfaces,
-    prior: str | SurfacePrior = "general",
+    prior: PriorLike = "general",
     view: View | None = None,
 ) -> SurfaceSpectra:
     """Reflectances of surfaces from their signals in one or two photos.
@@ -128,21 +128,29 @@ def spectrum(
     if len({len(y) for y, _ in pairs}) != 1:
         raise InvalidArgument("The photos hold different numbers of surfaces.", "Measure the same regions in both.")
     y, error = (np.concatenate([pair[i] for pair in pairs], axis=1) for i in (0, 1))
-    found, names, evidence = [], [], []
-    for lights in _lights(known, photos):
-        response, white = _response(lights, [each.reference for each in photos], view)
-        with np.errstate(all="ignore"):  # checked below
-            found.append(_stated(surface_posterior(surfaces, response, y, error), white, surfaces.name, view, lights))
-        names.append(found[-1].lamps[0][0])
-        evidence.append(lights[0].log_evidence)
+    found, evidence = [], []
+    try:
+        with np.errstate(all="ignore"):  # the results are checked below
+            for lights in _lights(known, photos):
+                response, white = _response(lights, [each.reference for each in photos], view)
+                given = surface_posterior(surfaces, response, y, error)
+                found.append(_stated(given, white, surfaces.name, view, lights))
+                evidence.append(lights[0].log_evidence)
+    except np.linalg.LinAlgError as fault:
+        raise _no_spectrum() from fault
     weights = np.exp(np.array(evidence) - max(evidence))
     answer = _mixed(found, weights / weights.sum())
-    if not all(np.isfinite(each).all() for each in (answer.covariance, answer.lab, answer.lab_covariance)):
-        raise InvalidArgument(
-            "These curves are too uncertain to compute a spectrum under this lamp.",
-            "Check the curves and the lamp; calibrate with better photos.",
-        )
+    checked = (answer.reflectance, answer.covariance, answer.lab, answer.lab_covariance, answer.distance)
+    if not all(np.isfinite(each).all() for each in checked):
+        raise _no_spectrum()
     return answer
+
+
+def _no_spectrum() -> InvalidArgument:
+    return InvalidArgument(
+        "These curves are too uncertain to compute a spectrum under this lamp.",
+        "Check the curves and the lamp; calibrate with better photos.",
+    )
 
 
 def _lights(camera: Camera, photos: Sequence[LitSurfaces]) -> list[list[Light]]:

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from os import PathLike
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -59,7 +61,11 @@ class SurfacePrior:
     log_weights: Floats = field(repr=False)
 
 
-def read_prior(spec: str | SurfacePrior) -> SurfacePrior:
+PriorLike: TypeAlias = str | PathLike[str] | SurfacePrior
+"""What `read_prior` accepts."""
+
+
+def read_prior(spec: PriorLike) -> SurfacePrior:
     """The prior of a name, or of a file of measured reflectances.
 
     Args:
@@ -72,12 +78,12 @@ def read_prior(spec: str | SurfacePrior) -> SurfacePrior:
     """
     if isinstance(spec, SurfacePrior):
         return spec
-    if spec in PRIORS:
+    if isinstance(spec, str) and spec in PRIORS:
         return _shipped(spec)
     path = local(spec)
     if not path.suffix:
         raise InvalidArgument(
-            f"No prior is called {spec!r}.", f"Take {' or '.join(PRIORS)}, or a file of reflectances."
+            f"No prior is called {str(spec)!r}.", f"Take {' or '.join(PRIORS)}, or a file of reflectances."
         )
     return prior_of(_from_file(path), path.name)
 
