@@ -39,7 +39,8 @@ class LitSurfaces:
         lamp: as for `read_lamp`; "auto" mixes the four kinds by their likelihood given the reference's raw ratios.
         signals: (m, 3) or (3,), in units of a perfect white diffuser in the same place.
         standard_error: of the signals.
-        reference: the white or grey surface that the raw signals were divided by.
+        reference: the white or grey surface that the raw signals were divided by. Its tolerance is that of the light
+            between the two places, too.
     """
 
     lamp: LampLike
@@ -183,11 +184,12 @@ def _response(lights: Sequence[Light], references: Sequence[Reference], view: Vi
                 "A curve has no response to this lamp.", "Check the lamp's spectrum, and the curves."
             )
     known = len(lights[0].power_modes)
-    of_reference_ = [of_reference(light, given) for light, given in zip(lights, references, strict=True)]
-    smooth = len(of_reference_[0]) - 1  # the same object in all photos; drift is each photo's own
+    # The reference is the same object in all photos; how the light differs between the places is each photo's own.
+    of_object = [of_reference(light, given)[:-1] for light, given in zip(lights, references, strict=True)]
+    smooth = len(of_object[0])
     count = known + smooth + len(lights)
     rows, moves = [], np.zeros((count, 3 * len(lights), NODES))
-    for j, (light, relative) in enumerate(zip(lights, of_reference_, strict=True)):
+    for j, (light, relative) in enumerate(zip(lights, of_object, strict=True)):
         seen = light.power[:, None] * light.curves
         total = seen.sum(axis=0)
         row = (seen / total).T @ _hats()
@@ -195,8 +197,8 @@ def _response(lights: Sequence[Light], references: Sequence[Reference], view: Vi
         own = slice(3 * j, 3 * j + 3)
         share = np.swapaxes(moved, 1, 2) @ _hats() / total[:, None]
         moves[:known, own] = share - (moved.sum(axis=1) / total)[:, :, None] * row
-        moves[known : known + smooth, own] = relative[:smooth, :, None] * row
-        moves[known + smooth + j, own] = relative[smooth][:, None] * row
+        moves[known : known + smooth, own] = relative[:, :, None] * row
+        moves[known + smooth + j, own] = references[j].tolerance * row
         rows.append(row)
     light, functions = lights[0], observer(view.observer)
     aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
