@@ -71,11 +71,11 @@ def spectrum(
     ] = None,
     lens_shading: LensShading = "as-stored",
 ) -> None:
-    """Reflectance of regions of a photo, 380 to 720 nm, with its uncertainty.
+    """Reflectance of regions of a photo, with its uncertainty.
 
-    Three or six numbers do not determine a spectrum: the answer is the measured surfaces of the prior that explain
-    them. It states how far the signals are from the prior, and how much of the answer comes from the photo. XYZ and
-    Lab are stated, too, under the first photo's light.
+    From 380 to 720 nm. Three or six numbers do not determine a spectrum: the answer is the measured surfaces of the
+    prior that explain them. It states how far the signals are from the prior, and how much of the answer comes from
+    the photo. XYZ and Lab are stated, too, under the first photo's light.
     """
     from camssf.colour.absorbance import index_weights
     from camssf.colour.camera import camera_of_result

@@ -176,22 +176,47 @@ def _hats() -> Floats:
 
 
 def _response(lights: Sequence[Light], references: Sequence[Reference], view: View) -> tuple[LinearResponse, Floats]:
-    """Signals, and reflectance, XYZ and XYZ over its white, as functions of reflectance; and the white's XYZ."""
-    for light in lights:
-        total = light.power @ light.curves
+    """Signals, and reflectance, XYZ and XYZ over its white, as functions of reflectance; and the white's XYZ.
+
+    Raises:
+        InvalidArgument: a curve without a response to a lamp.
+    """
+    signals, moves = _signals(lights, references)
+    first, functions = lights[0], observer(view.observer)
+    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
+    outputs, white = _colorimetry(first.power, functions, aim)
+    output_moves = np.zeros((len(moves), *outputs.shape))
+    for k, step in enumerate(first.power_modes[: first.of_lamp]):
+        sides = [_colorimetry(np.maximum(first.power + each, 0.0), functions, aim)[0] for each in (step, -step)]
+        output_moves[k] = 0.5 * (sides[0] - sides[1])
+    p, known = first.of_lamp, len(first.power_modes)
+    joint = np.concatenate([moves, output_moves], axis=1)
+    errors = {"curves": joint[p:known], "lamp": joint[:p], "reference": joint[known:]}
+    reduced = {name: _principal(each) for name, each in errors.items()}
+    ends = np.cumsum([0, *(len(each) for each in reduced.values())])
+    sources = {name: slice(int(ends[i]), int(ends[i + 1])) for i, name in enumerate(reduced)}
+    joint, c = np.concatenate(list(reduced.values())), len(signals)
+    return LinearResponse(
+        signals, joint[:, :c], np.concatenate([np.eye(NODES), outputs]), joint[:, c:], sources
+    ), white
+
+
+def _signals(lights: Sequence[Light], references: Sequence[Reference]) -> tuple[Floats, Floats]:
+    """White-balanced signals (c, 35) as functions of reflectance, and their changes (K, c, 35) by each error.
+
+    Errors of lamps and curves come first, then those of the reference, which is the same object in all photos, then
+    for each photo the difference of the light between the two places.
+    """
+    of_object = [of_reference(light, given)[:-1] for light, given in zip(lights, references, strict=True)]
+    known, smooth = len(lights[0].power_modes), len(of_object[0])
+    rows, moves = [], np.zeros((known + smooth + len(lights), 3 * len(lights), NODES))
+    for j, (light, relative) in enumerate(zip(lights, of_object, strict=True)):
+        seen = light.power[:, None] * light.curves
+        total = seen.sum(axis=0)
         if not (np.isfinite(total).all() and (total > 0).all()):
             raise InvalidArgument(
                 "A curve has no response to this lamp.", "Check the lamp's spectrum, and the curves."
             )
-    known = len(lights[0].power_modes)
-    # The reference is the same object in all photos; how the light differs between the places is each photo's own.
-    of_object = [of_reference(light, given)[:-1] for light, given in zip(lights, references, strict=True)]
-    smooth = len(of_object[0])
-    count = known + smooth + len(lights)
-    rows, moves = [], np.zeros((count, 3 * len(lights), NODES))
-    for j, (light, relative) in enumerate(zip(lights, of_object, strict=True)):
-        seen = light.power[:, None] * light.curves
-        total = seen.sum(axis=0)
         row = (seen / total).T @ _hats()
         moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
         own = slice(3 * j, 3 * j + 3)
@@ -200,24 +225,7 @@ def _response(lights: Sequence[Light], references: Sequence[Reference], view: Vi
         moves[known : known + smooth, own] = relative[:, :, None] * row
         moves[known + smooth + j, own] = references[j].tolerance * row
         rows.append(row)
-    light, functions = lights[0], observer(view.observer)
-    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
-    outputs, white = _colorimetry(light.power, functions, aim)
-    output_moves = np.zeros((count, len(outputs), NODES))
-    for k in range(light.of_lamp):
-        sides = [
-            _colorimetry(np.maximum(light.power + sign * light.power_modes[k], 0.0), functions, aim)[0]
-            for sign in (1.0, -1.0)
-        ]
-        output_moves[k] = 0.5 * (sides[0] - sides[1])
-    signals, asked = np.concatenate(rows), np.concatenate([np.eye(NODES), outputs])
-    errors = {"curves": slice(light.of_lamp, known), "lamp": slice(light.of_lamp), "reference": slice(known, count)}
-    joint = np.concatenate([moves, output_moves], axis=1)
-    reduced = {name: _principal(joint[of]) for name, of in errors.items()}
-    ends = np.cumsum([0, *(len(each) for each in reduced.values())])
-    sources = {name: slice(int(ends[i]), int(ends[i + 1])) for i, name in enumerate(reduced)}
-    joint = np.concatenate(list(reduced.values()))
-    return LinearResponse(signals, joint[:, : len(signals)], asked, joint[:, len(signals) :], sources), white
+    return np.concatenate(rows), moves
 
 
 def _principal(moves: Floats) -> Floats:
