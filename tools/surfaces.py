@@ -1,26 +1,47 @@
-"""Makes data/colour.json from data/rawtoaces and colour-science: surfaces and observers for fits of standard colour.
+"""Makes data/colour.json from data/rawtoaces, data/surfaces and colour-science: surfaces, absorbers, observers.
 
 `python -m tools.surfaces` writes the file from a checkout, `--check` tests that the sources still give the same.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 import sys
+import warnings
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from camssf.grid import Floats
 from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
-from camssf.spectra.surfaces import FORMAT
-from tools.tabulate import Json, write_or_check
+from camssf.spectra.surfaces import FORMAT, SURFACE_NODES
+from tools.tabulate import Json, digest, write_or_check
 
 COMMAND = "python -m tools.surfaces"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "colour.json"
 SOURCE = Path(__file__).parents[1] / "data" / "rawtoaces" / "training_spectral.json"
+MEASURED = Path(__file__).parents[1] / "data" / "surfaces"
+FILES = {
+    "vhrel_dupont": ("general", "Vhrel, Gershon, Iwan 1994: DuPont paints"),
+    "vhrel_munsell": ("general", "Vhrel, Gershon, Iwan 1994: Munsell chips"),
+    "vhrel_objects": ("general", "Vhrel, Gershon, Iwan 1994: objects without skins"),
+    "esser": ("general", "Esser TE221"),
+    "vhrel_skin": ("skin", "Vhrel, Gershon, Iwan 1994: skins"),
+    "hyspex_skin": ("skin", "Hyspex: cheeks"),
+}
+"""Sets of data/surfaces: kind, and what they are; all as passed on by ISETCAM."""
+ISETCAM = "isetcam 421f87a28be95fdb76383d9ce0f92e2e736bd4a2, data/surfaces/reflectances"
+ABSORBANCES = "skin_absorbances"
+UNIT = 1e-5
+"""The unit of the library's whole numbers; one reflectance of it is far below the error of any instrument."""
+BILIRUBIN = (460.0, 30.0)
+"""Peak and width (standard deviation), nm, of the Gaussian that stands for bilirubin bound to albumin."""
 OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10 Degree Standard Observer"}
 
 
@@ -51,6 +72,13 @@ def tabulate() -> Json:
             "step": 5.0,
             "values": np.array([table[f"{nm:.0f}"] for nm in NODES]).T.tolist(),
         },
+        "library": {
+            "start": float(SURFACE_NODES[0]),
+            "step": float(SURFACE_NODES[1] - SURFACE_NODES[0]),
+            "unit": UNIT,
+            "sets": [*_standards(), *_measured()],
+        },
+        "absorbers": _absorbers(),
         "observers": {
             "name": f"colour-science {version('colour-science')}",
             "licence": "BSD-3-Clause",
@@ -58,6 +86,77 @@ def tabulate() -> Json:
             "step": 1.0,
             "values": observers,
         },
+    }
+
+
+def _standards() -> list[Json]:
+    """Colour samples of standards, from colour-science."""
+    science = colour_science()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it warns that tables are extrapolated
+        from colour.quality.cfi2017 import load_TCS_CIE2017
+
+        table = load_TCS_CIE2017(science.SpectralShape(380, 780, 5))
+    samples = {
+        "cie2017": ("CIE 224:2017, 99 colour samples", np.asarray(table.values).T),
+        "cri": ("CIE 13.3 and its later skin, 15 test colours", _values(science.quality.SDS_TCS["CIE 2024"])),
+        "cqs": ("NIST CQS 9.0, 15 test colours", _values(science.quality.SDS_VS["NIST CQS 9.0"])),
+    }
+    return [
+        _set(
+            {"name": name, "kind": "general", "origin": f"{origin}; colour-science {version('colour-science')}"},
+            "BSD-3-Clause",
+            digest(rows),
+            np.arange(380.0, 781.0, 5.0),
+            rows,
+        )
+        for name, (origin, rows) in samples.items()
+    ]
+
+
+def _values(samples: Mapping[str, Any]) -> Floats:
+    at = np.arange(380.0, 781.0, 5.0)
+    return np.stack([np.interp(at, each.wavelengths, each.values) for each in samples.values()])
+
+
+def _measured() -> list[Json]:
+    """The sets of data/surfaces."""
+    found = []
+    for name, (kind, what) in FILES.items():
+        at, values, sha256 = _table(name)
+        about = {"name": name, "kind": kind, "origin": f"{what}; {ISETCAM}"}
+        found.append(_set(about, "MIT", sha256, at, values))
+    return found
+
+
+def _table(name: str) -> tuple[Floats, Floats, str]:
+    """Wavelengths (w,), values (n, w) and SHA-256 of a file of data/surfaces."""
+    data = (MEASURED / f"{name}.csv").read_bytes()
+    table = np.array([[float(cell) for cell in row] for row in list(csv.reader(data.decode().splitlines()))[1:]])
+    return table[:, 0], table[:, 1:].T, hashlib.sha256(data).hexdigest()
+
+
+def _set(about: Json, licence: str, sha256: str, at: Floats, values: Floats) -> Json:
+    """A set of surfaces at SURFACE_NODES, linear between the wavelengths `at` and constant outside."""
+    rows = [np.rint(np.interp(SURFACE_NODES, at, row) / UNIT).astype(int).tolist() for row in values]
+    return about | {"licence": licence, "sha256": sha256, "values": rows}
+
+
+def _absorbers() -> Json:
+    """Absorption of two haemoglobins and of bilirubin at SURFACE_NODES; 1 at its largest."""
+    at, values, sha256 = _table(ABSORBANCES)
+    peak, width = BILIRUBIN
+    rows = {
+        "oxyhaemoglobin": np.interp(SURFACE_NODES, at, values[0]),
+        "deoxyhaemoglobin": np.interp(SURFACE_NODES, at, values[1]),
+        "bilirubin": np.exp(-0.5 * ((SURFACE_NODES - peak) / width) ** 2),
+    }
+    return {
+        "origin": f"haemoglobins: {ISETCAM.partition(',')[0]}, skin/absorbances; "
+        f"bilirubin: a Gaussian at {peak:g} nm, standard deviation {width:g} nm",
+        "licence": "MIT",
+        "sha256": sha256,
+        "values": {name: np.round(row / row.max(), 6).tolist() for name, row in rows.items()},
     }
 
 

@@ -2,47 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from camssf.cli.options import LensShading
-from camssf.cli.reading import name_of, parse_rectangle, parse_share, parse_signal, read_result
+from camssf.cli.reading import parse_signal
+from camssf.cli.regions import RegionRequest, measure, no_region, read_curves_of
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
-
-if TYPE_CHECKING:
-    from camssf.colour.regions import Region
-    from camssf.colour.spread import Reference
-    from camssf.grid import Floats
-
-
-@dataclass(frozen=True)
-class _ColourRequest:
-    """The regions of a photo to measure, and how."""
-
-    photo: str
-    regions: Sequence[str]
-    white_region: str | None
-    white_reflectance: str | None
-    dark: str | None
-    lens_shading: str
-
-
-@dataclass(frozen=True)
-class _Measured:
-    """Measured regions of a photo: their signals and standard errors, and the white reference."""
-
-    signals: Floats
-    errors: Floats
-    regions: list[Region]
-    white: Region
-    reference: Reference
-    reflectance: float
-    photo: dict[str, str]
 
 
 def colour(
@@ -105,7 +73,7 @@ def colour(
                 "A colour needs a result and a region of a photo.",
                 "Name the result and the photo; or --from and --to to convert between two cameras.",
             )
-        request = _ColourRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
+        request = RegionRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
         _standard(document, request, lamp, observer, adapt)
         return
     if source is None or to is None:
@@ -120,11 +88,11 @@ def colour(
             "Signals to convert come either from a photo or from --signal.",
             "Give a photo with --region and --white-region, or --signal r,g,b, or neither.",
         )
-    request = _ColourRequest(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
+    request = RegionRequest(document or "", region or (), white_region, white_reflectance, dark, lens_shading)
     _between(source, to, request, signal or [], lamp)
 
 
-def _standard(document: str, request: _ColourRequest, lamp: str | None, observer: str, adapt: str) -> None:
+def _standard(document: str, request: RegionRequest, lamp: str | None, observer: str, adapt: str) -> None:
     from camssf.colour.camera import camera_of_result
     from camssf.colour.document import colour_document
     from camssf.colour.reach import REACH, check_reach
@@ -132,10 +100,10 @@ def _standard(document: str, request: _ColourRequest, lamp: str | None, observer
     from camssf.exports import read_result as read_curves
 
     if not request.regions or request.white_region is None:
-        raise _no_region()
-    view, result = View(observer, adapt), _read(document)
+        raise no_region()
+    view, result = View(observer, adapt), read_curves_of(document)
     camera, curves = camera_of_result(result), read_curves(result)
-    found = _measured(request, result["camera"], curves.camera)
+    found = measure(request, result["camera"], curves.camera)
     spec = curves.lamps[0] if lamp is None else lamp
     colours = standard_colour(camera, spec, found.signals, found.errors, reference=found.reference, view=view)
     about = {
@@ -155,7 +123,7 @@ def _standard(document: str, request: _ColourRequest, lamp: str | None, observer
     check_reach(colours.reach)
 
 
-def _between(source: str, to: str, request: _ColourRequest, signal: list[str], lamp: str | None) -> None:
+def _between(source: str, to: str, request: RegionRequest, signal: list[str], lamp: str | None) -> None:
     import numpy as np
 
     from camssf.colour.between import convert
@@ -167,10 +135,10 @@ def _between(source: str, to: str, request: _ColourRequest, signal: list[str], l
     given = [parse_signal(text) for text in signal]
     if source == to == "-":
         raise InvalidArgument("Standard input holds one result.", "Name a file for --from or for --to.")
-    results = [_read(each) for each in (source, to)]
+    results = [read_curves_of(each) for each in (source, to)]
     ours, theirs = (camera_of_result(result) for result in results)
     one, other = (read_curves(result) for result in results)
-    found = _measured(request, results[0]["camera"], one.camera) if request.photo else None
+    found = measure(request, results[0]["camera"], one.camera) if request.photo else None
     y = np.array(given, dtype=np.float64).reshape(-1, 3) if found is None else found.signals
     error = np.zeros(y.shape) if found is None else found.errors
     spec = one.lamps[0] if lamp is None else lamp
@@ -197,61 +165,3 @@ def _between(source: str, to: str, request: _ColourRequest, signal: list[str], l
             )
             say("", f"signal {number}: {words}")
     check_reach(converted.reach)
-
-
-def _read(source: str) -> dict[str, Any]:
-    """A result, or the excerpt in a passport, which has no covariance; prints a warning for the latter."""
-    result = read_result(source, excerpt=True)
-    if "excerpt" in result:
-        say(
-            "[yellow]without its covariance[/]",
-            f": {name_of(source)} is the excerpt that a passport holds; colours look about twice as uncertain "
-            "as with the whole result.json",
-        )
-    return result
-
-
-def _no_region() -> InvalidArgument:
-    return InvalidArgument(
-        "A colour needs a region, and a white or grey surface in the same light.",
-        "Add --region x,y,w,h and --white-region x,y,w,h; without a reference the amount of light on "
-        "the surface is unknown.",
-    )
-
-
-def _measured(request: _ColourRequest, camera: dict[str, str], name: str) -> _Measured:
-    """Signals of the photo's regions, relative to a perfect diffuser.
-
-    Args:
-        request: the regions and how to measure them.
-        camera: make and model in the result.
-        name: the camera's name for messages.
-    """
-    from camssf.colour.regions import against, measure_regions
-    from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
-    from camssf.errors import FramesDiffer
-    from camssf.photo.read.raw import read_raw
-
-    if request.white_region is None:
-        raise _no_region()
-    rectangles = [
-        parse_rectangle("--white-region", request.white_region),
-        *(parse_rectangle("--region", each) for each in request.regions),
-    ]
-    mosaic = read_raw(request.photo)
-    if any(
-        ours and theirs and ours != theirs
-        for ours, theirs in ((camera["make"], mosaic.make), (camera["model"], mosaic.model))
-    ):
-        raise FramesDiffer(
-            f"{request.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
-            "Calibrate that camera; each has its own curves.",
-        )
-    dark = None if request.dark is None else read_raw(request.dark)
-    white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=request.lens_shading)
-    share = parse_share(request.white_reflectance)
-    reflectance = 1.0 if share is None else share
-    y, error = against(found, white, reflectance)
-    reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
-    about = {"name": Path(request.photo).name, "sha256": mosaic.sha256}
-    return _Measured(y, error, found, white, reference, reflectance, about)

@@ -16,6 +16,7 @@ from camssf.cli.exports import export
 from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
 from camssf.cli.passport import passport
 from camssf.cli.registry import registry
+from camssf.cli.spectrum import spectrum
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
 from camssf.errors import CalibrationError, InvalidArgument
@@ -34,6 +35,11 @@ COMMANDS = (
     (
         colour,
         "camssf colour out/result.json photo.dng --lamp daylight --region 640,480,40,40 --white-region 700,480,40,40",
+    ),
+    (
+        spectrum,
+        "camssf spectrum out/result.json photo.dng --lamp daylight --region 640,480,40,40 "
+        "--white-region 700,480,40,40 --prior skin",
     ),
     (direct, "camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/"),
     (parity, "camssf parity phone.json photo.dng --white white.dng"),

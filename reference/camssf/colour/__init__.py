@@ -1,13 +1,15 @@
-"""Converts raw signals to CIE XYZ and Lab with their covariance, from a camera's curves and a lamp."""
+"""Converts raw signals to CIE XYZ, Lab and reflectance with their covariance, from a camera's curves and a lamp."""
 
 from __future__ import annotations
 
 from camssf.colour.between import Conversion, Converted, convert
 from camssf.colour.camera import Camera, ColourCamera, camera_of_result, camera_of_ssf
 from camssf.colour.indices import Quality, quality_of
+from camssf.colour.reflectance import LitSurfaces, SurfaceSpectra, spectrum
 from camssf.colour.spaces import adapt, white_of
 from camssf.colour.spread import Reference
 from camssf.colour.standard import PARTS, Colours, View, standard_colour
+from camssf.colour.surface_prior import SurfacePrior, prior_of, read_prior
 from camssf.colour.transforms import KINDS, Transform, choose, fit
 from camssf.spectra.appearance import lab
 
@@ -19,8 +21,11 @@ __all__ = [
     "Colours",
     "Conversion",
     "Converted",
+    "LitSurfaces",
     "Quality",
     "Reference",
+    "SurfacePrior",
+    "SurfaceSpectra",
     "Transform",
     "View",
     "adapt",
@@ -30,7 +35,10 @@ __all__ = [
     "convert",
     "fit",
     "lab",
+    "prior_of",
     "quality_of",
+    "read_prior",
+    "spectrum",
     "standard_colour",
     "white_of",
 ]

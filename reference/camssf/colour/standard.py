@@ -16,7 +16,7 @@ from camssf.colour.spread import Reference, checked_signals, metamers, of_refere
 from camssf.colour.transforms import KINDS, Transform, choose, fit, terms
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import Floats
-from camssf.spectra import LampLike, read_lamp
+from camssf.spectra import Lamp, LampLike, read_lamp
 from camssf.spectra.appearance import lab
 from camssf.spectra.families import FAMILIES
 from camssf.spectra.surfaces import observer, surfaces
@@ -135,31 +135,62 @@ def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference,
 
 def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:
     """The lamp, or for "auto" the four kinds, conditioned on the reference's raw ratios if these are usable."""
-    ratios = None
-    if given.raw is not None and camera.own is not None:
-        raw = np.asarray(given.raw, dtype=np.float64)
-        if raw.shape != (3,) or not (np.isfinite(raw).all() and (raw > 0).all()):
-            raise InvalidArgument("The reference's raw signals are not three positive numbers.", "Take a lit white.")
-        ratios = np.log(raw[[0, 2]] / raw[1])
-    error = float(np.hypot(given.error, given.tolerance / 2.0))
+    ratios = ratios_of(camera, given)
+    found = [see(camera, each, ratios, ratio_error(given)) for each in lamps_of(lamp, ratios)]
+    if len(found) == 1:
+        check_light(found[0])
+    return found
+
+
+def lamps_of(lamp: LampLike, ratios: Floats | None) -> list[Lamp]:
+    """The lamp, or for "auto" the four kinds.
+
+    Raises:
+        InvalidArgument: "auto" without ratios of a reference.
+    """
     if not isinstance(lamp, str) or lamp != AUTO:
-        known = read_lamp(lamp)
-        light = see(camera, known, ratios, error)
-        if light.chi_squared is not None and light.chi_squared > CONTRADICTED:
-            raise LampUnfit(
-                f"The reference is not white under {known.name}: raw ratios differ, χ² = {light.chi_squared:.0f}.",
-                "Check --lamp and that the reference is neutral and lit by that lamp alone; or use --lamp auto.",
-                value=light.chi_squared,
-                threshold=CONTRADICTED,
-            )
-        return [light]
+        return [read_lamp(lamp)]
     if ratios is None:
         raise InvalidArgument(
             "The lamp is unknown.",
             "Name a white or grey reference in the photo and take a result whose first lamp goes by name; or name "
             "the lamp.",
         )
-    return [see(camera, read_lamp(name), ratios, error) for name in FAMILIES]
+    return [read_lamp(name) for name in FAMILIES]
+
+
+def ratios_of(camera: Camera, given: Reference) -> Floats | None:
+    """ln of the reference's raw red and blue over its green, (2,); None if they or the camera's own are not known.
+
+    Raises:
+        InvalidArgument: raw signals that are not three positive numbers.
+    """
+    if given.raw is None or camera.own is None:
+        return None
+    raw = np.asarray(given.raw, dtype=np.float64)
+    if raw.shape != (3,) or not (np.isfinite(raw).all() and (raw > 0).all()):
+        raise InvalidArgument("The reference's raw signals are not three positive numbers.", "Take a lit white.")
+    return np.asarray(np.log(raw[[0, 2]] / raw[1]))
+
+
+def ratio_error(given: Reference) -> float:
+    """One standard deviation of these ratios."""
+    return float(np.hypot(given.error, given.tolerance / 2.0))
+
+
+def check_light(light: Light) -> None:
+    """Check that the reference's raw ratios agree with the lamp.
+
+    Raises:
+        LampUnfit: they contradict it.
+    """
+    if light.chi_squared is not None and light.chi_squared > CONTRADICTED:
+        raise LampUnfit(
+            f"The reference is not white under {light.name}: raw ratios differ, χ² = {light.chi_squared:.0f}.",
+            "Check --lamp and that the reference is neutral and lit by that lamp alone; or use --lamp auto.",
+            value=light.chi_squared,
+            threshold=CONTRADICTED,
+        )
 
 
 def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: View) -> Colours:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -16,12 +17,51 @@ from camssf.spectra.sampled import frozen
 
 FORMAT = "camssf-surfaces/1"
 OBSERVERS = ("1931", "1964")
+SURFACE_NODES: Floats = np.arange(380.0, 721.0, 10.0)
+"""Wavelengths of the library's reflectances, (35,), nm; linear between them."""
+SURFACE_NODES.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class SurfaceSet:
+    """Measured reflectances of one origin.
+
+    Attributes:
+        name: of the set.
+        kind: "general" or "skin".
+        origin: who measured them, and where they come from.
+        values: (n, 35) reflectances at SURFACE_NODES.
+    """
+
+    name: str
+    kind: str
+    origin: str
+    values: Floats = field(repr=False)
 
 
 @cache
 def surfaces() -> Floats:
     """190 reflectances of real surfaces, (190, 681): rawtoaces' training data, linear between 5-nm nodes."""
     return _rows(_table()["surfaces"])
+
+
+@cache
+def surface_sets() -> tuple[SurfaceSet, ...]:
+    """The library: 760 general surfaces and 97 skins, each set with its origin."""
+    table = _table()
+    library, training = table["library"], table["surfaces"]
+    thinned = np.array(training["values"])[:, :: round(library["step"] / training["step"])]
+    sets = [SurfaceSet("rawtoaces", "general", training["name"], frozen(thinned))]
+    for each in library["sets"]:
+        values = frozen(np.array(each["values"]) * library["unit"])
+        sets.append(SurfaceSet(each["name"], each["kind"], each["origin"], values))
+    return tuple(sets)
+
+
+@cache
+def absorbers() -> dict[str, Floats]:
+    """Absorption (35,) of oxyhaemoglobin, deoxyhaemoglobin and bilirubin at SURFACE_NODES; 1 at its largest."""
+    return {name: frozen(np.array(row)) for name, row in _table()["absorbers"]["values"].items()}
 
 
 @cache

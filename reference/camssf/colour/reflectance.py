@@ -1,0 +1,309 @@
+"""Reflectance, XYZ and Lab of surfaces from their signals under one or two lights, with their covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from camssf.colour.camera import Camera, ColourCamera, as_camera
+from camssf.colour.light import Light, see, see_together
+from camssf.colour.posterior import LinearResponse, SurfacePosterior, surface_posterior
+from camssf.colour.spaces import adaptation, lab_slopes, white_of
+from camssf.colour.spread import Reference, checked_signals, of_reference
+from camssf.colour.standard import View, check_light, lamps_of, ratio_error, ratios_of
+from camssf.colour.surface_prior import PriorLike, read_prior
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import LampLike, colour_science, read_lamp
+from camssf.spectra.appearance import lab
+from camssf.spectra.surfaces import SURFACE_NODES, observer
+
+FAR = 4.0
+"""Distance from the prior, in standard deviations, above which the spectrum counts as outside of it."""
+LEAST = 1e-4
+"""The smallest errors are left out up to this share of the variance of all."""
+NODES = SURFACE_NODES.size
+
+
+@dataclass(frozen=True)
+class LitSurfaces:
+    """Signals of m surfaces in one photo.
+
+    Attributes:
+        lamp: as for `read_lamp`; "auto" mixes the four kinds by their likelihood given the reference's raw ratios.
+        signals: (m, 3) or (3,), in units of a perfect white diffuser in the same place.
+        standard_error: of the signals.
+        reference: the white or grey surface that the raw signals were divided by. Its tolerance is that of the light
+            between the two places, too.
+    """
+
+    lamp: LampLike
+    signals: ArrayLike
+    standard_error: ArrayLike = 0.0
+    reference: Reference = field(default_factory=Reference)
+
+
+@dataclass(frozen=True)
+class SurfaceSpectra:
+    """Reflectances of m surfaces at SURFACE_NODES (380 to 720 nm, every 10 nm), and their colours.
+
+    Attributes:
+        reflectance: (m, 35).
+        covariance: (m, 35, 35).
+        parts: its terms by source (`camssf.colour.PARTS`), (m, 35, 35) each; "metamers" are the surfaces of the
+            prior that give equal signals.
+        xyz, lab: (m, 3); Y of a perfect white diffuser is 1.
+        xyz_covariance, lab_covariance: (m, 3, 3).
+        white: (3,) XYZ of the white that Lab is relative to.
+        view: how the colours are stated.
+        prior: name of the prior.
+        distance: (m,) of the signals from the nearest surface of the prior, in standard deviations.
+        from_photo: (m,) share of the prior's variance of reflectance, 400 to 700 nm, that the signals removed; the
+            rest of what the spectrum says is the prior.
+        lamps: names of the lamps, one for each photo, and the weight of each combination.
+        chi_squared: χ² of the references' ratios under the likeliest lamps; None if they were not used.
+    """
+
+    reflectance: Floats
+    covariance: Floats
+    parts: dict[str, Floats]
+    xyz: Floats
+    lab: Floats
+    xyz_covariance: Floats
+    lab_covariance: Floats
+    white: Floats
+    view: View
+    prior: str
+    distance: Floats
+    from_photo: Floats
+    lamps: tuple[tuple[tuple[str, ...], float], ...]
+    chi_squared: float | None
+
+    @property
+    def standard_deviation(self) -> Floats:
+        """Of the reflectance, (m, 35)."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+
+    def to_colour(self) -> Any:
+        """The reflectances as colour-science's MultiSpectralDistributions, one label for each surface.
+
+        Raises:
+            InvalidArgument: colour-science is not installed.
+        """
+        labels = [f"surface {i}" for i in range(1, len(self.reflectance) + 1)]
+        return colour_science().MultiSpectralDistributions(self.reflectance.T, SURFACE_NODES, labels=labels)
+
+
+def spectrum(
+    camera: ColourCamera,
+    *photos: LitSurfaces,
+    prior: PriorLike = "general",
+    view: View | None = None,
+) -> SurfaceSpectra:
+    """Reflectances of surfaces from their signals in one or two photos.
+
+    Args:
+        camera: a result, its document, or a Camera.
+        photos: one, or two of the same surfaces under different lights. XYZ and Lab are under the first light. The
+            reference is assumed to be the same object in both.
+        prior: "general", "skin", a file of reflectances, or a SurfacePrior (`camssf.colour.read_prior`).
+        view: how to state XYZ and Lab; its `kind` is not used.
+
+    Raises:
+        InvalidArgument: invalid values; no photo or more than two; "auto" without a reference, or a camera without
+            its own white; an unknown prior.
+        LampUnfit: a reference's raw ratios contradict its lamp.
+    """
+    if len(photos) not in (1, 2):
+        raise InvalidArgument(
+            f"A spectrum needs one or two photos; got {len(photos)}.", "Give one LitSurfaces a photo."
+        )
+    view, known, surfaces = view or View(), as_camera(camera), read_prior(prior)
+    pairs = [checked_signals(each.signals, each.standard_error) for each in photos]
+    if len({len(y) for y, _ in pairs}) != 1:
+        raise InvalidArgument("The photos hold different numbers of surfaces.", "Measure the same regions in both.")
+    y, error = (np.concatenate([pair[i] for pair in pairs], axis=1) for i in (0, 1))
+    found, evidence = [], []
+    try:
+        with np.errstate(all="ignore"):  # the results are checked below
+            for lights in _lights(known, photos):
+                response, white = _response(lights, [each.reference for each in photos], view)
+                given = surface_posterior(surfaces, response, y, error)
+                found.append(_stated(given, white, surfaces.name, view, lights))
+                evidence.append(lights[0].log_evidence)
+    except np.linalg.LinAlgError as fault:
+        raise _no_spectrum() from fault
+    weights = np.exp(np.array(evidence) - max(evidence))
+    answer = _mixed(found, weights / weights.sum())
+    checked = (answer.reflectance, answer.covariance, answer.lab, answer.lab_covariance, answer.distance)
+    if not all(np.isfinite(each).all() for each in checked):
+        raise _no_spectrum()
+    return answer
+
+
+def _no_spectrum() -> InvalidArgument:
+    return InvalidArgument(
+        "These curves are too uncertain to compute a spectrum under this lamp.",
+        "Check the curves and the lamp; calibrate with better photos.",
+    )
+
+
+def _lights(camera: Camera, photos: Sequence[LitSurfaces]) -> list[list[Light]]:
+    """For each combination of lamps, one light for each photo, with curves that are the same in both.
+
+    Raises:
+        InvalidArgument, LampUnfit: as `spectrum`.
+    """
+    ratios = [ratios_of(camera, each.reference) for each in photos]
+    errors = [ratio_error(each.reference) for each in photos]
+    choices = [lamps_of(each.lamp, ratio) for each, ratio in zip(photos, ratios, strict=True)]
+    for lamps, ratio, error in zip(choices, ratios, errors, strict=True):
+        if len(lamps) == 1:
+            check_light(see(camera, lamps[0], ratio, error))
+    return [see_together(camera, combined, ratios, errors) for combined in product(*choices)]
+
+
+@cache
+def _hats() -> Floats:
+    """(681, 35) values on the grid of the functions that are 1 at one node and linear between the nodes."""
+    return np.stack([np.interp(WAVELENGTHS, SURFACE_NODES, row) for row in np.eye(NODES)], axis=1)
+
+
+def _response(lights: Sequence[Light], references: Sequence[Reference], view: View) -> tuple[LinearResponse, Floats]:
+    """Signals, and reflectance, XYZ and XYZ over its white, as functions of reflectance; and the white's XYZ.
+
+    Raises:
+        InvalidArgument: a curve without a response to a lamp.
+    """
+    signals, moves = _signals(lights, references)
+    first, functions = lights[0], observer(view.observer)
+    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
+    outputs, white = _colorimetry(first.power, functions, aim)
+    output_moves = np.zeros((len(moves), *outputs.shape))
+    for k, step in enumerate(first.power_modes[: first.of_lamp]):
+        sides = [_colorimetry(np.maximum(first.power + each, 0.0), functions, aim)[0] for each in (step, -step)]
+        output_moves[k] = 0.5 * (sides[0] - sides[1])
+    p, known = first.of_lamp, len(first.power_modes)
+    joint = np.concatenate([moves, output_moves], axis=1)
+    errors = {"curves": joint[p:known], "lamp": joint[:p], "reference": joint[known:]}
+    reduced = {name: _principal(each) for name, each in errors.items()}
+    ends = np.cumsum([0, *(len(each) for each in reduced.values())])
+    sources = {name: slice(int(ends[i]), int(ends[i + 1])) for i, name in enumerate(reduced)}
+    joint, c = np.concatenate(list(reduced.values())), len(signals)
+    return LinearResponse(
+        signals, joint[:, :c], np.concatenate([np.eye(NODES), outputs]), joint[:, c:], sources
+    ), white
+
+
+def _signals(lights: Sequence[Light], references: Sequence[Reference]) -> tuple[Floats, Floats]:
+    """White-balanced signals (c, 35) as functions of reflectance, and their changes (K, c, 35) by each error.
+
+    Errors of lamps and curves come first, then those of the reference, which is the same object in all photos, then
+    for each photo the difference of the light between the two places.
+    """
+    of_object = [of_reference(light, given)[:-1] for light, given in zip(lights, references, strict=True)]
+    known, smooth = len(lights[0].power_modes), len(of_object[0])
+    rows, moves = [], np.zeros((known + smooth + len(lights), 3 * len(lights), NODES))
+    for j, (light, relative) in enumerate(zip(lights, of_object, strict=True)):
+        seen = light.power[:, None] * light.curves
+        total = seen.sum(axis=0)
+        if not (np.isfinite(total).all() and (total > 0).all()):
+            raise InvalidArgument(
+                "A curve has no response to this lamp.", "Check the lamp's spectrum, and the curves."
+            )
+        row = (seen / total).T @ _hats()
+        moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
+        own = slice(3 * j, 3 * j + 3)
+        share = np.swapaxes(moved, 1, 2) @ _hats() / total[:, None]
+        moves[:known, own] = share - (moved.sum(axis=1) / total)[:, :, None] * row
+        moves[known : known + smooth, own] = relative[:, :, None] * row
+        moves[known + smooth + j, own] = references[j].tolerance * row
+        rows.append(row)
+    return np.concatenate(rows), moves
+
+
+def _principal(moves: Floats) -> Floats:
+    """Errors (K, r, 35) as fewer independent ones of the same covariance, but for LEAST of its trace."""
+    _, size, axes = np.linalg.svd(moves.reshape(len(moves), int(np.prod(moves.shape[1:]))), full_matrices=False)
+    rest = np.cumsum(size[::-1] ** 2)[::-1]  # the variance of each and of all smaller ones
+    kept = rest > LEAST * rest.max(initial=0.0)
+    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *moves.shape[1:]))
+
+
+def _colorimetry(power: Floats, functions: Floats, aim: Floats | None) -> tuple[Floats, Floats]:
+    """(6, 35) XYZ as stated and XYZ over its white, as functions of reflectance; and that white's XYZ (3,)."""
+    lit = power[:, None] * functions
+    xyz = (lit / lit[:, 1].sum()).T
+    white = xyz.sum(axis=1)
+    if aim is not None:
+        xyz, white = adaptation(white, aim) @ xyz, aim
+    return np.concatenate([xyz, xyz / white[:, None]]) @ _hats(), white
+
+
+def _stated(
+    found: SurfacePosterior, white: Floats, prior: str, view: View, lights: Sequence[Light]
+) -> SurfaceSpectra:
+    """The outputs by name; Lab and its covariance from XYZ over its white, whose errors are those of a lamp, too."""
+    xyz, relative = found.mean[:, NODES : NODES + 3], found.mean[:, NODES + 3 :]
+    ones = np.ones(3)
+    slopes = lab_slopes(relative, ones)
+    inside = (SURFACE_NODES >= 400.0) & (SURFACE_NODES <= 700.0)
+    variance = np.diagonal(found.covariance, axis1=1, axis2=2)[:, :NODES][:, inside].sum(axis=1)
+    before = found.prior_variance[:, :NODES][:, inside].sum(axis=1)
+    return SurfaceSpectra(
+        reflectance=found.mean[:, :NODES],
+        covariance=found.covariance[:, :NODES, :NODES],
+        parts={name: part[:, :NODES, :NODES] for name, part in found.parts.items()},
+        xyz=xyz,
+        lab=lab(relative, ones),
+        xyz_covariance=found.covariance[:, NODES : NODES + 3, NODES : NODES + 3],
+        lab_covariance=slopes @ found.covariance[:, NODES + 3 :, NODES + 3 :] @ np.swapaxes(slopes, 1, 2),
+        white=white,
+        view=view,
+        prior=prior,
+        distance=found.distance,
+        from_photo=1.0 - variance / before,
+        lamps=((tuple(light.name for light in lights), 1.0),),
+        chi_squared=lights[0].chi_squared,
+    )
+
+
+def _mixed(answers: Sequence[SurfaceSpectra], weights: Floats) -> SurfaceSpectra:
+    """Mix the answers by the law of total variance; their differences count as lamp error."""
+    if len(answers) == 1:
+        return answers[0]
+
+    def mean(values: Sequence[Floats]) -> Floats:
+        return np.asarray(np.tensordot(weights, np.stack(values), axes=1))
+
+    def between(name: str) -> tuple[Floats, Floats]:
+        values = [getattr(each, name) for each in answers]
+        middle = mean(values)
+        return middle, mean([(each - middle)[:, :, None] * (each - middle)[:, None] for each in values])
+
+    (reflectance, apart), (xyz, of_xyz), (colour, of_lab) = (between(name) for name in ("reflectance", "xyz", "lab"))
+    parts = {name: mean([each.parts[name] for each in answers]) for name in answers[0].parts}
+    parts["lamp"] = parts["lamp"] + apart
+    best = answers[int(weights.argmax())]
+    return SurfaceSpectra(
+        reflectance=reflectance,
+        covariance=mean([each.covariance for each in answers]) + apart,
+        parts=parts,
+        xyz=xyz,
+        lab=colour,
+        xyz_covariance=mean([each.xyz_covariance for each in answers]) + of_xyz,
+        lab_covariance=mean([each.lab_covariance for each in answers]) + of_lab,
+        white=mean([each.white for each in answers]),
+        view=best.view,
+        prior=best.prior,
+        distance=np.min([each.distance for each in answers], axis=0),
+        from_photo=mean([each.from_photo for each in answers]),
+        lamps=tuple((each.lamps[0][0], float(weight)) for each, weight in zip(answers, weights, strict=True)),
+        chi_squared=best.chi_squared,
+    )
