@@ -16,7 +16,7 @@ from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Row
 from camssf.grid import Floats
 
-START = datetime(2026, 1, 1)
+START = datetime(2026, 1, 1, tzinfo=UTC)
 PEAKS = np.array([600.0, 540.0, 460.0])
 
 

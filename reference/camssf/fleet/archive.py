@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from camssf.fleet.outcome import Outcome, Progress, Summary
 from camssf.fleet.pools import DEATHS, FLUSH
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Row, Task, relative_path, row, utc
+from camssf.fleet.upkeep import MANY_FILES, optimize
 from camssf.photo.read.unit import read_unit
 from camssf.version import __version__
 
@@ -175,7 +176,7 @@ class RegistryRecorder:
         if new is not None and before is not None:
             self._summary.duplicates += new.name != before[0].name
             if _given(new) != _given(before[0]):
-                self._rows[key] = replace(new, added=max(new.added, before[0].added)), before[1]
+                self._rows[key] = new, before[1]
         elif new is not None:
             self._rows[key] = new, outcome.resumed
         reason = f"{outcome.reason} It is put aside." if outcome.deaths else outcome.reason
@@ -197,11 +198,12 @@ class RegistryRecorder:
         if self._tasks:
             self._registry.add(self._changed())
             self._registry.note(self._tasks)
+            optimize(self._registry, least=MANY_FILES)
             self._rows, self._tasks, self._last = {}, [], time.monotonic()
 
     def finish(self) -> None:
         """Merge the registry's small files."""
-        self._registry.gather()
+        optimize(self._registry)
 
     def _changed(self) -> list[Row]:
         """The buffered rows that differ from those in the registry."""
@@ -220,7 +222,7 @@ class RegistryRecorder:
             self._summary.duplicates += another
             twin = another and old["added"] >= self._begun  # duplicate in this run: the row may have either name
             if _given(new) != tuple(old[name] or None for name in GIVEN) or (another and not twin):
-                rows.append(replace(new, added=max(new.added, old["added"] + timedelta(microseconds=1))))
+                rows.append(new)
         return rows
 
 

@@ -10,7 +10,6 @@ from typing import TypeAlias
 from camssf.errors import InvalidArgument
 from camssf.files import PHOTO, check_local, kind_of, local
 from camssf.photo.read.sidecar import sidecar_of
-from camssf.recovery.basis import NAMES, read_basis
 
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its modification time, ns."""
@@ -83,6 +82,8 @@ def basis_path(spec: str) -> Path | None:
     Raises:
         InvalidArgument: the name is a URL.
     """
+    from camssf.recovery.basis import NAMES
+
     path = local(spec)
     return path if spec not in (*NAMES, "auto") and is_file(path) else None
 
@@ -92,6 +93,8 @@ def basis_hash(spec: str) -> str | None:
 
     A change also clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
     """
+    from camssf.recovery.basis import read_basis
+
     path = basis_path(spec)
     now = None if path is None else stamp(path)
     if path is None or now is None:

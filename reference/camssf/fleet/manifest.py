@@ -205,7 +205,7 @@ class _Lines:
 def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
     """As `_csv`."""
     duckdb = library("duckdb", "A manifest in Parquet needs", "fleet")
-    from camssf.fleet.registry import connection
+    from camssf.fleet.tables import connection
 
     with _readable(path), connection() as con:
         try:
