@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -62,4 +61,4 @@ def now() -> datetime:
 
 
 if __name__ == "__main__":
-    write(str(Path(sys.argv[1])), *map(int, sys.argv[2:5]))
+    write(sys.argv[1], *map(int, sys.argv[2:5]))

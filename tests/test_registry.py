@@ -176,7 +176,7 @@ def test_a_damaged_file_is_named(one: Registry, tmp_path: Path) -> None:
     """Whatever DuckDB says of it: in the footer, whose length stands at the end, is what it reads first."""
     one.add([made(n, bells()) for n in range(50)])
     one.add([made(n, bells()) for n in range(100, 150)])
-    file = Path(one.files()[1])
+    file = Path(list(one.files())[1])
     whole = file.read_bytes()
     spoilt = [whole[:-9], b"", b"PAR", b"x" * 99, None]
     footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")

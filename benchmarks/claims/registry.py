@@ -100,7 +100,7 @@ def fill(folder: Path, rows: int, covariances: bool) -> int:
         unit_ = {"model": f"Model {model}", "serial": f"{model}-{unit}", "captured": START + timedelta(hours=number)}
         fresh.append(made(number, curves, code_covariance=known, **unit_))
     registry.add(fresh)
-    files = registry.files()
+    files = list(registry.files())
     with connection() as con:
         con.execute("CREATE TABLE first AS SELECT * FROM read_parquet(?, hive_partitioning = true)", [files])
         at_once = 5 if covariances else 50

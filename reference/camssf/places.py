@@ -11,10 +11,11 @@ import posixpath
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from camssf.errors import InvalidArgument
 from camssf.files import check_local, local, local_folder, write_file
@@ -25,6 +26,8 @@ Place: TypeAlias = Path
 
 STORES = {"s3": "s3fs", "gs": "gcsfs", "az": "adlfs", "memory": "fsspec"}
 """Libraries by the scheme of a URL; the extra that installs each has the scheme's name, that of memory is `s3`."""
+PICTURES = (".png", ".tif", ".tiff")
+"""Mosaics as pictures, which a file beside them describes (`photo.read.sidecar`)."""
 _URL = re.compile(r"\s*([a-z0-9]+)://(.*)", re.DOTALL)
 
 
@@ -91,6 +94,24 @@ def write_place(path: Place, content: bytes) -> None:
         path.write_bytes(content)
 
 
+def file_system(folder: Place, sizes: Mapping[str, int]) -> Any:
+    """A file system of `fsspec` for files that never change; as it has their sizes, it asks the store for none.
+
+    Args:
+        folder: the place of a store.
+        sizes: bytes by URL.
+    """
+    fs = type(folder.fs)(use_listings_cache=True, skip_instance_cache=True)  # type: ignore[attr-defined]
+    listing: dict[str, list[Any]] = {}
+    for url, size in sizes.items():
+        name = url.partition("://")[2]
+        entry: dict[str, Any] = {"name": name, "Key": name, "size": size, "type": "file", "StorageClass": "STANDARD"}
+        entry |= dict.fromkeys(("LastModified", "last_modified", "mtime"), datetime.fromtimestamp(0, UTC))
+        listing.setdefault(name.rpartition("/")[0], []).append(entry)
+    fs.dircache.update(listing)
+    return fs
+
+
 def files_below(folder: Place) -> Iterator[Place]:
     """All files in a folder and its folders."""
     if is_remote(folder):
@@ -100,12 +121,59 @@ def files_below(folder: Place) -> Iterator[Place]:
         yield from (path for path in folder.rglob("*") if path.is_file())
 
 
-def joined(folder: Place, path: str) -> Place:
-    """A path relative to a folder, with `..` resolved; a URL or an absolute path stands for itself."""
-    if is_remote(path) or not is_remote(folder):
-        return place(path) if is_remote(path) else folder / path
+def join(folder: Place, path: str) -> str:
+    """A path relative to a folder; a URL or an absolute path stands for itself."""
+    if is_remote(path):
+        return path.strip()
+    if not is_remote(folder) or os.path.isabs(path):
+        return str(folder / path) if not is_remote(folder) else path
     scheme, _, rest = str(folder).partition("://")
-    return place(f"{scheme}://{posixpath.normpath(posixpath.join(rest, path))}")
+    return f"{scheme}://{posixpath.normpath(posixpath.join(rest, path))}"
+
+
+def relative(file: Place, folder: Place) -> str:
+    """The path of a file relative to a folder, if both are on disks or in one bucket; else the whole path or URL."""
+    if not (is_remote(file) or is_remote(folder)):
+        name = os.path.realpath(file)  # symbolic links resolved in both
+        try:
+            return Path(os.path.relpath(name, os.path.realpath(folder))).as_posix()
+        except ValueError:  # on another drive
+            return Path(name).as_posix()
+    one, other = (str(each).split("/") for each in (file, folder))
+    if one[:3] != other[:3]:
+        return str(file if is_remote(file) else file.absolute())
+    return posixpath.relpath("/".join(one[3:]) or ".", "/".join(other[3:]) or ".")
+
+
+def absolute(folder: Place) -> Place:
+    """The same place for a process with another working folder."""
+    return folder if is_remote(folder) else folder.absolute()
+
+
+def remove(folder: Place) -> None:
+    """Remove a folder with its files, if it can be done."""
+    with suppress(Exception):
+        if is_remote(folder):
+            folder.fs.rm(folder.path, recursive=True)  # type: ignore[attr-defined]
+        else:
+            shutil.rmtree(folder)
+
+
+def fetch(path: Place, folder: Path) -> Path:
+    """Copy a file of an object store into a local folder, with the file beside it that describes a picture.
+
+    Raises:
+        InvalidArgument: it cannot be read.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    copy = folder / path.name
+    with reached(path, "read"):
+        with path.open("rb") as source, copy.open("wb") as target:
+            shutil.copyfileobj(source, target)
+        sidecar = path.with_name(f"{path.name}.json")
+        if path.suffix.casefold() in PICTURES and sidecar.is_file():
+            (folder / sidecar.name).write_bytes(sidecar.read_bytes())
+    return copy
 
 
 @contextmanager
@@ -115,10 +183,7 @@ def local_copy(path: Place) -> Iterator[Path]:
         yield path
         return
     with tempfile.TemporaryDirectory(prefix="camssf-") as folder:
-        copy = Path(folder) / path.name
-        with reached(path, "read"), path.open("rb") as source, copy.open("wb") as target:
-            shutil.copyfileobj(source, target)
-        yield copy
+        yield fetch(path, Path(folder))
 
 
 @contextmanager

@@ -89,7 +89,7 @@ def add(
 
     check_captured(captured)
     found, rows, read, passports = Registry(folder, new=True), [], [], []
-    for path in given_paths("RESULT", results):
+    for path in given_paths("RESULT", results, remote=True):
         data = read_bytes(path, LARGEST_DOCUMENT)
         if data.lstrip()[:1] == b"{":
             document = parse_json(data, name_of(path), "Give a result.")
@@ -160,9 +160,9 @@ def _from_passport(
 
 
 def _place(folder: str, path: str) -> str:
-    from camssf.fleet.rows import relative_path
+    from camssf.places import place, relative
 
-    return "" if path == "-" else relative_path(path, folder)
+    return "" if path == "-" else relative(place(path), place(folder))
 
 
 @registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar
+from urllib.parse import unquote
 
 from camssf.errors import InvalidArgument
 from camssf.files import local, write_aside
@@ -107,6 +108,8 @@ class Registry:
         library("deltalake", "The registry needs", "fleet")
         self.folder: Place = folder_place(folder)
         self._as_of = _version(as_of)
+        if str(self.folder).startswith("memory:"):
+            raise InvalidArgument("A registry cannot be in memory://.", "Name a folder, or a bucket of a store.")
         with self.failures():
             if all(self.table(each) is None for each in FOLDERS) and not (new and _is_empty(self.folder)):
                 raise _no_registry(self.folder, new)
@@ -226,11 +229,10 @@ class Registry:
 
     # Reading
 
-    def files(self, table: Table = Row) -> list[str]:
-        """Paths or URLs of the files of a table's version."""
+    def files(self, table: Table = Row) -> dict[str, int]:
+        """Size in bytes of each file of a table's version, by path or URL."""
         with self.failures():
-            delta = self.table(table)
-            return [] if delta is None else sorted(delta.file_uris())
+            return self._sizes(table, self.table(table))
 
     def version(self) -> int:
         """The number of the last commit of the results; -1 if there is none."""
@@ -287,10 +289,10 @@ class Registry:
         with self.failures():
             for attempt in range(ATTEMPTS):
                 opened = delta or self.table(table)
-                files = [] if opened is None else sorted(opened.file_uris())
+                files = self._sizes(table, opened)
                 try:
-                    with connection(self.folder) as con:
-                        create_views(con, table, files)
+                    with connection(self.folder, files) as con:
+                        create_views(con, table, list(files))
                         return ask(con)
                 except (FileNotFoundError, duckdb.Error) as error:
                     newer = None if delta is not None else self.table(table)
@@ -299,17 +301,26 @@ class Registry:
                         raise
             raise AssertionError  # the last attempt returns or raises
 
-    def _name_damaged(self, table: Table, files: Sequence[str], error: Exception) -> None:
+    def _sizes(self, table: Table, delta: Any) -> dict[str, int]:
+        """Size of each file of a table's version, by path or URL."""
+        if delta is None:
+            return {}
+        found = delta.get_add_actions()
+        paths, sizes = (found.column(name).to_pylist() for name in ("path", "size_bytes"))
+        return dict(sorted((f"{self._uri(table)}/{unquote(p)}", n) for p, n in zip(paths, sizes, strict=True)))
+
+    def _name_damaged(self, table: Table, files: dict[str, int], error: Exception) -> None:
         """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
         import duckdb
 
         for path in files:
             try:
-                with connection(self.folder) as con:
+                with connection(self.folder, files) as con:
                     create_views(con, table, [path])
                     con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
             except (duckdb.Error, OSError):
-                raise InvalidArgument(f"{path} is damaged or missing.", DAMAGED) from error
+                what = "damaged, missing or out of reach" if is_remote(self.folder) else "damaged or missing"
+                raise InvalidArgument(f"{path} is {what}.", DAMAGED) from error
 
     def _uri(self, table: Table) -> str:
         return str(self.folder / FOLDERS[table])
@@ -386,12 +397,12 @@ def _version(as_of: str) -> int | datetime | None:
 
 def _is_empty(folder: Place) -> bool:
     """Whether the folder is missing or empty, apart from hidden files and other writers' half-made tables."""
+    if not folder.exists():
+        return True
     try:
         return all(path.name.startswith(".") or path.name in FOLDERS.values() for path in folder.iterdir())
-    except FileNotFoundError:
-        return True
-    except NotADirectoryError:
-        return False
+    except (FileNotFoundError, NotADirectoryError):
+        return not folder.exists()
 
 
 def _no_registry(folder: Place, new: bool) -> InvalidArgument:

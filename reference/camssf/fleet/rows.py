@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf.grid import CHANNELS
@@ -237,15 +235,6 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
         return ()
     found = [(each["prior_scale"], each["probability"]) for each in own] or [(document["prior_scale"], 1.0)]
     return tuple(sorted(found, key=lambda width: -width[1]))
-
-
-def relative_path(file: Path | str, registry: Path | str) -> str:
-    """Path of a result relative to the registry, with symbolic links resolved in both."""
-    file = os.path.realpath(file)
-    try:
-        return Path(os.path.relpath(file, os.path.realpath(registry))).as_posix()
-    except ValueError:  # on another drive
-        return Path(file).as_posix()
 
 
 def utc(time: datetime) -> datetime:

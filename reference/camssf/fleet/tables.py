@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from camssf.files import readable
 from camssf.fleet.rows import Row, Task, columns
-from camssf.places import Place, is_remote
+from camssf.places import Place, file_system, is_remote
 
 Table: TypeAlias = type[Row] | type[Task]
 
@@ -43,15 +43,20 @@ def create_views(con: Any, table: Table, files: Sequence[str]) -> None:
 
 
 @contextmanager
-def connection(place: Place | None = None) -> Iterator[Any]:
-    """A DuckDB connection in memory, without extensions or temporary files, that can read the place's files."""
+def connection(place: Place | None = None, sizes: Mapping[str, int] | None = None) -> Iterator[Any]:
+    """A DuckDB connection in memory, without extensions or temporary files, that can read the place's files.
+
+    Args:
+        place: a folder; None for nothing but local files.
+        sizes: of the files to be read, bytes; needed in an object store.
+    """
     import duckdb
 
     con = duckdb.connect(":memory:", config=_CONFIG)
     try:
         con.execute("SET TimeZone = 'UTC'")
         if place is not None and is_remote(place):
-            con.register_filesystem(place.fs)  # type: ignore[attr-defined]
+            con.register_filesystem(file_system(place, sizes or {}))
         yield con
     finally:
         con.close()

@@ -56,10 +56,10 @@ def vacuum(registry: Registry, days: float = 7.0) -> int:
         with registry.failures():
             delta = registry.table(table)
             if delta is not None:
-                hours = round(24 * days)
+                hours, before = round(24 * days), delta.version()
                 found = delta.vacuum(hours, dry_run=False, enforce_retention_duration=False)
                 removed += len(found)
-                for version in (delta.version() - 1, delta.version()):  # the vacuum's start and its end
+                for version in range(before + 1, delta.version() + 1):  # the vacuum's start and its end
                     seal(registry.folder / FOLDERS[table], version)
     return removed
 

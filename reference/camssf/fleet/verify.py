@@ -12,7 +12,7 @@ from camssf.fleet.registry import DAMAGED, FOLDERS, IDENTITY, Registry
 from camssf.fleet.rows import Row, checksum
 from camssf.fleet.seals import LOG, SEALS, read_seal
 from camssf.fleet.tables import Table, connection, row_batches
-from camssf.places import Place, files_below, joined
+from camssf.places import Place, files_below, join, place
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def verify(registry: Registry) -> Verification:
         known = {str(there[file]) for file in expected.keys() & there.keys()}
         log = [str(path) for file, path in there.items() if file.startswith(f"{LOG}/")]
         unsealed += sorted({*active, *log} - known)
-        with connection(registry.folder) as con:
+        with connection(registry.folder, active) as con:
             for file in active:
                 faults += _row_faults(con, registry, table, file, counts)
     return Verification(**counts, unsealed=tuple(unsealed), faults=tuple(faults))
@@ -104,7 +104,7 @@ def _row_faults(con: Any, registry: Registry, table: Table, file: str, counts: d
 
 
 def _document_faults(registry: Registry, row: dict[str, Any], counts: dict[str, int]) -> Iterator[str]:
-    document = joined(registry.folder, row["place"])
+    document = place(join(registry.folder, row["place"]))
     if not document.is_file():
         counts["documents_missing"] += 1
         return
