@@ -158,6 +158,7 @@ def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
     (whole,) = map(Path, one.files())
     (whole.parent / "part-00000-77.parquet").write_bytes(whole.read_bytes()[:700])
     (one.folder / ".camssf-79").write_bytes(b"{")
+    (one.folder / "results" / "_seals" / ".camssf-80").write_bytes(b"{")
     one.add([made(2)])
     (one.folder / "results" / "_seals" / f"{2:020}.json").unlink()
     assert len(keys(Registry(one.folder))) == 2

@@ -76,11 +76,11 @@ def check_registry(registry: Registry) -> None:
 def _seals(folder: Place) -> tuple[dict[str, str], list[str]]:
     """The SHA-256 of each sealed file, relative to the table, and the seals that are damaged themselves.
 
-    The newest checkpoint's seal holds that of LAST_CHECKPOINT.
+    The newest checkpoint's seal holds that of LAST_CHECKPOINT. A seal that a killed writer did not finish is hidden.
     """
     expected: dict[str, str] = {}
     faults = []
-    for path in sorted(files_below(folder / SEALS)):
+    for path in sorted(each for each in files_below(folder / SEALS) if not each.name.startswith(".")):
         hashes = read_seal(path.read_bytes())
         if hashes is None or f"{LOG}/{path.name}" not in hashes:
             faults.append(f"{path} is no seal")
