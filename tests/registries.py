@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Row
 from camssf.grid import Floats
 
-START = datetime(2026, 1, 1)
+START = datetime(2026, 1, 1, tzinfo=UTC)
 PEAKS = np.array([600.0, 540.0, 460.0])
 
 
@@ -62,4 +61,4 @@ def now() -> datetime:
 
 
 if __name__ == "__main__":
-    write(str(Path(sys.argv[1])), *map(int, sys.argv[2:5]))
+    write(sys.argv[1], *map(int, sys.argv[2:5]))

@@ -461,7 +461,7 @@ def test_other_commands_replace_no_result(good: Path, tmp_path: Path, capsys: py
     assert state(good) == before
 
 
-URL = "s3://bucket/x"
+URL = "https://bucket/x"
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ PACKAGE = Path(camssf.__file__).parent
 FLOORS = (
     {"version", "errors", "grid", "fonts"},
     {"files", "rules", "libraries"},
+    {"places"},
     {"spectra", "error_codes"},
     {"recovery"},
     {"options", "learning"},
@@ -55,7 +56,8 @@ SMALL_LETTERS: set[str] = set()
 """Files whose messages do not all begin like sentences yet: the list only shrinks."""
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",
-    "cryptography", "duckdb", "dask", "distributed", "jinja2", "pandas", "xarray",
+    "cryptography", "duckdb", "deltalake", "arro3", "upath", "fsspec", "dask", "distributed",
+    "jinja2", "pandas", "xarray",
 )  # fmt: skip
 MODULES = sorted(
     path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")

@@ -7,8 +7,9 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,17 @@ from camssf.errors import InvalidArgument
 from camssf.photo.read.unit import Unit
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
+pytest.importorskip("deltalake", reason="deltalake is not here")
 
-from camssf.fleet import compare, registry
+from deltalake import QueryBuilder
+
+from camssf.fleet import compare, registry, tables, upkeep
 from camssf.fleet.drift import FALSE_ALARMS, FEATURES, drift_of, drifts, features
-from camssf.fleet.registry import MARK, Registry, Wanted
+from camssf.fleet.registry import Registry, Wanted
 from camssf.fleet.rows import STRIDE, Origin, Row, Task, columns, row
+from camssf.fleet.seals import seal
+from camssf.fleet.tables import connection, row_batches
+from camssf.fleet.verify import check_registry, verify
 from camssf.grid import CHANNELS
 
 HERE = Path(__file__).parent
@@ -61,7 +68,7 @@ def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
             assert found[name] == pytest.approx(document("D55", "A")[name], rel=1e-6)
         else:
             assert found[name] == (list(value) if isinstance(value, tuple) else value), name
-    assert found["captured"] == datetime(2026, 11, 20, 9)
+    assert found["captured"] == datetime(2026, 11, 20, 9, tzinfo=UTC)
     assert json.loads(found["extra"]) == {"site": "Ω '\";"}
     assert found["lamps"] == ["D55", "A"]
     assert sorted(found["inputs"]) == sorted(document("D55", "A")["hashes"]["inputs"].values())
@@ -82,24 +89,40 @@ def test_a_refused_result_has_a_row_without_curves(one: Registry) -> None:
     assert found == {"status": "refused", "red": [], "blue_std": [], "gap": None, "captured": None}
 
 
-def test_the_same_result_twice_is_there_once_and_the_newer_counts(one: Registry) -> None:
+def test_the_same_result_twice_is_there_once_and_the_last_commit_counts(one: Registry) -> None:
     one.add([made(1), made(2)])
-    one.add([made(1, serial="B2", added=START + timedelta(days=1)), made(3)])
+    version = one.version()
+    one.add([made(2, added=START + timedelta(days=9)), made(1)])
+    assert one.version() == version, "nothing new, no commit"
+    one.add([made(1, serial="B2", added=START - timedelta(days=1500)), made(3), made(3, serial="C3")])
     assert len(keys(one)) == 3
-    assert [each["serial"] for each in one.listing(Wanted(Unit(serial="B2")))] == ["B2"]
+    assert [each["key"][-1] for each in one.listing(Wanted(Unit(serial="B2")))] == ["1"]
+    assert [each["key"][-1] for each in one.listing(Wanted(Unit(serial="C3")))] == ["3"]
     assert one.count() == {"accepted": 3}
-    one.gather()
-    assert one.files() == 1
-    assert len(keys(one)) == 3
+    upkeep.optimize(one)
+    assert len(one.files()) == 1
     assert one.query("SELECT count(*) AS n FROM every") == [{"n": 3}]
     assert len(one.listing(Wanted(Unit(serial="B2")))) == 1
+
+
+def test_a_row_moves_to_the_partition_of_its_model(one: Registry) -> None:
+    """A passport may name the camera otherwise than the photo did; a camera may have no name, or a strange one."""
+    names = ("", "É =/%'?*", "unknown", "Model")
+    for number, model in enumerate(names):
+        one.add([made(1, model=model, make=""), made(2, model="Model", lens=str(number))])
+        found = one.query("SELECT make, model, serial FROM rows WHERE key LIKE '%1'")
+        assert found == [{"make": "unknown", "model": model or "unknown", "serial": "A1"}], model
+        (again,) = one.query("SELECT lens FROM rows WHERE key LIKE '%2' AND make = 'Maker' AND model = 'Model'")
+        assert again["lens"] == str(number)
+    assert len(keys(one)) == 2
+    assert verify(one).faults == ()
 
 
 def test_nothing_of_nothing(one: Registry) -> None:
     one.add([])
     assert not one.folder.exists()
     one.note([])
-    one.gather()
+    upkeep.optimize(one)
     with pytest.raises(InvalidArgument, match="There is no folder"):
         Registry(one.folder)
     one.note([Task("t", "", START, "name", "failed", "", "", "")])
@@ -130,15 +153,20 @@ def test_lists(one: Registry) -> None:
 
 @pytest.mark.requirement("R-REGISTRY")
 def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
-    """What it leaves is not in its place yet."""
+    """Its data files are in no commit; or its commit has no seal yet."""
     one.add([made(1)])
-    whole = next((one.folder / "results").glob("*.parquet")).read_bytes()
-    (one.folder / "results" / ".camssf-77").write_bytes(whole[: len(whole) // 2])
-    (one.folder / "results" / ".camssf-78.parquet").write_bytes(whole[: len(whole) // 2])
+    (whole,) = map(Path, one.files())
+    (whole.parent / "part-00000-77.parquet").write_bytes(whole.read_bytes()[:700])
     (one.folder / ".camssf-79").write_bytes(b"{")
+    (one.folder / "results" / "_seals" / ".camssf-80").write_bytes(b"{")
     one.add([made(2)])
-    one.gather()
+    (one.folder / "results" / "_seals" / f"{2:020}.json").unlink()
     assert len(keys(Registry(one.folder))) == 2
+    found = verify(one)
+    assert (found.rows, found.faults, len(found.unsealed)) == (2, (), 2)
+    upkeep.optimize(one)
+    assert len(keys(Registry(one.folder))) == 2
+    assert len(verify(one).unsealed) == 1, "the log entry of the killed one"
 
 
 def flipped(data: bytes, start: int, count: int = 400) -> bytes:
@@ -146,33 +174,61 @@ def flipped(data: bytes, start: int, count: int = 400) -> bytes:
 
 
 def test_a_damaged_file_is_named(one: Registry, tmp_path: Path) -> None:
-    """Whatever DuckDB says of it: near the file's end stands what it reads first."""
+    """Whatever DuckDB says of it: in the footer, whose length stands at the end, is what it reads first."""
     one.add([made(n, bells()) for n in range(50)])
     one.add([made(n, bells()) for n in range(100, 150)])
-    files = sorted((one.folder / "results").glob("*.parquet"))
-    whole = files[1].read_bytes()
-    spoilt = [whole[:-9], b"", b"PAR", b"x" * 99]
-    spoilt += [flipped(whole, len(whole) - back) for back in range(500, 3500, 500)]
+    file = Path(list(one.files())[1])
+    whole = file.read_bytes()
+    spoilt = [whole[:-9], b"", b"PAR", b"x" * 99, None]
+    footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    spoilt += [flipped(whole, footer + 700 * part) for part in range(4)]
     for number, data in enumerate(spoilt):
-        files[1].write_bytes(data)
-        attempts = (one.listing, one.gather, lambda: one.export(tmp_path / "all.parquet"))
-        for attempt in attempts if number in (0, 4) else attempts[number % 3 :][:1]:
-            with pytest.raises(InvalidArgument, match=files[1].name) as caught:
+        file.unlink() if data is None else file.write_bytes(data)
+        for attempt in (lambda: one.export(tmp_path / "all.parquet"), one.listing):
+            with pytest.raises(InvalidArgument, match=file.name) as caught:
                 attempt()
-            assert "Move it away" in caught.value.advice, number
-        assert sorted((one.folder / "results").iterdir()) == files, number
+            assert "backup" in caught.value.advice, number
+    assert not list(tmp_path.glob("*.parquet"))
 
 
-def test_a_file_of_another_kind_is_named(one: Registry) -> None:
-    one.add([made(1)])
+@pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.parametrize("flips", [20, pytest.param(200, marks=pytest.mark.full)])
+def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, flips: int) -> None:
+    """In data, log, checkpoint, seals and documents; a reading that asks for verification gives no answer then."""
+    for number in range(3):
+        data = document_bytes(document()) + b" " * number
+        (tmp_path / f"{number}.json").write_bytes(data)
+        one.add([row(data, document(), Origin(place=f"../{number}.json"))])
+        one.add([made(n, bells(), model=f"M{n % 3}") for n in range(5 * number, 5 * number + 5)])
     one.note([Task("t", "", START, "name", "failed", "", "", "")])
-    for folder, table in (("results", Row), ("tasks", Task)):
-        file = one.folder / folder / "foreign.parquet"
-        with registry.connection() as con:
-            con.execute(f"COPY (SELECT 1 AS n, 'x' AS status) TO '{file}' (FORMAT parquet)")
-        with pytest.raises(InvalidArgument, match=r"foreign.parquet is no file of a registry: it lacks (key|task)"):
-            one.query("SELECT * FROM rows", table=table)
-        file.unlink()
+    table = one.table(Row)
+    table.create_checkpoint()
+    seal(one.folder / "results", table.version())
+    found = verify(one)
+    assert (found.rows, found.documents, found.documents_missing) == (19, 3, 0)
+    assert (found.faults, found.unsealed) == ((), ())
+    files = [path for path in (*one.folder.rglob("*"), *tmp_path.glob("*.json")) if path.is_file()]
+    dice = np.random.default_rng(0)
+    for number in range(flips):
+        path = files[number * len(files) // flips if flips < len(files) else number % len(files)]
+        whole = path.read_bytes()
+        at, bit = int(dice.integers(len(whole))), int(dice.integers(8))
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << bit]) + whole[at + 1 :])
+        with pytest.raises(InvalidArgument):  # an unreadable log is named by the opening, all else by the check
+            check_registry(Registry(one.folder))
+        path.write_bytes(whole)
+    check_registry(one)
+
+
+def test_a_table_that_is_no_registry_s_is_named(one: Registry) -> None:
+    from deltalake import write_deltalake
+
+    with connection() as con:
+        from arro3.core import Table
+
+        write_deltalake(str(one.folder / "results"), Table(con.sql("SELECT 1 AS n")), name="letters")
+    with pytest.raises(InvalidArgument, match=r"its format is 'letters', not 'camssf-registry/1'"):
+        Registry(one.folder)
 
 
 def test_curves_that_cannot_be_are_named(tmp_path: Path) -> None:
@@ -181,7 +237,7 @@ def test_curves_that_cannot_be_are_named(tmp_path: Path) -> None:
         curves = bells()
         curves[1, 30] = wrong
         one.add([*history(5, 0), made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
-        (place,) = (one.folder / "results").glob("*.parquet")
+        (place,) = map(Path, one.files())
         attempts = [
             lambda one=one: compare.spread(one, Unit(model="Model")),
             lambda one=one: drift_of(one, Unit(serial="A1")),
@@ -209,19 +265,32 @@ def test_an_export_s_place_is_to_blame_for_itself(one: Registry, tmp_path: Path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.csv", "phones"]
 
 
-def test_a_file_of_an_older_release_lacks_a_column(one: Registry) -> None:
+def test_another_release_has_other_columns(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An older one lacks `odds` and `code_covariance`, a newer one has `later` as well: its rows stay whole here."""
+    mine, real = columns(Row), columns
+
+    def release(names: dict[str, str]) -> None:
+        for module in (registry, tables):
+            monkeypatch.setattr(module, "columns", lambda kind: names if kind is Row else real(kind))
+
+    release({name: kind for name, kind in mine.items() if name not in ("odds", "code_covariance")})
     one.add([made(1)])
-    with registry.connection() as con:
-        file = one.folder / "results" / "old.parquet"
-        con.execute(
-            f"COPY (SELECT '{'a' * 64}' AS key, 'accepted' AS status, TIMESTAMP '2026-01-01' AS added, 7 AS gone) "
-            f"TO '{file}' (FORMAT parquet)"
-        )
-    assert len(keys(one)) == 2
-    found = {each["key"]: each for each in one.listing()}
-    assert found["a" * 64]["lamps"] is None
-    one.gather()
-    assert len(keys(one)) == 2
+    release(mine | {"later": "VARCHAR"})
+    one.add([replace_with(made(2), later="x"), replace_with(made(3), later="y")])
+    monkeypatch.undo()
+    one.add([made(4, odds=7.0), made(1, serial="B2")])
+    assert len(keys(one)) == 4
+    assert {each["odds"] for each in one.query("SELECT odds FROM rows")} == {None, 7.0}
+    assert verify(one).faults == ()
+    upkeep.optimize(one)
+    assert verify(one).faults == ()
+    found = QueryBuilder().register("t", one.table(Row)).execute("SELECT later FROM t ORDER BY key")
+    assert [each.as_py() for batch in found for each in batch.column("later")] == [None, "x", "y", None]
+
+
+def replace_with(row_: Row, **more: str) -> Any:
+    """A row with attributes of a later release."""
+    return SimpleNamespace(**vars(row_), **more)
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
@@ -229,9 +298,6 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     for new in (True, False):
         with pytest.raises(InvalidArgument, match="no registry"):
             Registry(tmp_path, new=new)
-    (tmp_path / MARK).write_text('{"format": "camssf-registry/9"}')
-    with pytest.raises(InvalidArgument, match="no registry"):
-        Registry(tmp_path, new=True)
     with pytest.raises(InvalidArgument, match=r"letter\.txt is a file"):
         Registry(tmp_path / "letter.txt", new=True)
     with pytest.raises(InvalidArgument, match="There is no folder"):
@@ -239,50 +305,141 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The other one makes it between this one's look for the mark and its look whether anything else is there."""
-    real = registry._empty
+    """The other one makes it between this one's look whether it is there and its own making of it."""
+    real = Registry.table
 
-    def late(folder: Path) -> bool:
-        monkeypatch.setattr(registry, "_empty", real)
-        one.add([made(1)])
-        return real(folder)
+    def late(self: Registry, table: Any) -> Any:
+        found = real(self, table)
+        monkeypatch.setattr(Registry, "table", real)
+        Registry(one.folder, new=True).add([made(1)])
+        return found
 
-    monkeypatch.setattr(registry, "_empty", late)
-    Registry(one.folder, new=True).add([made(2)])
+    monkeypatch.setattr(Registry, "table", late)
+    one.add([made(1), made(2)])
     assert len(keys(one)) == 2
 
 
+def test_a_writer_that_comes_second_looks_again(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever commits between its look at the rows and its own commit, nothing is doubled or lost."""
+    one.add([made(1)])
+    real = Registry._ask
+
+    def late(self: Registry, *values: Any) -> Any:
+        found = real(self, *values)
+        monkeypatch.setattr(Registry, "_ask", real)
+        Registry(one.folder).add([made(2), made(3, serial="theirs")])
+        upkeep.optimize(Registry(one.folder))
+        return found
+
+    monkeypatch.setattr(Registry, "_ask", late)
+    one.add([made(1, serial="mine"), made(2), made(3, serial="mine")])
+    found = one.query("SELECT serial FROM rows ORDER BY key")
+    assert [each["serial"] for each in found] == ["mine", "A1", "mine"]
+
+
 def test_a_disk_that_is_full_adds_nothing(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    import deltalake
+
     one.add([made(1)])
 
-    def full(handle: int) -> None:
+    def full(*values: object, **more: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(registry.os, "fsync", full)
+    monkeypatch.setattr(deltalake, "write_deltalake", full)
     for attempt in (lambda: one.add([made(2)]), lambda: one.note([Task("t", "", START, "", "", "", "", "")])):
         with pytest.raises(InvalidArgument, match="No space"):
             attempt()
     monkeypatch.undo()
     assert len(keys(one)) == 1
-    assert not [path for path in one.folder.rglob("*") if path.name.startswith(".camssf")]
 
 
 def test_a_file_that_vanishes_while_it_is_read(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As when somebody gathers between the look into the folder and the reading."""
-    for number in range(4):
-        one.add([made(number)])
-    real, calls = Registry._files, []
+    """As when somebody deletes a unit between the look into the log and the reading."""
+    one.add([made(number, serial=str(number)) for number in range(4)])
+    real, calls = Registry.table, []
 
-    def late(self: Registry, table: Any) -> list[Path]:
+    def late(self: Registry, table: Any) -> Any:
         found = real(self, table)
-        if len(calls) < 2 and table is Row:
+        if not calls:
             calls.append(1)
-            Registry(self.folder).gather() if len(calls) == 1 else None
+            upkeep.delete(Registry(self.folder), Unit(serial="3"))
         return found
 
-    monkeypatch.setattr(Registry, "_files", late)
-    assert len(keys(one)) == 4
-    assert calls
+    monkeypatch.setattr(Registry, "table", late)
+    assert len(keys(one)) == 3
+
+
+# Versions
+
+
+def test_the_registry_as_it_was(one: Registry) -> None:
+    one.add([made(1)])
+    one.add([made(2)])
+    before = datetime.now(UTC)
+    time.sleep(0.01)
+    one.add([made(1, serial="B2"), made(3)])
+    assert len(keys(Registry(one.folder, as_of="1"))) == 1
+    then = Registry(one.folder, as_of=before.isoformat())
+    assert [each["serial"] for each in then.listing()] == ["A1", "A1"]
+    assert len(then.files()) == 2
+    for wrong, words in (("x", "neither"), ("2026-01-01T00:00", "neither"), ("99", "ersion")):
+        with pytest.raises(InvalidArgument, match=words):
+            Registry(one.folder, as_of=wrong).listing()
+
+
+def test_vacuum_removes_what_no_version_of_the_last_days_needs(one: Registry) -> None:
+    for number in range(5):
+        one.add([made(number)])
+    upkeep.optimize(one)
+    assert len(keys(Registry(one.folder, as_of="3"))) == 3
+    assert upkeep.vacuum(one) == 0
+    assert upkeep.vacuum(one, 0) == 5
+    assert len(keys(one)) == 5
+    found = verify(one)
+    assert (found.faults, found.unsealed) == ((), ())
+    with pytest.raises(InvalidArgument, match="missing"):
+        Registry(one.folder, as_of="3").listing()
+
+
+def test_a_deleted_unit_is_gone_from_every_file(one: Registry) -> None:
+    """Also from the log and from older versions; other units are as before."""
+    mine = [made(n, serial="PATIENT-7", name=f"patient-{n}", place=f"../a/{n}.json", added=START) for n in range(3)]
+    one.add([*mine[:2], made(8), made(9, model="Other")])
+    one.add([mine[2]])
+    one.note(
+        [
+            Task("t", "", START, "patient-1", "accepted", "", "", mine[1].key),
+            Task("u", "", START, "x", "", "", "", ""),
+        ]
+    )
+    assert upkeep.delete(one, Unit(serial="nobody")) == []
+    assert upkeep.delete(one, Unit(serial="PATIENT-7")) == [
+        {"key": f"{n:064x}", "place": f"../a/{n}.json"} for n in range(3)
+    ]
+    assert [key[-1] for key in keys(one)] == ["8", "9"]
+    assert one.query("SELECT name FROM rows", table=Task) == [{"name": "x"}]
+    for path in one.folder.rglob("*"):
+        if path.is_file() and path.suffix == ".parquet":
+            with connection() as con:
+                assert "atient" not in str(list(row_batches(con, str(path)))).lower()
+        elif path.is_file():
+            assert b"atient" not in path.read_bytes().lower(), path
+    found = verify(one)
+    assert (found.faults, found.unsealed) == ((), ())
+
+
+def test_other_programs_read_it(one: Registry) -> None:
+    """By the Delta protocol alone: reader version 1, times with their zone."""
+    one.add([made(1, bells(), captured=datetime(2026, 11, 20, 10, tzinfo=timezone(timedelta(hours=1)))), made(2)])
+    one.add([made(2, serial="B2")])
+    table = one.table(Row)
+    assert (table.protocol().min_reader_version, table.protocol().min_writer_version) == (1, 2)
+    assert table.metadata().partition_columns == ["make", "model"]
+    assert {each.name: each.type.type for each in table.schema().fields}["captured"] == "timestamp"
+    found = QueryBuilder().register("t", table).execute("SELECT serial, captured FROM t ORDER BY key")
+    (batch,) = found
+    assert batch.column("serial").to_pylist() == ["A1", "B2"]
+    assert batch.column("captured").to_pylist()[0] == datetime(2026, 11, 20, 9, tzinfo=UTC)
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -309,14 +466,14 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
     told: list[list[str]] = []
     try:
         deadline = time.monotonic() + 240
-        while not (one.folder / MARK).exists() and time.monotonic() < deadline:
+        while not (one.folder / "results" / "_delta_log").exists() and time.monotonic() < deadline:
             time.sleep(0.01)
         reader = Registry(one.folder)
         for number, victim in enumerate(writers[:2], 1):
             theirs, found = f"{number * 1_000_000:064x}"[:-4], keys(reader)
             while not any(key.startswith(theirs) for key in found) and time.monotonic() < deadline:
                 assert len(found) == len(set(found))
-                reader.gather()
+                upkeep.optimize(reader)
                 found = keys(reader)
             victim.kill()
         for process in writers:
@@ -334,7 +491,7 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
     acknowledged = {line for lines in told for line in lines}
     assert acknowledged <= set(found)
     assert len(set(found) - acknowledged) <= 10  # a task of each victim that was safe, and he did not live to say so
-    reader.gather()
+    upkeep.optimize(reader)
     assert keys(reader) == found
 
 
@@ -561,7 +718,7 @@ def test_add_list_compare_export(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert Registry(folder).query("SELECT place FROM rows") == [{"place": "../out/result.json"}]
     for name in ("all.parquet", "all.csv"):
         assert run("export", folder, "-o", tmp_path / name) == 0
-    with registry.connection() as con:
+    with connection() as con:
         (count,) = con.execute(f"SELECT count(*) FROM '{tmp_path / 'all.parquet'}' WHERE len(red) = 69").fetchone()
     assert count == 1
     (cells,) = csv.DictReader((tmp_path / "all.csv").read_text("utf-8").splitlines())
@@ -605,7 +762,7 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "without its covariance" in capsys.readouterr().err
     (found,) = Registry(folder).query("SELECT * FROM rows")
     assert (found["passport"], found["serial"], found["key"]) == (drawn.id, "S", drawn.result_sha256)
-    assert found["captured"] == datetime(2026, 1, 2)
+    assert found["captured"] == datetime(2026, 1, 2, tzinfo=UTC)
     assert not found["code_covariance"]
     # With the whole result, or with what `passport verify` printed: the same row, and nothing of it is lost.
     (tmp_path / "y.json").write_text(json.dumps(as_document(file.read_bytes(), drawn)), "utf-8")
@@ -619,6 +776,34 @@ def test_add_a_passport(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     (found,) = Registry(folder).query("SELECT * FROM rows")
     assert (found["passport"], found["serial"], found["key"]) == (drawn.id, "S", drawn.result_sha256)
     assert list(found["code_covariance"]) == pytest.approx(document()["code_covariance"], abs=1e-6)
+
+
+def test_upkeep_on_the_command_line(one: Registry, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    one.add([made(1, place="../1.json"), made(2, serial="B2")])
+    one.add([made(3, serial="B2")])
+    assert run("verify", one.folder) == 0
+    found = validated(json.loads(capsys.readouterr().out), "camssf-verification/1")
+    assert (found["rows"], found["documents_missing"], found["faults"]) == (3, 1, [])
+    assert run("optimize", one.folder) == 0
+    assert "2 files before, 1 now" in capsys.readouterr().err
+    assert run("list", one.folder, "--as-of", "1", "--verify") == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert run("vacuum", one.folder, "--days", "0") == 0
+    assert "2 files deleted" in capsys.readouterr().err
+    assert run("delete", one.folder, "--serial", "A1") == 0
+    found = validated(json.loads(capsys.readouterr().out), "camssf-deletion/1")
+    assert found["results"] == [{"key": f"{1:064x}", "place": "../1.json"}]
+    assert run("delete", one.folder, "--serial", "A1") == InvalidArgument.exit_status
+    (file,) = map(Path, one.files())
+    file.write_bytes(flipped(file.read_bytes(), 100, 1))
+    assert run("verify", one.folder) == cli.PARTED
+    out, err = capsys.readouterr()
+    assert validated(json.loads(out), "camssf-verification/1")["faults"]
+    assert "damaged" in err
+    for words in (["list"], ["compare", "--serial", "B2"], ["export", "-o", tmp_path / "x.csv"],
+                  ["learn", "-o", tmp_path / "x.npz"]):  # fmt: skip
+        assert run(words[0], one.folder, *words[1:], "--verify") == InvalidArgument.exit_status
+        assert "The registry is damaged" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_drift_on_the_command_line_ends_with_1(
@@ -724,9 +909,10 @@ def test_what_a_spread_and_the_nearest_leave_out_is_counted(
 
 WRONG = [
     (["list", "missing"], "There is no folder missing. Name the folder that `camssf registry add`"),
-    (["list", "else"], "else is no registry: it holds no registry.json."),
+    (["list", "else"], "else is no registry: it holds no table of results."),
+    (["list", "phones", "--as-of", "noon"], "'noon' is neither the number of a version nor a time"),
+    (["delete", "phones"], ""),
     (["add", "else", "result.json"], "Name a new or an empty folder."),
-    (["list", "newer"], "its format is 'camssf-registry/9', not 'camssf-registry/1'."),
     (["list", "phones", "--status", "bad"], "'bad' is not a status of a result. Use one of accepted, doubtful,"),
     (["compare", "phones"], "Nothing to compare was named. Give --model to compare its units, --serial to"),
     (["compare", "phones", "--serial", "none"], "The registry has no result of a unit with the serial number none."),
@@ -753,9 +939,8 @@ def test_messages_say_what_is_wrong_and_nothing_changes(
     Path("empty.json").write_text("{}")
     Path("result.json").write_bytes(document_bytes(document()))
     Path("refused.json").write_bytes(document_bytes(refused()))
-    for folder, mark in (("else", "letter.txt"), ("newer", MARK)):
-        Path(folder).mkdir()
-        (Path(folder) / mark).write_text('{"format": "camssf-registry/9"}')
+    Path("else").mkdir()
+    Path("else/letter.txt").write_text("dear")
     before = sorted(str(path) for path in tmp_path.rglob("*"))
     for words, message in WRONG:
         assert run(*words) == InvalidArgument.exit_status, words

@@ -21,7 +21,9 @@ CLASSIFIERS = {
     "The Unlicense (Unlicense)": "Unlicense",
 }
 """SPDX identifiers by the last part of the classifier `License :: OSI Approved :: ...`."""
-WORDS = {"3-Clause BSD License": "BSD-3-Clause", "ISC License": "ISC"}
+WORDS = {
+    "3-Clause BSD License": "BSD-3-Clause", "Dual License": "Apache-2.0 OR BSD-3-Clause", "ISC License": "ISC",
+}  # fmt: skip
 """SPDX identifiers by other texts in the field License."""
 
 

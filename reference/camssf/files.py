@@ -100,19 +100,35 @@ def write_file(path: Path | str, content: bytes | str) -> None:
     Raises:
         InvalidArgument: it cannot be written there.
     """
+    with write_aside(path) as aside, open(aside, "r+b") as stream:
+        _fill(stream.fileno(), content)
+
+
+@contextmanager
+def write_aside(path: Path | str) -> Iterator[Path]:
+    """A new file beside another one, for the work within to fill; then it is moved into its place.
+
+    On any failure, Ctrl-C included, an existing file stays unchanged.
+
+    Raises:
+        InvalidArgument: it cannot be written there.
+    """
     path = local(path)
     local_folder(path.parent)
     try:
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
-        handle, aside = tempfile.mkstemp(prefix=".camssf-", dir=path.absolute().parent)
+        handle, name = tempfile.mkstemp(prefix=".camssf-", dir=path.absolute().parent)
+        os.close(handle)
+        aside = Path(name)
         try:
-            with os.fdopen(handle, "wb") as stream:
-                _fill(stream.fileno(), content)
+            yield aside
+            with open(aside, "r+b") as stream:
+                os.fsync(stream.fileno())  # before it replaces another file
             os.chmod(aside, 0o644)  # with mkstemp's 0600, other users could not read the file
             os.replace(aside, path)
         except BaseException:
-            Path(aside).unlink(missing_ok=True)
+            aside.unlink(missing_ok=True)
             raise
     except (OSError, ValueError) as error:
         raise InvalidArgument(
@@ -171,6 +187,7 @@ def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
             if content is not None:
                 with open(beside / name, "xb") as stream:
                     _fill(stream.fileno(), content)
+                    os.fsync(stream.fileno())
         committing = True
         for name, content in contents.items():
             if content is None:
@@ -189,8 +206,7 @@ def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
 
 
 def _fill(handle: int, content: bytes | str) -> None:
-    """Write the whole content and flush it to the disk, before it replaces another file."""
+    """Write the whole content."""
     rest = memoryview(readable(content).encode() if isinstance(content, str) else content)
     while rest:
         rest = rest[os.write(handle, rest) :]
-    os.fsync(handle)

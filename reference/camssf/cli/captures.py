@@ -183,12 +183,14 @@ def calibrate(
 
 def batch(
     manifest: Annotated[
-        Path,
+        str,
         typer.Argument(
             metavar="CSV", help="Columns name,photo,lamp,white,dark,chart; rows of one name are its shots."
         ),
     ],
-    out: OutFolder = Path("out"),
+    out: Annotated[
+        str, typer.Option("-o", "--out", metavar="FOLDER", help="Output folder; with a registry also a URL.")
+    ] = "out",
     basis: BasisName = "auto",
     engine: Engine = "onnx",
     lens_shading: LensShading = "as-stored",
@@ -205,7 +207,7 @@ def batch(
         ),
     ] = None,
     registry: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
             metavar="FOLDER",
             show_default=False,
@@ -237,7 +239,7 @@ def batch(
     done = f"{found.total - found.failed} of {found.total} calibrated"
     if registry is None:
         _say_outcomes(found.outcomes)
-        say("", f"{done}; summary in {out / 'summary.csv'}")
+        say("", f"{done}; summary in {Path(out) / 'summary.csv'}")
     else:
         emit(found.document())
         _say_numbers(found)

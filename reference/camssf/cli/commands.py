@@ -19,6 +19,7 @@ from camssf.cli.registry import registry
 from camssf.cli.spectrum import spectrum
 from camssf.cli.steps import patches, report, solve, validate
 from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
+from camssf.cli.upkeep import COMMANDS as UPKEEP
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.version import __version__
 
@@ -112,4 +113,6 @@ def _camssf(
 for _command, _example in COMMANDS:
     app.command(epilog=f"Example: {_example}")(_command)
 app.add_typer(passport)
+for _upkeep, _example in UPKEEP:
+    registry.command(epilog=f"Example: {_example}")(_upkeep)
 app.add_typer(registry)

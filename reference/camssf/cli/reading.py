@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
 from camssf.files import check_local, local
+from camssf.places import check_place, is_remote, place, reached
 
 if TYPE_CHECKING:
     from camssf.photo.shot import Shot
@@ -25,12 +26,12 @@ LARGEST_CORNERS = 1 << 20
 """Bytes; enough for four points in each of thousands of photos."""
 
 
-def given_paths(word: str, paths: list[str]) -> list[str]:
-    """The paths, checked not to be empty or URLs; `word` is their name on the command line."""
+def given_paths(word: str, paths: list[str], *, remote: bool = False) -> list[str]:
+    """The paths, checked not to be empty or URLs, if `remote` but those of object stores; `word` is their name."""
     if not all(path.strip() for path in paths):  # "" would mean this folder; often it is an unset shell variable
         raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
     for path in paths:
-        check_local(path)
+        (check_place if remote else check_local)(path)
     return paths
 
 
@@ -254,6 +255,9 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
                     "Standard input is closed.", "Name a file, or pipe the output of another camssf command."
                 )
             data = sys.stdin.buffer.read(most + 1)
+        elif is_remote(source):
+            with reached(place(source), "read"), place(source).open("rb") as file:
+                data = file.read(most + 1)
         else:
             with open(local(source), "rb") as file:
                 data = file.read(most + 1)

@@ -22,6 +22,7 @@ from camssf.version import __version__
 if TYPE_CHECKING:
     from camssf.fleet.drift import UnitDrift
     from camssf.fleet.learn import Judgement
+    from camssf.fleet.registry import Registry
 
 STATUSES = ("accepted", "doubtful", "refused")
 """Statuses of results; a failed job has no result."""
@@ -35,11 +36,30 @@ registry = typer.Typer(
     rich_markup_mode=None,
 )
 
-Folder: TypeAlias = Annotated[Path, typer.Argument(metavar="REGISTRY", help="The registry's folder.")]
+Folder: TypeAlias = Annotated[str, typer.Argument(metavar="REGISTRY", help="The registry's folder or URL.")]
 Make: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's make.")]
 Model: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The camera's model.")]
 Serial: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The unit's serial number.")]
+AsOf: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="VERSION|TIME", show_default=False, help="Read the registry as it was, at a version or at a time."
+    ),
+]
+Verify: TypeAlias = Annotated[bool, typer.Option("--verify", help="Verify the registry before it is read.")]
 Doubtful: TypeAlias = Annotated[bool, typer.Option("--doubtful", help="Include doubtful results.")]
+
+
+def read_registry(folder: str, as_of: str, verify: bool) -> Registry:
+    """The registry, verified if that is asked for."""
+    from camssf.fleet.registry import Registry
+
+    found = Registry(folder, as_of=as_of)
+    if verify:
+        from camssf.fleet.verify import check_registry
+
+        check_registry(found)
+    return found
 
 
 @registry.command(epilog="Example: camssf registry add phones/ out/result.json --serial A1B2 --captured 2026-11-22")
@@ -62,13 +82,14 @@ def add(
     """Add results; a registry that is missing is made."""
     from camssf.documents.result_json import LARGEST_DOCUMENT, check_document, parse_json
     from camssf.fleet.compare import many
-    from camssf.fleet.registry import MANY_FILES, Registry
+    from camssf.fleet.registry import Registry
     from camssf.fleet.rows import Origin, row
+    from camssf.fleet.upkeep import MANY_FILES, optimize
     from camssf.photo.read.unit import Unit
 
     check_captured(captured)
     found, rows, read, passports = Registry(folder, new=True), [], [], []
-    for path in given_paths("RESULT", results):
+    for path in given_paths("RESULT", results, remote=True):
         data = read_bytes(path, LARGEST_DOCUMENT)
         if data.lstrip()[:1] == b"{":
             document = parse_json(data, name_of(path), "Give a result.")
@@ -97,8 +118,7 @@ def add(
             rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
     rows += signed.values()
     found.add(rows)
-    if found.files() > MANY_FILES:
-        found.gather()
+    optimize(found, least=MANY_FILES)
     say("", f"{many(len(rows), 'result')} added to {folder}")
 
 
@@ -111,7 +131,7 @@ def _kind_of(data: bytes) -> str:
 
 def _from_passport(
     data: bytes,
-    folder: Path,
+    folder: str,
     path: str,
     trust: tuple[list[Path], Path | None],
     whole: dict[str, tuple[bytes, dict[str, Any]]],
@@ -139,10 +159,10 @@ def _from_passport(
     return row(found.result_sha256, document, origin)
 
 
-def _place(folder: Path, path: str) -> str:
-    from camssf.fleet.rows import relative_path
+def _place(folder: str, path: str) -> str:
+    from camssf.places import place, relative
 
-    return "" if path == "-" else relative_path(path, folder)
+    return "" if path == "-" else relative(place(path), place(folder))
 
 
 @registry.command("list", epilog='Example: camssf registry list phones/ --model "Pixel 9" > pixels.csv')
@@ -162,18 +182,21 @@ def list_results(
     limit: Annotated[
         int | None, typer.Option(min=1, show_default=False, help="Largest number of rows, newest first.")
     ] = None,
+    as_of: AsOf = "",
+    verify: Verify = False,
 ) -> None:
     """List results as CSV, the newest first."""
     from camssf.fleet.batch import cell
     from camssf.fleet.compare import many
-    from camssf.fleet.registry import SHORT, Registry, Wanted, as_json
+    from camssf.fleet.registry import SHORT, Wanted
+    from camssf.fleet.tables import as_json
     from camssf.photo.read.unit import Unit
 
     for word in status or ():
         if word not in STATUSES:
             raise InvalidArgument(f"{word!r} is not a status of a result.", f"Use one of {', '.join(STATUSES)}.")
     unit = Unit(make=make, model=model, serial=serial)
-    found = Registry(folder).listing(Wanted(unit, statuses=tuple(status or ())), limit=limit)
+    found = read_registry(folder, as_of, verify).listing(Wanted(unit, statuses=tuple(status or ())), limit=limit)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SHORT)
@@ -199,6 +222,8 @@ def compare(
         str | None, typer.Option(metavar="JSON", show_default=False, help="List the models nearest to this result.")
     ] = None,
     doubtful: Doubtful = False,
+    as_of: AsOf = "",
+    verify: Verify = False,
 ) -> None:
     """Compare units of a model, or follow one unit.
 
@@ -209,11 +234,11 @@ def compare(
     """
     from camssf.fleet import compare as comparing
     from camssf.fleet.drift import drift_of
-    from camssf.fleet.registry import Registry, Wanted
+    from camssf.fleet.registry import Wanted
     from camssf.grid import CHANNELS
     from camssf.photo.read.unit import Unit
 
-    found = Registry(folder)
+    found = read_registry(folder, as_of, verify)
     statuses = ("accepted", "doubtful") if doubtful else comparing.ACCEPTED
     unit = Unit(make=make, model=model, serial=serial, camera_id=camera_id, lens=lens)
     if result is not None and unit != Unit():
@@ -350,6 +375,8 @@ def learn(
         ),
     ] = "model",
     doubtful: Doubtful = False,
+    as_of: AsOf = "",
+    verify: Verify = False,
 ) -> None:
     """Learn a basis from the results.
 
@@ -358,14 +385,13 @@ def learn(
     """
     from camssf.fleet.compare import ACCEPTED
     from camssf.fleet.learn import LearnRequest, learn_basis
-    from camssf.fleet.registry import Registry
 
     if out.suffix != ".npz":
         raise InvalidArgument(f"The basis file {out} does not end in .npz.", "Give it this ending.")
     statuses = ("accepted", "doubtful") if doubtful else ACCEPTED
     request = LearnRequest(basis, make, model, camera_id, statuses, table, licence, leave)
     with progress_bar() as progress:
-        lesson = learn_basis(Registry(folder), request, progress=progress)
+        lesson = learn_basis(read_registry(folder, as_of, verify), request, progress=progress)
     lesson.save(out)
     emit(lesson.document())
     for reason, count in lesson.left_aside.items():
@@ -394,11 +420,11 @@ def export(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE", help=".parquet with everything, .csv without the curves.")
     ],
+    as_of: AsOf = "",
+    verify: Verify = False,
 ) -> None:
     """Write all results into one file."""
-    from camssf.fleet.registry import Registry
-
-    Registry(folder).export(out)
+    read_registry(folder, as_of, verify).export(out)
     say("", f"results: {out}")
 
 

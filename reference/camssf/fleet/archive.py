@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +27,17 @@ from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome, Progress, Summary
 from camssf.fleet.pools import DEATHS, FLUSH
 from camssf.fleet.registry import Registry
-from camssf.fleet.rows import Origin, Row, Task, relative_path, row, utc
+from camssf.fleet.rows import Origin, Row, Task, row, utc
+from camssf.fleet.upkeep import MANY_FILES, optimize
 from camssf.photo.read.unit import read_unit
+from camssf.places import Place, is_remote, reached, relative, write_place
 from camssf.version import __version__
 
 LARGEST_BUFFER = 256
 """The registry is written after this many jobs, or after FLUSH seconds."""
 GIVEN = ("make", "model", "camera_id", "serial", "lens", "focal_length", "aperture", "captured", "place", "extra")
 """Fields of a row that come from the manifest and the photo's file, not from the result; without the name."""
+RESULT = "result.json"
 STATUSES = ("accepted", "doubtful", "refused", "failed")
 
 
@@ -47,27 +51,39 @@ class Archive:
         pages: whether a result without its pages counts as missing.
     """
 
-    folder: Path
-    registry: Path
+    folder: Place
+    registry: Place
     pages: bool
 
-    def place(self, made_from: str) -> Path:
+    def place(self, made_from: str) -> Place:
         """The folder of a result."""
         return self.folder / made_from[:2] / made_from
 
     def holds(self, made_from: str) -> bool:
         """Whether the result exists, with its pages if they are wanted; nothing is read."""
-        names = ("result.json", "report.html") if self.pages else ("result.json",)
-        return all((self.place(made_from) / name).is_file() for name in names)
+        names = (RESULT, "report.html") if self.pages else (RESULT,)
+        with reached(self.folder, "read"):
+            return all((self.place(made_from) / name).is_file() for name in names)
 
     def earlier(self, job: Job, made_from: str) -> Outcome | None:
         """The outcome of a result in the archive; None if it is missing or damaged."""
         kept = self._row(job, made_from) if self.holds(made_from) else None
         return None if kept is None else replace(_outcome(kept), resumed=True)
 
-    def begin(self, job: Job, made_from: str) -> Path:
-        """The folder for a new result."""
-        return self.place(made_from)
+    @contextmanager
+    def working_folder(self, job: Job, made_from: str) -> Iterator[Path]:
+        """The folder for a new result; for an object store a temporary one, whose files are then copied there.
+
+        The result is copied last, so that whatever has a result is whole.
+        """
+        place = self.place(made_from)
+        if not is_remote(place):
+            yield place
+            return
+        with tempfile.TemporaryDirectory(prefix="camssf-") as name:
+            yield Path(name)
+            for path in sorted(Path(name).iterdir(), key=lambda path: path.name == RESULT):
+                write_place(place / path.name, path.read_bytes())
 
     def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
         """The outcome with the row of the result, if there is one."""
@@ -75,19 +91,20 @@ class Archive:
         return outcome if kept is None else _outcome(kept)
 
     def _row(self, job: Job, made_from: str) -> Row | None:
-        from camssf.documents.result_json import read_document
+        from camssf.documents.result_json import check_document, parse_json
 
-        file = self.place(made_from) / "result.json"
+        file = self.place(made_from) / RESULT
         try:
-            document = read_document(file)
-            data = file.read_bytes()
+            with reached(file, "read"):
+                data = file.read_bytes()
+            document = check_document(parse_json(data, str(file), ""), str(file))
         except (OSError, InvalidArgument):
             return None
         unit, captured = job.unit, job.captured
         with suppress(CalibrationError):
             photographed = read_unit(job.photos[0])
             unit, captured = unit.filled(photographed.unit), captured or photographed.time
-        place = relative_path(file, self.registry)
+        place = relative(file, self.registry)
         return row(data, document, Origin(unit, captured, job.name, made_from, place=place, extra=dict(job.extra)))
 
 
@@ -175,7 +192,7 @@ class RegistryRecorder:
         if new is not None and before is not None:
             self._summary.duplicates += new.name != before[0].name
             if _given(new) != _given(before[0]):
-                self._rows[key] = replace(new, added=max(new.added, before[0].added)), before[1]
+                self._rows[key] = new, before[1]
         elif new is not None:
             self._rows[key] = new, outcome.resumed
         reason = f"{outcome.reason} It is put aside." if outcome.deaths else outcome.reason
@@ -197,11 +214,12 @@ class RegistryRecorder:
         if self._tasks:
             self._registry.add(self._changed())
             self._registry.note(self._tasks)
+            optimize(self._registry, least=MANY_FILES)
             self._rows, self._tasks, self._last = {}, [], time.monotonic()
 
     def finish(self) -> None:
         """Merge the registry's small files."""
-        self._registry.gather()
+        optimize(self._registry)
 
     def _changed(self) -> list[Row]:
         """The buffered rows that differ from those in the registry."""
@@ -220,7 +238,7 @@ class RegistryRecorder:
             self._summary.duplicates += another
             twin = another and old["added"] >= self._begun  # duplicate in this run: the row may have either name
             if _given(new) != tuple(old[name] or None for name in GIVEN) or (another and not twin):
-                rows.append(replace(new, added=max(new.added, old["added"] + timedelta(microseconds=1))))
+                rows.append(new)
         return rows
 
 

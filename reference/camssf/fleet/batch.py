@@ -12,12 +12,14 @@ import hashlib
 import io
 import json
 import re
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from camssf.errors import CalibrationError, InvalidArgument, RawError
 from camssf.files import local_folder, write_file, write_files
@@ -28,6 +30,7 @@ from camssf.fleet.outcome import Outcome, Progress, Summary
 from camssf.fleet.pools import cores, run_dask, run_processes
 from camssf.fleet.registry import Registry
 from camssf.photo.read.sidecar import photo_hash
+from camssf.places import absolute, fetch, folder_place, is_remote, place
 from camssf.report.build import NAMES
 from camssf.version import __version__
 
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
 
 MARK = "batch.json"
 """File in a result's folder with the hashes of all its inputs and of its own files."""
+FRAMES = ("photos", "white", "dark")
+"""Fields of a job whose files may be in an object store."""
 KEPT = "The earlier result of this name was kept as it is."
 _FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
 """Positions where a spreadsheet may take text for a formula, at the possible start of a cell; a `'` prevents it."""
@@ -79,7 +84,8 @@ def run_batch(
         InvalidArgument: the manifest cannot be read, `out` or the registry cannot be written to, or the cluster does
             not answer or cannot do the jobs.
     """
-    folder, begun, summary = local_folder(out), time.monotonic(), Summary()
+    begun, summary = time.monotonic(), Summary()
+    folder = local_folder(out) if registry is None else absolute(folder_place(out))
     store: _ResultFolders | Archive
     recorder: _FolderRecorder | RegistryRecorder
     jobs: Iterator[Job]
@@ -94,7 +100,7 @@ def run_batch(
         default: WorkInFolder = calibrate_into_folder
         _make_folder(folder)
     else:
-        store = Archive(folder.absolute(), registry.folder.absolute(), pages)
+        store = Archive(folder, absolute(registry.folder), pages)
         jobs = unfinished(manifest, registry, summary, store)
         recorder = RegistryRecorder(manifest, registry, summary, progress)
         default = partial(calibrate_into_archive, pages=pages)
@@ -103,7 +109,7 @@ def run_batch(
         if dask is None:
             run_processes(jobs, do, max(1, workers or cores()), recorder)
         else:
-            run_dask(jobs, do, dask, folder.absolute(), recorder)
+            run_dask(jobs, do, dask, folder, recorder)
     finally:
         recorder.flush()
     recorder.finish()
@@ -172,18 +178,43 @@ def _run_job(job: Job, *, store: _ResultFolders | Archive, work: WorkInFolder) -
         return Outcome(job.name, "refused", InvalidArgument.code, f"In the manifest, {job.fault}", job.folder)
     made_from = ""
     try:
-        made_from = inputs_hash(job)
-        outcome = store.earlier(job, made_from)
-        if outcome is None:
-            folder = store.begin(job, made_from)
-            try:
-                outcome = store.keep(job, made_from, work(job, folder))
-            except CalibrationError as error:
-                outcome = _refused(job, error)
+        with _local_job(job) as local:
+            made_from = inputs_hash(local)
+            outcome = store.earlier(local, made_from)
+            if outcome is None:
+                with store.working_folder(local, made_from) as folder:
+                    outcome = work(local, folder)
+                outcome = store.keep(local, made_from, outcome)
+    except CalibrationError as error:
+        outcome = _refused(job, error)
     except Exception as error:
         words = " ".join(f"{type(error).__name__}: {error}".split())
         outcome = Outcome(job.name, "failed", "", f"{words} (this is camssf's fault, please report it)")
     return replace(outcome, folder=job.folder, made_from=made_from)
+
+
+@contextmanager
+def _local_job(job: Job) -> Iterator[Job]:
+    """The job with local copies of the photos that are in an object store.
+
+    Raises:
+        InvalidArgument: one cannot be read; or of the work within, with the URLs instead of the copies' names.
+    """
+    remote = list(dict.fromkeys(each for each in job.specifications if each and is_remote(each)))
+    if not remote:
+        yield job
+        return
+    with tempfile.TemporaryDirectory(prefix="camssf-") as name:
+        copies = {url: str(fetch(place(url), Path(name) / str(i))) for i, url in enumerate(remote)}
+        fields: dict[str, Any] = {
+            name: tuple(copies.get(each, each) for each in getattr(job, name)) for name in FRAMES
+        }
+        try:
+            yield replace(job, **fields)
+        except CalibrationError as error:
+            for url, copy in copies.items():
+                error.message = error.message.replace(copy, url)
+            raise
 
 
 def _refused(job: Job, error: CalibrationError) -> Outcome:
@@ -224,10 +255,11 @@ class _ResultFolders:
             pass
         return None
 
-    def begin(self, job: Job, made_from: str) -> Path:
+    @contextmanager
+    def working_folder(self, job: Job, made_from: str) -> Iterator[Path]:
         """The folder for a new result."""
         (self.out / job.folder / MARK).unlink(missing_ok=True)  # from now on it does not describe the folder
-        return self.out / job.folder
+        yield self.out / job.folder
 
     def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
         """Write the MARK file of a result with curves."""

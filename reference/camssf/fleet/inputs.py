@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.files import PHOTO, check_local, kind_of, local
-from camssf.photo.read.sidecar import sidecar_of
-from camssf.recovery.basis import NAMES, read_basis
+from camssf.files import PHOTO, kind_of, local
+from camssf.photo.read.sidecar import PIECE, sidecar_of
+from camssf.places import Place, check_place, is_remote, place, reached
 
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its modification time, ns."""
@@ -40,36 +40,49 @@ def urls_among(cells: Iterable[str]) -> list[str]:
     for cell in cells:
         for text in (cell, cell.partition(":")[2]):  # nano24:https://...
             try:
-                check_local(text)
+                check_place(text)
             except InvalidArgument as error:
                 return [f"{error.message} {error.advice}"]
     return []
 
 
-def file_in(specification: str | None) -> tuple[str, Path | None]:
+def file_in(specification: str | None) -> tuple[str, Place | None]:
     """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file."""
     if not specification:
         return "", None
+    if is_remote(specification):
+        return "", place(specification)
     if is_file(Path(specification)):
         return "", Path(specification)
     layout, _, path = specification.partition(":")
     return (layout, Path(path)) if path and is_file(Path(path)) else ("", None)
 
 
-def file_hash(path: Path) -> str:
+def file_hash(path: Place) -> str:
     """SHA-256 of a file."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(PIECE):
+            found.update(piece)
+    return found.hexdigest()
 
 
-def stamps(path: Path) -> list[Stamp | None]:
+def stamps(path: Place) -> list[Stamp | None]:
     """Stamps of a file and, if it may have one, of its sidecar; None for a missing file."""
     sidecar = sidecar_of(path)
     return [stamp(path)] if sidecar is None else [stamp(path), stamp(sidecar)]
 
 
-def stamp(path: Path) -> Stamp | None:
-    """The stamp of one file; None if it is missing."""
+def stamp(path: Place) -> Stamp | None:
+    """The stamp of one file; None if it is missing. In an object store its tag stands for the time."""
+    if is_remote(path):
+        with reached(path, "read"):
+            try:
+                info = path.fs.info(path.path)  # type: ignore[attr-defined]
+            except FileNotFoundError:
+                return None
+            tag = next((info[name] for name in ("ETag", "etag", "LastModified", "created") if name in info), "")
+            return int(info["size"]), int(hashlib.sha256(str(tag).encode()).hexdigest()[:15], 16)
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -83,6 +96,8 @@ def basis_path(spec: str) -> Path | None:
     Raises:
         InvalidArgument: the name is a URL.
     """
+    from camssf.recovery.basis import NAMES
+
     path = local(spec)
     return path if spec not in (*NAMES, "auto") and is_file(path) else None
 
@@ -92,6 +107,8 @@ def basis_hash(spec: str) -> str | None:
 
     A change also clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
     """
+    from camssf.recovery.basis import read_basis
+
     path = basis_path(spec)
     now = None if path is None else stamp(path)
     if path is None or now is None:

@@ -16,13 +16,15 @@ from pathlib import Path
 from typing import Any
 
 from camssf.errors import InvalidArgument
-from camssf.files import local
 from camssf.fleet.inputs import basis_path, check_manifest, is_file, urls_among
 from camssf.libraries import library
 from camssf.photo.read.unit import Unit
+from camssf.places import Place, is_remote, join, local_copy, place
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Columns of the manifest; `name`, `photo` and `lamp` are required, but only `name` and `photo` need values."""
+TABLES = ("lamp", "chart")
+"""Columns that may name a table instead of a photo."""
 UNIT_COLUMNS = ("serial", "camera_id", "lens", "captured")
 """Further columns with a meaning of their own; all others are kept as `extra`."""
 LARGEST_MANIFEST = 10_000_000
@@ -93,7 +95,7 @@ class Manifest:
     def __init__(
         self, path: Path | str, *, basis: str = "auto", engine: str = "onnx", lens_shading: str = "as-stored"
     ) -> None:
-        self.path = local(path)
+        self.path = place(path)
         self.basis_file = basis_path(basis)
         self.done = 0.0
         """Fraction of the manifest read so far, 0 to 1."""
@@ -132,9 +134,10 @@ class Manifest:
         """Rows as text, with lower-case column names; other columns than COLUMNS only with `further`."""
         empty = True
         read = _parquet if self.path.suffix.casefold() == ".parquet" else _csv
-        for part, row in read(self.path, further):
-            self.done, empty = part, False
-            yield dict.fromkeys(COLUMNS, "") | row
+        with local_copy(self.path) as path:
+            for part, row in read(path, further):
+                self.done, empty = part, False
+                yield dict.fromkeys(COLUMNS, "") | row
         self.done = 1.0
         if empty:
             raise InvalidArgument(f"{self.path} has no rows.", "Write one row a photo.")
@@ -143,13 +146,13 @@ class Manifest:
         home, first = self.path.parent, rows[0]
 
         def frames(column: str) -> tuple[str | None, ...]:
-            return tuple(None if row[column].casefold() in ("", "none") else str(home / row[column]) for row in rows)
+            return tuple(None if row[column].casefold() in ("", "none") else join(home, row[column]) for row in rows)
 
         charts = list(dict.fromkeys(row["chart"] or "classic24" for row in rows))
         serial, camera_id, lens, captured = (first.get(column, "") for column in UNIT_COLUMNS)
         return Job(
             name,
-            tuple(str(home / row["photo"]) for row in rows),
+            tuple(join(home, row["photo"]) for row in rows),
             tuple(_specification(home, row["lamp"] or AUTO) for row in rows),
             frames("white"),
             frames("dark"),
@@ -205,7 +208,7 @@ class _Lines:
 def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
     """As `_csv`."""
     duckdb = library("duckdb", "A manifest in Parquet needs", "fleet")
-    from camssf.fleet.registry import connection
+    from camssf.fleet.tables import connection
 
     with _readable(path), connection() as con:
         try:
@@ -249,7 +252,7 @@ def _columns(path: Path, header: Sequence[str], further: bool) -> list[str]:
 # The job of a name's rows
 
 
-def _faults(home: Path, name: str, rows: Sequence[dict[str, str]], charts: Sequence[str]) -> Iterator[str]:
+def _faults(home: Place, name: str, rows: Sequence[dict[str, str]], charts: Sequence[str]) -> Iterator[str]:
     """Why the rows cannot be calibrated; paths are relative to `home`."""
     yield from (row["fault"] for row in rows if row["fault"])
     if not name:
@@ -257,6 +260,8 @@ def _faults(home: Path, name: str, rows: Sequence[dict[str, str]], charts: Seque
     if not all(row["photo"] for row in rows):
         yield "a row has no photo."
     yield from urls_among(row[column] for row in rows for column in COLUMNS[1:])
+    if any(is_remote(row[column].partition(":")[2]) or is_remote(row[column]) for row in rows for column in TABLES):
+        yield "a lamp or a chart is a URL; their files must be local."
     yield from _backslashes(home, rows)
     if len(charts) > 1:
         yield f"its shots name different charts: {', '.join(charts)}."
@@ -268,17 +273,19 @@ def _faults(home: Path, name: str, rows: Sequence[dict[str, str]], charts: Seque
         yield f"{captured!r} is no time in ISO 8601."
 
 
-def _specification(home: Path, text: str) -> str:
+def _specification(home: Place, text: str) -> str:
     """A lamp or chart; the path of a file, also in `layout:file`, is relative to the manifest."""
+    if is_remote(home) or is_remote(text):
+        return text
     if is_file(home / text):
         return str(home / text)
     layout, colon, path = text.partition(":")
     return f"{layout}:{home / path}" if colon and path and is_file(home / path) else text
 
 
-def _backslashes(home: Path, rows: Sequence[dict[str, str]]) -> Iterator[str]:
+def _backslashes(home: Place, rows: Sequence[dict[str, str]]) -> Iterator[str]:
     """The fault of a manifest with Windows paths that is read on another system."""
-    for row in rows if os.sep == "/" else ():
+    for row in rows if os.sep == "/" and not is_remote(home) else ():
         for column in COLUMNS[1:]:
             path = row[column].partition(":")[2] if column == "chart" and ":" in row[column] else row[column]
             if "\\" in path and not is_file(home / path):

@@ -1,15 +1,14 @@
 """Runs the jobs of a batch in local processes or on the workers of a Dask cluster, and repeats interrupted jobs.
 
 A job during which DEATHS processes died has failed. Local processes: after a crash each job that was running is
-repeated alone, to find the one that crashes. Cluster: a job appends a byte to a file in the archive when it begins
-and deletes the file at its end; a worker that finds DEATHS bytes does not begin the job.
+repeated alone, to find the one that crashes. Cluster: a job writes a file into the archive when it begins and deletes
+its files at its end; a worker that finds DEATHS of them does not begin the job.
 """
 
 from __future__ import annotations
 
 import os
 import secrets
-import shutil
 import signal
 import threading
 import time
@@ -20,7 +19,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context, parent_process
-from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
@@ -28,6 +26,7 @@ from camssf.fleet.inputs import basis_path, file_in
 from camssf.fleet.manifest import Job
 from camssf.fleet.outcome import Outcome
 from camssf.libraries import library
+from camssf.places import Place, files_below, is_remote, remove, write_place
 from camssf.version import __version__
 
 FLUSH = 2.0
@@ -131,7 +130,7 @@ def _single_threads() -> Iterator[None]:
 # A Dask cluster
 
 
-def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Path, recorder: Recorder) -> None:
+def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Place, recorder: Recorder) -> None:
     """Run the jobs on the workers of an existing cluster, which keeps running afterwards.
 
     Args:
@@ -152,14 +151,13 @@ def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Path, recor
     marks = archive / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}"
     with _client(distributed, address) as client:
         try:
-            marks.mkdir(parents=True)
             _hand_out(client, (first, jobs), work, marks, recorder)
         except OSError as error:
             raise InvalidArgument(
                 f"{archive}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
             ) from error
         finally:
-            shutil.rmtree(marks, ignore_errors=True)
+            remove(marks)
 
 
 @contextmanager
@@ -184,7 +182,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
             client.close(timeout=2)
 
 
-def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: Path, recorder: Recorder) -> None:
+def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: Place, recorder: Recorder) -> None:
     """Submit jobs until none is left, at most QUEUED_PER_WORKER at a time for each worker thread."""
     from distributed import KilledWorker
     from distributed import wait as wait_for
@@ -219,7 +217,7 @@ def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: P
                     killed = isinstance(error, KilledWorker)  # `_marked` decides whether this job was the cause
                     count = lost[done.task] = lost.get(done.task, 0) + 1
                     if not killed:  # the cluster dropped the job and no worker died: delete its mark
-                        (marks / done.task).unlink(missing_ok=True)
+                        remove(marks / done.task)
                         with suppress(Exception):
                             client.cancel([future], force=True)
                     if count <= RESUBMISSIONS:
@@ -268,7 +266,7 @@ def _absolute(job: Job) -> Job:
 
     def absolute(specification: str | None) -> str | None:
         layout, path = file_in(specification)
-        if path is None:
+        if path is None or is_remote(path):
             return specification
         return f"{layout}:{path.absolute()}" if layout else str(path.absolute())
 
@@ -286,7 +284,7 @@ _job_lock = threading.Lock()
 """One job at a time in a process, however many threads its worker has."""
 
 
-def _marked(job: Job, *, work: Work, marks: Path, version: str) -> Outcome:
+def _marked(job: Job, *, work: Work, marks: Place, version: str) -> Outcome:
     """Do the job, unless it was begun DEATHS times and never ended."""
     if version != __version__:
         raise InvalidArgument(
@@ -294,13 +292,9 @@ def _marked(job: Job, *, work: Work, marks: Path, version: str) -> Outcome:
         )
     mark = marks / job.task
     with _job_lock:
-        with open(mark, "ab") as stream:
-            begun = stream.tell()
-            if begun >= DEATHS:
-                return Outcome(job.name, "failed", "", DIED, deaths=DEATHS)
-            stream.write(b".")
-            stream.flush()
-            os.fsync(stream.fileno())
+        if sum(1 for _ in files_below(mark)) >= DEATHS:
+            return Outcome(job.name, "failed", "", DIED, deaths=DEATHS)
+        write_place(mark / secrets.token_hex(8), b"")
         outcome = work(job)
-        mark.unlink(missing_ok=True)
+        remove(mark)
         return outcome

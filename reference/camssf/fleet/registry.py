@@ -1,56 +1,70 @@
-"""Stores results, one row each, in a folder of Parquet files, for concurrent writers and readers.
+"""Stores results, one row each, in a Delta Lake table, for concurrent writers and readers.
 
-Each write makes one file: under a temporary name, flushed to disk, then renamed. So a file is complete or absent, and
-writers never wait for each other. DuckDB reads all files as one table in memory; a DuckDB database file would lock
-readers out during a write. A row written twice, because a writer died before it knew that the first write was safe,
-counts once. `gather` merges small files; it deletes them only after it has written the merged file, so concurrent
-readers and a second `gather` lose nothing.
+A registry has two tables: `results`, partitioned by make and model, and `tasks`, the jobs of batches. `deltalake`
+writes them and commits each change at once or not at all; DuckDB queries the files of one version of a table.
+
+A write looks up which rows exist, then appends the new rows, or merges all if some rows differ. Every write carries
+the same Delta transaction identifier, so of two writes that began at the same version the second one fails, and is
+repeated at the new version. The order of the commits, not a clock, decides which of two versions of a row counts.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import secrets
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+import random
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
+from urllib.parse import unquote
 
 from camssf.errors import InvalidArgument
-from camssf.files import local, local_folder, readable, write_file
-from camssf.fleet.rows import Row, Task, columns
+from camssf.files import local, write_aside
+from camssf.fleet.rows import Row, Task, checksum, columns
+from camssf.fleet.seals import seal
+from camssf.fleet.tables import (
+    Table,
+    column,
+    connection,
+    create_views,
+    csv_cell,
+    dicts,
+    in_partitions,
+    in_utc,
+    query_of,
+    quoted,
+)
 from camssf.libraries import library
 from camssf.photo.read.unit import Unit
+from camssf.places import Place, folder_place, is_remote, storage_options, without_secrets
 
-Table: TypeAlias = type[Row] | type[Task]
 Answer = TypeVar("Answer")
 
 FORMAT = "camssf-registry/1"
-MARK = "registry.json"
+"""Name of the Delta tables, in their metadata."""
 FOLDERS: dict[Table, str] = {Row: "results", Task: "tasks"}
-IDENTITY: dict[Table, tuple[str, str]] = {Row: ("key", "added"), Task: ("task", "ended")}
-"""Columns that identify a row, and that tell which of two versions of it is newer."""
-NEEDED: dict[Table, tuple[str, ...]] = {Row: ("key", "status", "added"), Task: ("task", "status", "ended")}
-"""Columns that the files of every release have."""
-MANY_FILES = 256
-LARGE_FILE = 4 * 2**20
-"""Bytes; `gather` does not merge files of this size or larger."""
-ATTEMPTS = 5
-"""Attempts to read while another process runs `gather`."""
+IDENTITY: dict[Table, str] = {Row: "key", Task: "task"}
+"""The column that identifies a row."""
+STAMP: dict[Table, str] = {Row: "added", Task: "ended"}
+"""The time of writing; a row that differs in it alone is not written again."""
+PARTITIONS: dict[Table, tuple[str, ...]] = {Row: ("make", "model"), Task: ()}
+UNKNOWN = "unknown"
+"""Make or model of a camera that the photo does not name; Delta has no empty partition."""
+ROW_GROUP = 4096
+"""Rows of an exported file that are in memory at once; with covariances, 45 MB."""
+STREAMED = "SET preserve_insertion_order = false; SET threads = 1"
+ATTEMPTS = 50
+"""Attempts to write while other processes write, and to read while another process vacuums."""
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of `Registry.listing`."""
 
 WHICH_FOLDER = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
-MOVE_AWAY = "Move it away, and add its results again from their archive."
+DAMAGED = "Restore it from a backup, or add the results from their archive to a new registry."
 
-_CONFIG = {
-    "autoinstall_known_extensions": "false",  # no network access
-    "autoload_known_extensions": "false",  # no access to the home folder
-    "temp_directory": "",  # no temporary files in the working folder
-}
+STATISTICS: dict[Table, str] = {Row: "key,captured,added", Task: "task,key,ended"}
+"""Columns with a least and a largest value in the log: no serial number or name, which `delete` leaves there."""
 
 
 @dataclass(frozen=True)
@@ -79,21 +93,32 @@ class Wanted:
 
 
 class Registry:
-    """A registry in a folder; with `new` the folder may be missing, and the first write creates it."""
+    """A registry in a folder or in an object store.
 
-    def __init__(self, folder: Path | str, *, new: bool = False) -> None:
+    Args:
+        folder: of the registry, or its URL.
+        new: it may be missing; then the first write creates it.
+        as_of: read the results as they were: a version's number, or a time in ISO 8601 with its offset; "" for now.
+
+    Raises:
+        InvalidArgument: there is no registry, it had no such version, or it cannot be reached.
+    """
+
+    def __init__(self, folder: Path | str, *, new: bool = False, as_of: str = "") -> None:
         library("duckdb", "The registry needs", "fleet")
-        self.folder = local_folder(folder)
-        if not new and not self.folder.exists():
-            raise InvalidArgument(f"There is no folder {self.folder}.", WHICH_FOLDER)
-        found = _format(self.folder, new)
-        if found != FORMAT:
-            raise _no_registry(self.folder, found, new)
+        library("deltalake", "The registry needs", "fleet")
+        self.folder: Place = folder_place(folder)
+        self._as_of = _version(as_of)
+        if str(self.folder).startswith("memory:"):
+            raise InvalidArgument("A registry cannot be in memory://.", "Name a folder, or a bucket of a store.")
+        with self.failures():
+            if all(self.table(each) is None for each in FOLDERS) and not (new and _is_empty(self.folder)):
+                raise _no_registry(self.folder, new)
 
     # Writing
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Write rows; they are on disk when this returns.
+        """Write rows in one commit; a row that the registry holds already is not written again.
 
         Raises:
             InvalidArgument: they cannot be written; then none of them is.
@@ -105,55 +130,115 @@ class Registry:
         self._write(Task, tasks)
 
     def _write(self, table: Table, rows: Sequence[Row] | Sequence[Task]) -> None:
-        if not rows:
+        identity, kinds = IDENTITY[table], columns(table)
+        last: list[Any] = list({getattr(each, identity): each for each in rows}.values())
+        if not last:
             return
-        with _failures(self.folder):
-            place = self._place(table)
-            with connection() as con:
-                kinds = columns(table)
-                each = ", ".join(f"unnest(?::{kind}[]) AS {name}" for name, kind in kinds.items())
-                con.execute(f"CREATE TABLE fresh AS SELECT {each}", [_column(rows, name) for name in kinds])
-                _put(con, "SELECT * FROM fresh", place)
+        with self.failures(), connection() as con:
+            each = ", ".join(f"unnest(?::{kind}[]) AS {name}" for name, kind in kinds.items())
+            con.execute(f"CREATE TABLE fresh AS SELECT {each}", [column(last, name) for name in kinds])
+            for name in PARTITIONS[table]:
+                con.execute(f"UPDATE fresh SET {name} = '{UNKNOWN}' WHERE {name} = ''")
+            fresh = {row[identity]: row for row in dicts(con.execute(f"SELECT {in_utc(kinds)} FROM fresh"))}
+            self._create(table, con)
+            self.commit(table, lambda delta: self._put(table, delta, con, fresh))
 
-    def _place(self, table: Table) -> Path:
-        place = self.folder / FOLDERS[table]
-        if not (self.folder / MARK).exists():
-            self.folder.mkdir(parents=True, exist_ok=True)
-            write_file(self.folder / MARK, json.dumps({"format": FORMAT}) + "\n")
-        place.mkdir(exist_ok=True)
-        return place
+    def _put(self, table: Table, delta: Any, con: Any, fresh: dict[str, dict[str, Any]]) -> bool:
+        """Append the new rows, or merge all if some have changed; returns whether anything was written."""
+        from arro3.core import Table as ArrowTable
+        from deltalake import write_deltalake
 
-    def gather(self) -> None:
-        """Merge the small files into one.
+        identity, stamp, partitions = IDENTITY[table], STAMP[table], PARTITIONS[table]
+        names = ", ".join((identity, stamp, "checksum", *partitions))
+        sql = f"SELECT {names} FROM rows WHERE {identity} IN (SELECT unnest(?))"
+        stored = {each[identity]: each for each in self._ask(query_of(sql, [list(fresh)]), table, delta)}
+        write, changed = {}, []
+        for key, row in fresh.items():
+            old = stored.get(key)
+            if old is None or checksum(row | {stamp: old[stamp]}) != old["checksum"]:
+                write[key] = checksum(row)
+                changed += [] if old is None else [old]
+        if not write:
+            return False
+        con.execute("CREATE OR REPLACE TABLE sums AS SELECT unnest(?) AS id, unnest(?) AS checksum",
+                    [list(write), list(write.values())])  # fmt: skip
+        source = ArrowTable(con.sql(f"SELECT fresh.*, checksum FROM fresh JOIN sums ON id = {identity}"))
+        how = {"commit_properties": transaction(), "writer_properties": zstd()}
+        if not changed:
+            write_deltalake(delta, source, mode="append", schema_mode="merge", **how)
+            return True
+        places = {tuple(old[name] for name in partitions) for old in changed}
+        (
+            delta.merge(
+                source,
+                f"stored.{identity} = fresh.{identity} AND ({in_partitions(partitions, places, 'stored.')})",
+                source_alias="fresh",
+                target_alias="stored",
+                merge_schema=True,
+                **how,
+            )
+            .when_matched_update_all()
+            .when_not_matched_insert_all()
+            .execute()
+        )
+        return True
 
-        Raises:
-            InvalidArgument: the file cannot be written; then nothing is lost.
-        """
-        import duckdb
+    def _create(self, table: Table, con: Any) -> None:
+        from arro3.core import Table as ArrowTable
+        from deltalake import DeltaTable, Schema
+        from deltalake.exceptions import DeltaError
 
-        for table in FOLDERS:
-            small = self._files(table)
-            with _failures(self.folder):
-                try:
-                    small = [path for path in small if path.stat().st_size < LARGE_FILE]
-                    if len(small) < 2:
-                        continue
-                    with connection() as con:
-                        self._view(con, table, small)
-                        _put(con, f"SELECT * FROM every {_once(table)}", self.folder / FOLDERS[table])
-                except (FileNotFoundError, duckdb.Error) as error:
-                    if not all(path.exists() for path in small):
-                        continue  # another process gathers
-                    _name_damaged(table, small, error)
+        if self.table(table) is not None:
+            return
+        if not is_remote(self.folder):
+            Path(self.folder).mkdir(parents=True, exist_ok=True)
+        empty = ArrowTable(con.sql("SELECT *, '' AS checksum FROM fresh LIMIT 0"))
+        try:
+            DeltaTable.create(
+                self._uri(table),
+                Schema.from_arrow(empty.schema),
+                name=FORMAT,
+                partition_by=list(PARTITIONS[table]) or None,
+                configuration={"delta.dataSkippingStatsColumns": STATISTICS[table]},
+                storage_options=storage_options(self.folder),
+            )
+        except DeltaError:
+            if self.table(table) is None:  # else another writer created it meanwhile
+                raise
+        else:
+            seal(self.folder / FOLDERS[table], 0)
+
+    def commit(self, table: Table, write: Callable[[Any], bool]) -> bool:
+        """Call `write` with the newest version of a table until no other writer came first; then seal the commit."""
+        from deltalake.exceptions import CommitFailedError
+
+        for attempt in range(ATTEMPTS):
+            delta = self.table(table)
+            if delta is None:
+                return False
+            try:
+                written = write(delta)
+            except CommitFailedError:
+                if attempt + 1 == ATTEMPTS:
                     raise
-                for path in small:
-                    path.unlink(missing_ok=True)
+                time.sleep(random.uniform(0, 0.05 * min(attempt + 1, 20)))
+                continue
+            if written:
+                seal(self.folder / FOLDERS[table], delta.version())
+            return written
+        raise AssertionError  # the last attempt returns or raises
 
     # Reading
 
-    def files(self) -> int:
-        """Number of files with results."""
-        return len(self._files(Row))
+    def files(self, table: Table = Row) -> dict[str, int]:
+        """Size in bytes of each file of a table's version, by path or URL."""
+        with self.failures():
+            return self._sizes(table, self.table(table))
+
+    def version(self) -> int:
+        """The number of the last commit of the results; -1 if there is none."""
+        delta = self.table(Row)
+        return -1 if delta is None else int(delta.version())
 
     def listing(self, wanted: Wanted | None = None, *, limit: int | None = None) -> list[dict[str, Any]]:
         """The results, newest first, in the columns SHORT."""
@@ -167,42 +252,15 @@ class Registry:
         return {each["status"]: each["n"] for each in found}
 
     def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
-        """The rows that a query returns; it selects from the view `rows`, which has every row once."""
-
-        def ask(con: Any) -> list[dict[str, Any]]:
-            found = con.execute(sql, list(values))
-            names = [each[0] for each in found.description]
-            return [dict(zip(names, each, strict=True)) for each in found.fetchall()]
-
-        return self._ask(ask, table)
+        """The rows that a query on the view `rows` returns."""
+        return self._ask(query_of(sql, values), table)
 
     def arrays(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> dict[str, Any]:
-        """As `query`, but returns NumPy columns."""
+        """As `query`, but returns NumPy columns; times are in UTC."""
         return self._ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
 
-    def _ask(self, ask: Callable[[Any], Answer], table: Table = Row) -> Answer:
-        """Call `ask` with a connection that has the view `rows`; repeat if files were gathered meanwhile."""
-        import duckdb
-
-        with _failures(self.folder):
-            for attempt in range(ATTEMPTS):
-                files = self._files(table)
-                try:
-                    with connection() as con:
-                        self._view(con, table, files)
-                        identity, _ = IDENTITY[table]
-                        count = f"SELECT count(*) > count(DISTINCT {identity}) FROM every"
-                        doubled = con.execute(count).fetchone()[0]
-                        con.execute(f"CREATE TEMP VIEW rows AS SELECT * FROM every {_once(table) if doubled else ''}")
-                        return ask(con)
-                except (FileNotFoundError, duckdb.Error) as error:
-                    if attempt + 1 == ATTEMPTS or all(path.exists() for path in files):
-                        _name_damaged(table, files, error)
-                        raise
-            raise AssertionError  # the last attempt returns or raises
-
     def export(self, path: Path | str) -> None:
-        """Write all results to one file: .parquet with all columns, .csv without curves.
+        """Write all results to one local file: .parquet with all columns, .csv without curves.
 
         Raises:
             InvalidArgument: another suffix, or the file cannot be written.
@@ -210,209 +268,148 @@ class Registry:
         path = local(path)
         if path.suffix not in (".parquet", ".csv"):
             raise InvalidArgument(f"{path} ends in neither .parquet nor .csv.", "Give the file one of these endings.")
-        what = "*"
+        kinds, form = columns(Row), f"FORMAT parquet, COMPRESSION zstd, ROW_GROUP_SIZE {ROW_GROUP}"
+        what = ", ".join(kinds)
         if path.suffix == ".csv":
-            plain = {name: kind for name, kind in columns(Row).items() if kind != "FLOAT[]"}
-            what = ", ".join(_cell(name, kind) for name, kind in plain.items())
-        _check_place(path)
-        self._ask(lambda con: _put(con, f"SELECT {what} FROM rows ORDER BY added, key", path.parent, path.name))
+            form = "FORMAT csv, HEADER true"
+            what = ", ".join(csv_cell(name, kind) for name, kind in kinds.items() if kind != "FLOAT[]")
+        sql = f"COPY (SELECT {what} FROM every) TO"
+        with write_aside(path) as aside:
+            # In any order and by one thread, rows are written as they are read.
+            self._ask(lambda con: con.execute(f"{STREAMED}; {sql} {quoted(str(aside))} ({form})"))
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
         """The error for a damaged row, with the file that holds it; `what` describes the damage."""
-        holds = "SELECT count(*) FROM read_parquet(?) WHERE key = ?"
-        with connection() as con:
-            found = [p for p in self._files(Row) if con.execute(holds, [str(p), key]).fetchone()[0]]
-        place = found[0] if found else self.folder
-        return InvalidArgument(f"{place} is damaged: of the result {key[:12]}... {what}.", MOVE_AWAY)
+        found = self._ask(query_of("SELECT filename FROM every WHERE key = ?", [key]))
+        place = found[0]["filename"] if found else self.folder
+        return InvalidArgument(f"{place} is damaged: of the result {key[:12]}... {what}.", DAMAGED)
 
-    def _files(self, table: Table) -> list[Path]:
-        return sorted((self.folder / FOLDERS[table]).glob("[!.]*.parquet"))
+    def _ask(self, ask: Callable[[Any], Answer], table: Table = Row, delta: Any = None) -> Answer:
+        """Call `ask` with a connection that has both views; again if a file was vacuumed meanwhile."""
+        import duckdb
 
-    @staticmethod
-    def _view(con: Any, table: Table, files: Sequence[Path]) -> None:
-        """Create the view `every` of all rows in these files; a column missing in an older file is NULL."""
-        con.execute(f"CREATE TEMP TABLE nothing ({_declared(table)})")
-        if not files:
-            con.execute("CREATE TEMP VIEW every AS SELECT * FROM nothing")
-            return
-        names = ", ".join(columns(table))
-        listed = ", ".join(_quoted(str(path)) for path in files)
-        needed = ", ".join(map(_quoted, NEEDED[table]))
-        foreign = con.execute(
-            f"SELECT file_name FROM parquet_schema([{listed}]) GROUP BY file_name "
-            f"HAVING count(DISTINCT name) FILTER (name IN ({needed})) < {len(NEEDED[table])} ORDER BY 1"
-        ).fetchone()
-        if foreign is not None:
-            raise InvalidArgument(
-                f"{foreign[0]} is no file of a registry: it lacks {', '.join(NEEDED[table][:-1])} or "
-                f"{NEEDED[table][-1]}.",
-                "Move it away.",
-            )
-        con.execute(
-            f"CREATE TEMP VIEW every AS SELECT {names} FROM (SELECT * FROM nothing UNION ALL BY NAME "
-            f"SELECT * FROM read_parquet([{listed}], union_by_name = true))"
-        )
+        with self.failures():
+            for attempt in range(ATTEMPTS):
+                opened = delta or self.table(table)
+                files = self._sizes(table, opened)
+                try:
+                    with connection(self.folder, files) as con:
+                        create_views(con, table, list(files))
+                        return ask(con)
+                except (FileNotFoundError, duckdb.Error) as error:
+                    newer = None if delta is not None else self.table(table)
+                    if attempt + 1 == ATTEMPTS or newer is None or newer.version() == opened.version():
+                        self._name_damaged(table, files, error)
+                        raise
+            raise AssertionError  # the last attempt returns or raises
 
+    def _sizes(self, table: Table, delta: Any) -> dict[str, int]:
+        """Size of each file of a table's version, by path or URL."""
+        if delta is None:
+            return {}
+        found = delta.get_add_actions()
+        paths, sizes = (found.column(name).to_pylist() for name in ("path", "size_bytes"))
+        return dict(sorted((f"{self._uri(table)}/{unquote(p)}", n) for p, n in zip(paths, sizes, strict=True)))
 
-def _name_damaged(table: Table, files: Sequence[Path], error: Exception) -> None:
-    """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
-    import duckdb
+    def _name_damaged(self, table: Table, files: dict[str, int], error: Exception) -> None:
+        """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
+        import duckdb
 
-    for path in files:
-        try:
-            with connection() as con:
-                whole = _is_parquet(path)
-                if whole:
-                    Registry._view(con, table, [path])
+        for path in files:
+            try:
+                with connection(self.folder, files) as con:
+                    create_views(con, table, [path])
                     con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
-        except FileNotFoundError:  # another process gathered it
-            continue
-        except duckdb.Error:
-            whole = not path.exists()
-        if not whole:
-            raise InvalidArgument(f"{path} is damaged.", MOVE_AWAY) from error
+            except (duckdb.Error, OSError):
+                what = "damaged, missing or out of reach" if is_remote(self.folder) else "damaged or missing"
+                raise InvalidArgument(f"{path} is {what}.", DAMAGED) from error
 
+    def _uri(self, table: Table) -> str:
+        return str(self.folder / FOLDERS[table])
 
-def _check_place(path: Path) -> None:
-    """Raise InvalidArgument if no file can be written there; later errors then concern the registry."""
-    probe = path.parent / f".camssf-{os.getpid()}-{secrets.token_hex(8)}"
-    try:
-        if path.is_dir():
-            raise IsADirectoryError(21, "Is a directory")
-        probe.touch()
-        probe.unlink()
-    except (OSError, ValueError) as error:
-        words = getattr(error, "strerror", None) or error
-        raise InvalidArgument(f"{path} cannot be written ({words}).", "Name another place for it.") from error
+    def table(self, table: Table) -> Any:
+        """The newest version of a table, or that of `as_of`; None if the table is missing."""
+        from deltalake import DeltaTable
+        from deltalake.exceptions import TableNotFoundError
 
-
-def _format(folder: Path, new: bool) -> str | None:
-    """The format in the folder's MARK file. Without the file: FORMAT if `new` and the folder is empty, else None."""
-    for _ in range(2):  # another writer may create the registry between the two checks: then try again
         try:
-            mark = json.loads((folder / MARK).read_text("utf-8"))
-            return str(mark.get("format")) if isinstance(mark, dict) else None
-        except FileNotFoundError:
-            if _empty(folder):
-                return FORMAT if new else None
-        except (OSError, ValueError):
+            delta = DeltaTable(self._uri(table), storage_options=storage_options(self.folder))
+        except TableNotFoundError:
             return None
-    return None
+        if delta.metadata().name != FORMAT:
+            raise InvalidArgument(
+                f"{self.folder} is no registry that this camssf can use: its format is {delta.metadata().name!r}, "
+                f"not {FORMAT!r}.",
+                "Use the camssf that wrote it, or name another folder.",
+            )
+        if table is Row and self._as_of is not None:
+            delta.load_as_version(self._as_of)
+        return delta
+
+    @contextmanager
+    def failures(self) -> Iterator[None]:
+        """Turn errors of the libraries, the disk and the object store into InvalidArgument."""
+        import duckdb
+        from deltalake.exceptions import DeltaError
+
+        try:
+            yield
+        except InvalidArgument:
+            raise
+        except BaseException as error:
+            panic = type(error).__name__ == "PanicException"  # of deltalake, where the log is damaged
+            remote = is_remote(self.folder) and isinstance(error, Exception)
+            if not (panic or remote or isinstance(error, (OSError, duckdb.IOException, DeltaError))):
+                raise
+            words = getattr(error, "strerror", None) or without_secrets(error)
+            advice = "Check the address, the credentials and the network." if remote else "Check the folder."
+            raise InvalidArgument(f"{self.folder}: the registry cannot be used ({words}).", advice) from error
 
 
-def _no_registry(folder: Path, found: str | None, new: bool) -> InvalidArgument:
-    """The error for a folder whose mark is missing or of another format."""
-    if found is not None:
-        return InvalidArgument(
-            f"{folder} is no registry that this camssf can use: its format is {found!r}, not {FORMAT!r}.",
-            "Use the camssf that wrote it, or name another folder.",
+def transaction() -> Any:
+    """The identifier that every write of rows carries: of two that began at one version, the second fails."""
+    from deltalake import CommitProperties, Transaction
+
+    return CommitProperties(app_transactions=[Transaction("camssf", 1)])
+
+
+def zstd() -> Any:
+    """The compression of the files."""
+    from deltalake import WriterProperties
+
+    return WriterProperties(compression="ZSTD")
+
+
+def _version(as_of: str) -> int | datetime | None:
+    if not as_of:
+        return None
+    if as_of.isdecimal():
+        return int(as_of)
+    try:
+        time = datetime.fromisoformat(as_of)
+    except ValueError:
+        time = datetime.min
+    if time.tzinfo is None:
+        raise InvalidArgument(
+            f"{as_of!r} is neither the number of a version nor a time with its offset.",
+            "Write it as 12, or as 2026-11-22T10:00:00+01:00.",
         )
-    if new:
-        why, advice = "it is a file, or holds something else", "Name a new or an empty folder."
-    else:
-        why, advice = f"it holds no {MARK}", WHICH_FOLDER
-    return InvalidArgument(f"{folder} is no registry: {why}.", advice)
+    return time
 
 
-def _empty(folder: Path) -> bool:
-    """Whether the folder is missing or empty, apart from temporary files of other writers."""
-    try:
-        return all(path.name.startswith(".") for path in folder.iterdir())
-    except FileNotFoundError:
+def _is_empty(folder: Place) -> bool:
+    """Whether the folder is missing or empty, apart from hidden files and other writers' half-made tables."""
+    if not folder.exists():
         return True
-    except OSError:
-        return False
-
-
-@contextmanager
-def connection() -> Iterator[Any]:
-    """A DuckDB connection in memory, without extensions, network access or temporary files."""
-    import duckdb
-
-    con = duckdb.connect(":memory:", config=_CONFIG)
     try:
-        yield con
-    finally:
-        con.close()
+        return all(path.name.startswith(".") or path.name in FOLDERS.values() for path in folder.iterdir())
+    except (FileNotFoundError, NotADirectoryError):
+        return not folder.exists()
 
 
-@contextmanager
-def _failures(folder: Path) -> Iterator[None]:
-    import duckdb
-
-    try:
-        yield
-    except (OSError, duckdb.IOException) as error:
-        words = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-        raise InvalidArgument(f"{folder}: the registry cannot be used ({words}).", "Check the folder.") from error
-
-
-def _put(con: Any, sql: str, folder: Path, name: str | None = None) -> None:
-    """Write a query's result to a file: under a temporary name, flushed to disk, then renamed."""
-    suffix = "csv" if name is not None and name.endswith(".csv") else "parquet"
-    token = f"{os.getpid()}-{threading.get_ident()}-{secrets.token_hex(8)}"
-    aside = folder / f".camssf-{token}"
-    form = "FORMAT csv, HEADER true" if suffix == "csv" else "FORMAT parquet, COMPRESSION zstd"
-    try:
-        con.execute(f"COPY ({sql}) TO {_quoted(str(aside))} ({form})")
-        handle = os.open(aside, os.O_RDWR)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-        os.replace(aside, folder / (name or f"{token}.{suffix}"))
-        _sync_folder(folder)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
-
-
-def _sync_folder(folder: Path) -> None:
-    """Flush the folder's entry to disk; systems that cannot open a folder are left alone."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def _once(table: Table) -> str:
-    identity, newer = IDENTITY[table]
-    return f"QUALIFY row_number() OVER (PARTITION BY {identity} ORDER BY {newer} DESC) = 1"
-
-
-def _declared(table: Table) -> str:
-    return ", ".join(f"{name} {kind}" for name, kind in columns(table).items())
-
-
-def _column(rows: Sequence[Row] | Sequence[Task], name: str) -> list[Any]:
-    """Values of one column as DuckDB takes them; a whole column as one parameter is faster than row by row."""
-    values = (getattr(each, name) for each in rows)
-    return [list(v) if isinstance(v, tuple) else readable(v) if isinstance(v, str) else v for v in values]
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
-
-
-def _cell(name: str, kind: str) -> str:
-    """SQL for a column of a CSV; text that a spreadsheet would take for a formula gets a leading '."""
-    if kind.endswith("[]"):
-        return f"array_to_string({name}, ' ') AS {name}"
-    if kind != "VARCHAR":
-        return name
-    return f"regexp_replace({name}, '(^|[;\\t])([=+\\-@\\t\\r\uff1d\uff0b\uff0d\uff20])', '\\1''\\2', 'g') AS {name}"
-
-
-def _is_parquet(path: Path) -> bool:
-    """Whether the file begins and ends with Parquet's magic bytes."""
-    with open(path, "rb") as stream:
-        head = stream.read(4)
-        stream.seek(-min(4, path.stat().st_size), os.SEEK_END)
-        return head == stream.read(4) == b"PAR1"
-
-
-def as_json(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row for JSON: times as ISO 8601 in UTC."""
-    return {name: f"{v.isoformat()}Z" if hasattr(v, "isoformat") else v for name, v in row.items()}
+def _no_registry(folder: Place, new: bool) -> InvalidArgument:
+    if not folder.exists():
+        return InvalidArgument(f"There is no folder {folder}.", WHICH_FOLDER)
+    if new:
+        return InvalidArgument(f"{folder} is no registry: it holds something else.", "Name a new or an empty folder.")
+    return InvalidArgument(f"{folder} is no registry: it holds no table of results.", WHICH_FOLDER)

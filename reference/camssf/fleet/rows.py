@@ -1,20 +1,17 @@
-"""Defines the registry's two kinds of row: one for each result, one for each job of a batch."""
+"""Defines the registry's two kinds of row, one for each result, one for each job of a batch, and their checksum."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any, TypeAlias
 
-from camssf.documents.basis_choice import choice_of
 from camssf.grid import CHANNELS
 from camssf.photo.read.unit import Unit
-from camssf.recovery.hypotheses import CLEAR
 
 Json: TypeAlias = dict[str, Any]
 
@@ -23,8 +20,8 @@ STRIDE = 10
 
 _TYPES = {
     "str": "VARCHAR",
-    "datetime": "TIMESTAMP",
-    "datetime | None": "TIMESTAMP",
+    "datetime": "TIMESTAMPTZ",
+    "datetime | None": "TIMESTAMPTZ",
     "float | None": "DOUBLE",
     "int": "INTEGER",
     "tuple[str, ...]": "VARCHAR[]",
@@ -173,6 +170,8 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
         origin: fields that the document does not have.
         now: time of adding; the current time unless given.
     """
+    from camssf.documents.basis_choice import choice_of  # loads SciPy, which most questions do without
+
     verdict, scores = document["verdict"], document.get("scores") or {}
     first = verdict["reasons"][0] if verdict["reasons"] else {"code": "", "message": ""}
     camera = document["camera"]
@@ -225,6 +224,8 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
 
     Empty if bases or kinds of light were mixed: then the result does not belong to one basis.
     """
+    from camssf.recovery.hypotheses import CLEAR
+
     if "prior_scale" not in document:
         return ()
     choice = document.get("choice") or []
@@ -235,18 +236,30 @@ def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
     return ((document["prior_scale"], 1.0),)
 
 
-def relative_path(file: Path | str, registry: Path | str) -> str:
-    """Path of a result relative to the registry, with symbolic links resolved in both."""
-    file = os.path.realpath(file)
-    try:
-        return Path(os.path.relpath(file, os.path.realpath(registry))).as_posix()
-    except ValueError:  # on another drive
-        return Path(file).as_posix()
-
-
 def utc(time: datetime) -> datetime:
-    """The time in UTC without an offset, as the registry stores it."""
-    return time if time.tzinfo is None else time.astimezone(UTC).replace(tzinfo=None)
+    """The time in UTC; one without an offset is taken as UTC."""
+    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+
+
+def checksum(row: Mapping[str, Any]) -> str:
+    """SHA-256 of a row's values by column, without `checksum`, empty values and the name of its file.
+
+    A column that a later release adds is empty in older rows, so it leaves their checksums as they are.
+
+    Args:
+        row: values as the registry returns them: times with a zone, lists of numbers or of texts.
+    """
+    found = hashlib.sha256()
+    for name, value in sorted(row.items()):
+        if name in ("checksum", "filename") or value is None or value in ("", []):
+            continue
+        numbers = value if isinstance(value, list) else [value]
+        if isinstance(numbers[0], float):
+            data = struct.pack(f"<{len(numbers)}d", *numbers)
+        else:
+            data = json.dumps([v.isoformat() if isinstance(v, datetime) else v for v in numbers]).encode()
+        found.update(f"{name} {len(data)} ".encode() + data)
+    return found.hexdigest()
 
 
 def _curve(curves: Json | None, colour: str) -> Curve:

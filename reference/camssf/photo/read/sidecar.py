@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-PICTURES = (".png", ".tif", ".tiff")
+from camssf.places import PICTURES
+
 PIECE = 1 << 20
 """Bytes read at a time."""
 
