@@ -33,7 +33,8 @@ internal object UnfamiliarCamera {
     fun test(engine: Engine, observation: Observation, answer: Ssf, named: List<Boolean>): FamilyTest {
         val residual = if (named.any { it }) lampResidual(engine, observation, answer.logEvidence!!, named) else null
         val basis = engine.basis
-        return FamilyTest(codeLength(answer)!!, residual, longestCode(basis, named.all { it }), largestResidual(basis))
+        val longest = longestCode(basis, named.all { it })
+        return FamilyTest(codeLength(answer)!!, residual, longest, largestResidual(basis))
     }
 
     /**

@@ -86,7 +86,11 @@ internal object Light {
         val (phones, others) = choice.partition { Choice.MAKERS_OF[it.basis] == PHONES }
         val own = phones.sumOf { it.probability }
         // The odds of the maker's name are in the probabilities.
-        val name = if (family == null) 1.0 else if (family == PHONES) Choice.MAKER else 1.0 / Choice.MAKER
+        val name = when (family) {
+            null -> 1.0
+            PHONES -> Choice.MAKER
+            else -> 1.0 / Choice.MAKER
+        }
         val phone = own / (own + others.sumOf { it.probability } * name)
         val number = Rules.shipped::number
         checks.note("unnamed", phone)

@@ -127,7 +127,9 @@ class JudgeTest {
         for ((family, odds) in listOf("phones" to maker, "cameras" to 1 / maker, null to 1.0)) {
             fun said(phone: Double): Pair<Boolean, Double?>? {
                 val told = phone / (1.0 - phone) * odds
-                return Light.unnamed(weights(told / (1.0 + told)), family).singleOrNull()?.let { it.fatal to it.value }
+                return Light.unnamed(weights(told / (1.0 + told)), family).singleOrNull()?.let {
+                    it.fatal to it.value
+                }
             }
             assertNull(said(0.78))
             assertEquals(false to 0.76, said(0.76)!!.let { it.first to Math.round(it.second!! * 1e9) / 1e9 })

@@ -146,7 +146,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "calibrate" to setOf("make", "model", "light_per_patch"),
             "light" to setOf("make", "model"),
             "rivals" to setOf("make", "model"),
-            "verdict" to setOf("choice", "family", "family_test", "code_variance", "unnamed", "gain_modes", "gain_own"),
+            "verdict" to
+                setOf("choice", "family", "family_test", "code_variance", "unnamed", "gain_modes", "gain_own"),
         )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
@@ -198,8 +199,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "light" to setOf(
                 "weighed", "log_evidence", "probability", "basis", "prior_scale", "length", "likeliest", "ssf",
-                "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std", "status",
-                "codes", "messages", "values", "thresholds", "said",
+                "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std",
+                "status", "codes", "messages", "values", "thresholds", "said",
             ),
             "rivals" to setOf("gains"),
             "calibrate" to setOf(

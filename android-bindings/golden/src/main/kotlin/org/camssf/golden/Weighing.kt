@@ -19,8 +19,8 @@ import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
-import org.camssf.recovery.Gains
 import org.camssf.recovery.FamilyTest
+import org.camssf.recovery.Gains
 import org.camssf.recovery.Hypothesis
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor

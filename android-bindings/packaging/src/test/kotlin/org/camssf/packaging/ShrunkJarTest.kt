@@ -189,7 +189,7 @@ class ShrunkJarTest {
         /** Arguments of the command by who chose the basis; the last one's white frame is of another light. */
         val CALIBRATIONS = mapOf(
             "chosen" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS),
-            "told" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS, "--basis", "phones"),
+            "told" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS, "--basis", "cameras"),
             "paper" to listOf(CHART, "--lamp", "daylight", "--corners", CORNERS, "--basis", "gaussian"),
             "refused" to listOf(
                 "$GOLDEN/dng/patches-shaded.dng", "--lamp", "D55", "--corners", FLAT,
