@@ -216,7 +216,7 @@ def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     at = wrong.index("--basis")
     assert main(wrong[:at] + wrong[at + 2 :]) == LampUnfit.exit_status
     assert "lamp_unfit" in (told := capsys.readouterr().err)
-    assert "The light is more like 2856K" in told
+    assert "The light is more like 3500K" in told
 
 
 def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:

@@ -95,6 +95,8 @@ NOT_RUN = {
     "camssf calibrate day.dng --lamp D55 --basis pixel9.npz": "the basis that a fleet's registry learned, likewise",
     "camssf report out/result.json -o signed/": "a passport of this very result: tests/test_cli.py signs one",
     "camssf registry learn phones/": "a fleet of phones: tests/test_registry_learn.py learns from one",
+    "camssf batch s3://": "an object store: tests/test_stores.py starts one",
+    "camssf registry list s3://": "likewise",
     "camssf registry compare phones/": "a fleet of Pixels: tests/test_registry.py compares one",
 }
 """Lines that begin so are parsed (tests/test_docs.py), not run, and why."""

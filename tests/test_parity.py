@@ -95,7 +95,7 @@ FALSE: list[tuple[str, str, Callable[[Json], object]]] = [
     ("inputs", "chart.table: Ohta", lambda d: d["chart"].update(table="Ohta")),
     ("inputs", "basis: gaussian there", lambda d: d.update(basis="gaussian")),
     ("inputs", "width of the prior: 2 there", lambda d: d.update(prior_scale=2.0)),
-    ("inputs", "choice[2] (ryyb) is missing there", lambda d: d["choice"].pop()),
+    ("inputs", "(ryyb) is missing there", lambda d: d["choice"].pop()),
     ("inputs", "model", lambda d: d["hashes"].update(model="2" * 64)),
     ("inputs", "patch 5", lambda d: patch(d, 5).update(used=False)),
     ("inputs", "reflectance_srgb", lambda d: patch(d, 5).update(reflectance_srgb=[0.1, 0.1, 0.1])),

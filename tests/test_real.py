@@ -266,7 +266,7 @@ def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
         assert [code for code, _ in before["reasons"]] == [code for code, _ in after["reasons"]]
         if before.get("band"):
             assert after["band"] == pytest.approx(before["band"], rel=0.02)
-    assert {row_["status"] for row_ in now} == {"doubtful", "refused"}
+    assert {row_["status"] for row_ in now} == {"doubtful"}
 
 
 def test_the_picture_is_small() -> None:

@@ -302,7 +302,7 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
         scene = drawn(rng)
         found = VerdictInputs(
             scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01
-        ).goodness_of_fit_of_shot(0, scene.ssf)
+        ).goodness_of_fit_of_shot(0, drawn_answer(scene))
         z.append(found.z)
         strongest.append(max(explanation.gain for explanation in found.explanations))
     # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.21, each three standard errors.
@@ -322,8 +322,7 @@ def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
     z = []
     for _ in range(80):
         scene = drawn(rng)
-        found = recover(scene.evidence(scene.lamps), basis="cameras", settings=SolverSettings(engine="reference"))
-        z.append(code_length(found))
+        z.append(code_length(drawn_answer(scene)))
     # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.25, three standard errors each.
     assert abs(np.mean(z)) < 0.34
     assert abs(np.std(z) - 1.0) < 0.25
@@ -344,6 +343,11 @@ def test_the_length_of_the_code_by_hand() -> None:
     nothing = replace(known, code_covariance=np.eye(72))
     assert code_length(replace(found, posterior=nothing)) is None  # nothing was learned
     assert code_length(replace(found, posterior=None)) is None
+
+
+def drawn_answer(scene: Scene) -> Ssf:
+    """On the basis that the camera was drawn from, with its own width."""
+    return recover(scene.evidence(scene.lamps), basis="cameras", settings=SolverSettings(engine="reference"))
 
 
 def drawn(rng: np.random.Generator) -> Scene:

@@ -78,7 +78,7 @@ def run(call: Call) -> dict[str, Any]:
     lights = [light for light in ssf.light.lights if light is not None]
     test = ssf.family_test
     return {
-        "length": None if test is None else np.array([test.length]),
+        "length": None if test is None else np.array([test.length, test.longest]),
         "weighed": [[weight.basis, *weight.kinds] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
