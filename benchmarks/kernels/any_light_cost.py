@@ -74,8 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
     by_name = {guess.kinds[0]: guess for guess in guesses}
     solved = [weight for weight in found.choice if weight.probability >= 0.001]
     calls["an answer's lights"] = lambda: [
-        answer(by_modes(by_name[each.kinds[0]].observation), each.basis)
-        for each in solved
+        answer(by_modes(by_name[each.kinds[0]].observation), each.basis) for each in solved
     ]
     times: dict[str, list[float]] = {name: [] for name in calls}
     Model.run = timed  # type: ignore[method-assign]
