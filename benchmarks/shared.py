@@ -95,6 +95,22 @@ def take_tables(parser: argparse.ArgumentParser, *names: str) -> None:
         parser.add_argument(f"--{name}", type=Path, default=default, help=words[name])
 
 
+def parse_with_phones(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace | None:
+    """The options with `--phones [CSV]`, measured phones in the place of cameras; None if their table is missing.
+
+    Without a file the table is that of CAMSSF_PHONES; a missing one is said.
+    """
+    parser.add_argument(
+        "--phones", nargs="?", const=os.environ.get("CAMSSF_PHONES", ""), metavar="CSV",
+        help="measured phones instead; without a file that of CAMSSF_PHONES",
+    )  # fmt: skip
+    options = parser.parse_args(arguments)
+    if options.phones != "":
+        return options
+    print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    return None
+
+
 def bar(name: str, value: float, limit: float, *, least: bool = False) -> dict[str, Any]:
     """A bar with its value and whether it is met; `limit` is the least or the most that is wanted."""
     met = bool(value >= limit if least else value <= limit)

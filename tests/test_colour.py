@@ -52,7 +52,7 @@ SCHEMA = Path(camssf.__file__).parent / "data" / "colour.schema.json"
 CHART = read_chart("classic24").values
 
 
-def power(name: str) -> Floats:
+def power(name: str = "D55") -> Floats:
     return read_lamp(name).values
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import bell, toy_camera
 
 import camssf
 from camssf import cli
@@ -29,6 +28,7 @@ from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.surfaces import SURFACE_NODES, absorbers, surface_sets, surfaces
 from tests.captures import calibrated, photos
 from tests.schemas import check_schema
+from tests.test_colour import blurred, exact, power
 from tools import surfaces as tool
 
 ROOT = Path(__file__).parents[1]
@@ -82,23 +82,6 @@ def test_haemoglobin_absorbs_where_it_does() -> None:
 
 NODES = SURFACE_NODES.size
 NONE: dict[str, slice] = {"curves": slice(0, 0)}
-
-
-def power(name: str = "D55") -> Floats:
-    return read_lamp(name).values
-
-
-def exact() -> Camera:
-    curves = toy_camera()
-    return Camera("toy", curves / curves.max(axis=0), np.zeros((0, *curves.shape)))
-
-
-def blurred(size: float = 0.02) -> Camera:
-    one = exact()
-    modes = np.zeros((2, *one.values.shape))
-    modes[0, :, 0] = size * np.gradient(one.values[:, 0], WAVELENGTHS) * 40
-    modes[1, :, 1] = size * bell(500, 15)
-    return replace(one, modes=modes)
 
 
 def owned() -> Camera:

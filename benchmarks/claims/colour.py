@@ -27,7 +27,6 @@ learned from the others, enlarged as the shipped one is. `--bars` makes a missed
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -38,7 +37,18 @@ import numpy as np
 
 from benchmarks.claims.accuracy import LOW, left_out
 from benchmarks.claims.phones import taught
-from benchmarks.shared import chart, command_parser, console, lamp, one_thread, progress, save, table, versions
+from benchmarks.shared import (
+    chart,
+    command_parser,
+    console,
+    lamp,
+    one_thread,
+    parse_with_phones,
+    progress,
+    save,
+    table,
+    versions,
+)
 from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, convert, lab, standard_colour
 from camssf.colour.camera import OwnWhite
 from camssf.colour.spaces import white_of, xyz_of
@@ -208,17 +218,12 @@ def main(arguments: list[str] | None = None) -> int:
     """The command."""
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--cameras", type=int, default=13, help="of the 52, evenly over their list")
-    parser.add_argument(
-        "--phones", nargs="?", const=os.environ.get("CAMSSF_PHONES", ""), metavar="CSV",
-        help="measured phones instead; without a file that of CAMSSF_PHONES",
-    )  # fmt: skip
     parser.add_argument("--bars", action="store_true", help="exit with 1 where a bar is missed")
-    told = parser.parse_args(arguments)
-    if told.phones == "":
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_with_phones(parser, arguments)
+    if options is None:
         return 2
     rng = np.random.default_rng(SEED)
-    all_cases = cases(told.cameras, None if told.phones is None else Path(told.phones))
+    all_cases = cases(options.cameras, None if options.phones is None else Path(options.phones))
     seen: list[dict[str, dict[str, dict[str, Floats]]]] = []
     chi: dict[str, list[float]] = {}
     with progress() as bar:
@@ -251,7 +256,7 @@ def main(arguments: list[str] | None = None) -> int:
         "versions": versions("colour-science"),
     }  # fmt: skip
     print(save("colour", content))
-    return int(told.bars and any(row[-1] == "no" for row in made))
+    return int(options.bars and any(row[-1] == "no" for row in made))
 
 
 def means(seen: list[dict[str, dict[str, Floats]]]) -> dict[str, dict[str, float]]:

@@ -22,7 +22,6 @@ learned from the others. `--every N` takes each Nth surface. `--bars` makes a mi
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -33,7 +32,18 @@ import numpy as np
 
 from benchmarks.claims.accuracy import LOW
 from benchmarks.claims.colour import CHART, INSIDE, KINDS, SEED, SHOTS, WHITE, Case, calibrate, cases, drawn
-from benchmarks.shared import chart, command_parser, console, count_missed, lamp, one_thread, progress, save, table
+from benchmarks.shared import (
+    chart,
+    command_parser,
+    console,
+    count_missed,
+    lamp,
+    one_thread,
+    parse_with_phones,
+    progress,
+    save,
+    table,
+)
 from camssf.colour import (
     Camera,
     LitSurfaces,
@@ -242,15 +252,10 @@ def main(arguments: list[str] | None = None) -> int:
     """The command."""
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--cameras", type=int, default=6, help="of the 52, evenly over their list")
-    parser.add_argument(
-        "--phones", nargs="?", const=os.environ.get("CAMSSF_PHONES", ""), metavar="CSV",
-        help="measured phones instead; without a file that of CAMSSF_PHONES",
-    )  # fmt: skip
     parser.add_argument("--every", type=int, default=3, help="take each Nth surface")
     parser.add_argument("--bars", action="store_true", help="exit with 1 where a bar is missed")
-    told = parser.parse_args(arguments)
-    if told.phones == "":
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_with_phones(parser, arguments)
+    if options is None:
         return 2
     rng = np.random.default_rng(SEED)
     delta: dict[tuple[str, str], list[Floats]] = {}
@@ -260,18 +265,18 @@ def main(arguments: list[str] | None = None) -> int:
     index: dict[tuple[str, str], list[Floats]] = {}
     answered: dict[tuple[str, str, str], list[float]] = {}
     spread = people()
-    found = cases(told.cameras, None if told.phones is None else Path(told.phones))
+    found = cases(options.cameras, None if options.phones is None else Path(options.phones))
     with progress() as bar:
         task = bar.add_task("cameras", total=len(found))
         for case in found:
             known = cameras(case, rng)
-            for name, word, way, truth, stated in colours(case, known, told.every):
+            for name, word, way, truth, stated in colours(case, known, options.every):
                 delta.setdefault((name, way), []).append(delta_e00(truth, stated))
                 if group(name)[2]:
                     skins.setdefault((name, word, way), []).append(stated)
-            for name, way, squares in regions(case, rng, told.every):
+            for name, way, squares in regions(case, rng, options.every):
                 chi.setdefault((_kind(name), way), []).append(squares)
-            for name, lights, rows, answer in spectra(case, known, rng, told.every):
+            for name, lights, rows, answer in spectra(case, known, rng, options.every):
                 off = (answer.reflectance - rows)[:, INNER]
                 held = np.abs(off) < 1.96 * answer.standard_deviation[:, INNER]
                 key = (_kind(name), lights)
@@ -284,10 +289,10 @@ def main(arguments: list[str] | None = None) -> int:
                         value, std = indices(answer, weights)
                         miss = value - absorbance(rows) @ weights
                         index.setdefault((word, lights), []).append(np.stack([miss / size, miss / std]))
-            for label, absorber, lights, share in changes(case, known, told.every):
+            for label, absorber, lights, share in changes(case, known, options.every):
                 answered.setdefault((label, absorber, lights), []).append(share)
             bar.advance(task)
-    return show(told.bars, len(found), delta, skins, chi, errors, index, answered)
+    return show(options.bars, len(found), delta, skins, chi, errors, index, answered)
 
 
 def _kind(name: str) -> str:

@@ -6,7 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from camssf.cli.options import LensShading
+from camssf.cli.options import (
+    Adapt,
+    LensShading,
+    Observer,
+    RegionDark,
+    RegionLamp,
+    RegionReflectance,
+    Regions,
+    WhiteRegion,
+)
 from camssf.cli.reading import parse_signal
 from camssf.cli.regions import RegionRequest, measure, no_region, read_curves_of
 from camssf.cli.terminal import emit, say
@@ -18,32 +27,13 @@ def colour(
         str | None, typer.Argument(metavar="JSON", help="The result: a file, or - for stdin. None with --from.")
     ] = None,
     photo: Annotated[str | None, typer.Argument(metavar="PHOTO", help="RAW photo (DNG) by the same camera.")] = None,
-    region: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y,W,H", show_default=False, help="Region to measure, px; may be repeated."),
-    ] = None,
-    white_region: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,W,H", show_default=False, help="A white or grey surface in the same light, px."),
-    ] = None,
-    white_reflectance: Annotated[
-        str | None,
-        typer.Option(metavar="SHARE", show_default=False, help="Reflectance of that surface; 1 unless given."),
-    ] = None,
-    lamp: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEC",
-            show_default=False,
-            help="The light (see `camssf lamps`), or auto: estimated from the white region. "
-            "The lamp of the result's first shot unless given.",
-        ),
-    ] = None,
-    observer: Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")] = "1931",
-    adapt: Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")] = "lamp",
-    dark: Annotated[
-        str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
-    ] = None,
+    region: Regions = None,
+    white_region: WhiteRegion = None,
+    white_reflectance: RegionReflectance = None,
+    lamp: RegionLamp = None,
+    observer: Observer = "1931",
+    adapt: Adapt = "lamp",
+    dark: RegionDark = None,
     lens_shading: LensShading = "as-stored",
     source: Annotated[
         str | None,

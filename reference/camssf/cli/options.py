@@ -137,3 +137,29 @@ Lens: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False
 Captured: TypeAlias = Annotated[
     str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
 ]
+Regions: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="X,Y,W,H", show_default=False, help="Region to measure, px; may be repeated."),
+]
+WhiteRegion: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,W,H", show_default=False, help="A white or grey surface in the same light, px."),
+]
+RegionReflectance: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="SHARE", show_default=False, help="Reflectance of that surface; 1 unless given."),
+]
+RegionLamp: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SPEC",
+        show_default=False,
+        help="The light (see `camssf lamps`), or auto: estimated from the white region. "
+        "The lamp of the result's first shot unless given.",
+    ),
+]
+RegionDark: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
+]
+Observer: TypeAlias = Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")]
+Adapt: TypeAlias = Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")]

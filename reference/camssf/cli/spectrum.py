@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from camssf.cli.options import LensShading
+from camssf.cli.options import (
+    Adapt,
+    LensShading,
+    Observer,
+    RegionDark,
+    RegionLamp,
+    RegionReflectance,
+    Regions,
+    WhiteRegion,
+)
 from camssf.cli.reading import spare
 from camssf.cli.regions import RegionRequest, measure, no_region, read_curves_of
 from camssf.cli.terminal import emit, say
@@ -17,27 +26,10 @@ from camssf.errors import InvalidArgument
 def spectrum(
     document: Annotated[str, typer.Argument(metavar="JSON", help="The result: a file, or - for stdin.")],
     photo: Annotated[str, typer.Argument(metavar="PHOTO", help="RAW photo (DNG) by the same camera.")],
-    region: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y,W,H", show_default=False, help="Region to measure, px; may be repeated."),
-    ] = None,
-    white_region: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,W,H", show_default=False, help="A white or grey surface in the same light, px."),
-    ] = None,
-    white_reflectance: Annotated[
-        str | None,
-        typer.Option(metavar="SHARE", show_default=False, help="Reflectance of that surface; 1 unless given."),
-    ] = None,
-    lamp: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEC",
-            show_default=False,
-            help="The light (see `camssf lamps`), or auto: estimated from the white region. "
-            "The lamp of the result's first shot unless given.",
-        ),
-    ] = None,
+    region: Regions = None,
+    white_region: WhiteRegion = None,
+    white_reflectance: RegionReflectance = None,
+    lamp: RegionLamp = None,
     photo2: Annotated[
         str | None,
         typer.Option(metavar="PHOTO", show_default=False, help="The same regions under another light."),
@@ -56,8 +48,8 @@ def spectrum(
             help="Index of absorbance: erythema, melanin, or a file of wavelengths and weights; may be repeated.",
         ),
     ] = None,
-    observer: Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")] = "1931",
-    adapt: Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")] = "lamp",
+    observer: Observer = "1931",
+    adapt: Adapt = "lamp",
     csv: Annotated[
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Write reflectances and standard deviations, too."),
@@ -66,9 +58,7 @@ def spectrum(
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Draw them with 95 % bands: .png, .svg or .pdf."),
     ] = None,
-    dark: Annotated[
-        str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
-    ] = None,
+    dark: RegionDark = None,
     lens_shading: LensShading = "as-stored",
 ) -> None:
     """Reflectance of regions of a photo, with its uncertainty.

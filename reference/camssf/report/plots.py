@@ -40,14 +40,25 @@ def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
     return ax
 
 
-def _axes() -> Any:
+def require_matplotlib() -> None:
+    """Call before matplotlib's first import.
+
+    Raises:
+        InvalidArgument: it is not installed.
+    """
     try:
         prepare_matplotlib()
-        import matplotlib.pyplot as plt
+        import matplotlib  # noqa: F401
     except ImportError as error:
         raise InvalidArgument(
             "Plots need matplotlib, which is not installed.", "Run pip install matplotlib."
         ) from error
+
+
+def _axes() -> Any:
+    require_matplotlib()
+    import matplotlib.pyplot as plt
+
     return plt.subplots()[1]
 
 

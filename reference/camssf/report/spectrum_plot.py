@@ -7,7 +7,7 @@ from typing import Any
 
 from camssf.colour.reflectance import SurfaceSpectra
 from camssf.errors import InvalidArgument
-from camssf.fonts import prepare_matplotlib
+from camssf.report.plots import require_matplotlib
 from camssf.spectra.surfaces import SURFACE_NODES
 
 PICTURES = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
@@ -49,13 +49,9 @@ def spectrum_picture(spectra: SurfaceSpectra, ending: str) -> bytes:
         InvalidArgument: another ending, or no matplotlib.
     """
     check_picture(ending)
-    try:
-        prepare_matplotlib()
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InvalidArgument(
-            "Plots need matplotlib, which is not installed.", "Run pip install matplotlib."
-        ) from error
+    require_matplotlib()
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     draw_spectra(spectra, figure.subplots())
     data = io.BytesIO()
