@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.grid import Floats
+from camssf.spectra.charts import faded
 from golden.contract import case
 from golden.forms import Json, resolve
 
@@ -61,10 +62,17 @@ Case = Json
 
 
 def photograph(
-    camera: Json, lamps: Sequence[str], reflectance: Any, *, noise: str = "low", white: Any = FLAT, shade: float = 0.3
+    camera: Json,
+    lamps: Sequence[str],
+    reflectance: Any,
+    *,
+    noise: str = "low",
+    white: Any = FLAT,
+    shade: float = 0.3,
+    fading: float = 0.0,
 ) -> dict[str, Floats]:
     """Chart, white and dark frame (k, n, 3) in DN, and the standard error of the signals."""
-    R, s = resolve(reflectance), resolve(camera)
+    R, s = faded(resolve(reflectance), fading), resolve(camera)
     L, rho = resolve({"lamps": list(lamps)}), resolve(white)
     y = np.stack([((R * lamp) @ s) / ((rho * lamp) @ s) for lamp in L])
     k, n, _ = y.shape
@@ -104,6 +112,7 @@ def scene(
     modes: list[Any] | None = None,
     white: Any = FLAT,
     rmse: float | None = None,
+    fading: float = 0.0,
     change: Json | None = None,
     expect: str = "success",
     stage: str = "ssf",
@@ -111,12 +120,12 @@ def scene(
 ) -> Case:
     """A case of the stage ssf, or of another stage with the same inputs.
 
-    taken: the table of the chart that was photographed, if it differs from `table`.
+    taken: the table of the chart that was photographed, if it differs from `table`; fading: of that chart.
     """
     known = (
         {"chart": table, "mixtures": patches} if isinstance(patches, int) else {"chart": table, "patches": patches}
     )
-    photo = photograph(camera, lamps, known | {"chart": taken or table}, noise=noise, white=white)
+    photo = photograph(camera, lamps, known | {"chart": taken or table}, noise=noise, white=white, fading=fading)
     k, n, _ = photo["chart"].shape
     learned = basis != "gaussian"
     inputs: Json = {

@@ -53,10 +53,10 @@ FAIR = np.zeros(2)
 """ln of beliefs that prefer nothing."""
 
 
-def told(camera: Floats, *lamps: str, patches: int = 24, noise: float = 0.002) -> Observation:
+def told(camera: Floats, *lamps: str, patches: int = 24, noise: float = 0.002, fading: float = 0.0) -> Observation:
     light = np.stack([read_lamp(name).values for name in lamps])
     chart = TABLE.values[:patches]
-    y = np.stack([theory(chart, each, camera) for each in light])
+    y = np.stack([theory(TABLE.faded(fading).values[:patches], each, camera) for each in light])
     error = np.hypot(noise * y, 0.0005)
     y = y + error * np.random.default_rng(4).normal(size=y.shape)
     return Observation(y, chart, light, standard_error=error, chart_tolerance=0.03)
@@ -191,6 +191,26 @@ def test_a_camera_of_no_family_gets_a_wider_prior() -> None:
     assert phone.family_test is not None
     assert phone.family_test.passed
     assert recover(given, basis="phones").family_test is None
+
+
+def test_a_faded_chart_is_found_and_allowed_for() -> None:
+    """A phone's photo of a chart that lost a fifth of its colours: the answer is that of the faded table."""
+    phone = resolve(PHONE)
+    clean = told(phone, "D55", "A")
+    given = replace(clean, signals=told(phone, "D55", "A", fading=0.2).signals)
+    found = recover(given)
+    assert found.settings.chart_fading == pytest.approx(0.2, abs=0.05)
+    assert found.settings.prior_scale == 1.0
+    seen = given.faded(found.settings.chart_fading)
+    beliefs = np.log([belief(name) for name in FAMILIES])
+    assert (found.values == choose(seen, [answer(seen, name) for name in FAMILIES], beliefs).values).all()
+    assert (found.predicted == recover(seen).predicted).all()
+    truth = phone / phone.max(axis=0)
+    off, unaware = (np.abs(ssf.peak()[0] - truth).mean() for ssf in (found, recover(given, basis="phones")))
+    assert off < 0.6 * unaware
+    assert recover(clean).settings.chart_fading == 0.0
+    odd = recover(told(resolve(ODD), "D55", "A"))
+    assert odd.settings.chart_fading == 0.0  # another camera is not taken for a faded chart
 
 
 @pytest.mark.requirement("R-UNUSUAL")

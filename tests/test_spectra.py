@@ -325,6 +325,10 @@ def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
     assert chart.values.shape == (24, 681)
     assert not chart.values.flags.writeable
     np.testing.assert_array_equal(chart.tolerance, 0.03)
+    np.testing.assert_array_equal(chart.with_tolerance(0.01).tolerance, np.full(24, 0.01))
+    for wrong in (-0.01, 1.0, float("nan")):
+        with pytest.raises(InvalidArgument, match=r"0 to 0\.5 is possible"):
+            chart.with_tolerance(wrong)
     shape = colour.SpectralShape(380, 720, STEP)
     for name, values in zip(chart.patches, chart.values, strict=True):
         table_sd = colour.SDS_COLOURCHECKERS[table][name]

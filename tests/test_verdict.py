@@ -102,8 +102,9 @@ class Scene:
 
     def answer(self, lamps: list[Lamp]) -> Ssf:
         ssf = recover(self.evidence(lamps))
+        table = TABLE.faded(ssf.settings.chart_fading)
         return replace(
-            ssf, predicted=np.stack([theory(TABLE.values, light, ssf.values, self.rho) for light in ssf.light.lamp])
+            ssf, predicted=np.stack([theory(table.values, light, ssf.values, self.rho) for light in ssf.light.lamp])
         )
 
     def goodness_of_fit(self, ssf: Ssf | None = None, lamps: list[Lamp] | None = None) -> GoodnessOfFit:
@@ -116,8 +117,9 @@ class Scene:
         given = {
             name: changes.get(name, getattr(self, name)) for name in ("signals", "shots", "poses", "lamps", "ssf")
         }
+        table = TABLE.faded(given["ssf"].settings.chart_fading)
         return judge(
-            VerdictInputs(given["signals"], TABLE, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            VerdictInputs(given["signals"], table, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
             given["ssf"],
             rivals=self.rivals,
             neutrals=self.neutrals,
@@ -146,7 +148,15 @@ def test_a_clean_capture_is_accepted(white: bool) -> None:
     assert not verdict.reasons
 
 
-WHOLE = {"goodness_of_fit", "hopeless", "improbable_curves", "lamp_residual", "vague", "other_makers"}
+WHOLE = {
+    "goodness_of_fit",
+    "hopeless",
+    "improbable_curves",
+    "lamp_residual",
+    "chart_fading",
+    "vague",
+    "other_makers",
+}
 OF_A_SHOT = {"explanation", "dark_white", "veil", "few_patches", "dirty", "greens", "smooth", "rough", "poor_pose"}
 
 

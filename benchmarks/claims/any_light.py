@@ -51,6 +51,7 @@ from camssf.recovery.basis import Basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
+from camssf.spectra.charts import faded
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 
 LAMPS = {
@@ -123,9 +124,13 @@ def pose() -> Pose:
     return Pose("classic24", patches[[0, 5, 23, 18], [0, 1, 2, 3]], patches, 0, "detected", 0.97, ())
 
 
-def capture(device: Device, lamps: Sequence[str], told: Sequence[Light], maker: str, seed: int) -> Capture:
-    """The chart of Ohta's table under these lamps."""
+def capture(
+    device: Device, lamps: Sequence[str], told: Sequence[Light], maker: str, seed: int, fading: float = 0.0
+) -> Capture:
+    """The chart of Ohta's table under these lamps, faded by about as much: each patch by 0.5 to 1.5 times of it."""
     chart, shots = read_chart("classic24:ohta").values, []
+    each = fading * np.random.default_rng(seed).uniform(0.5, 1.5, len(chart))
+    chart = faded(chart, each[:, None])
     model = device.name[len(maker) :].strip() if maker else ""
     for number, (name, light) in enumerate(zip(lamps, told, strict=True)):
         power = read_lamp(name).values

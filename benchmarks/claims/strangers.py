@@ -2,10 +2,10 @@
 
 The measured phones, each solved with bases of the other phones (or of the other maker's alone), and changed so that
 they are strangers: all curves moved by 8 and 12 nm, widened by 20 %, yellow in green's place (RYYB), a tenth of all
-channels in each (RGBW), an infrared cut at 635 nm. One photo with white and dark frame, solved and judged as
-`camssf calibrate` does it, under five lamps, named and not; Ohta's chart with BabelColor's table, noise
-hypot(0.1 %, 0.0002). Cameras (maker left out) and another laboratory's, each with its own maker's name, with a phone
-maker's, and with none. z(x) and lamp residual: docs/verdict.md, rule 7.
+channels in each (RGBW), an infrared cut at 635 nm; and with a chart that has faded. One photo with white and dark
+frame, solved and judged as `camssf calibrate` does it, under five lamps, named and not; Ohta's chart with
+BabelColor's table, noise hypot(0.1 %, 0.0002). Cameras (maker left out) and another laboratory's, each with its own
+maker's name, with a phone maker's, and with none. z(x) and lamp residual: docs/verdict.md, rule 7.
 
 `--phones` (or CAMSSF_PHONES) and `--foreign` (CAMSSF_FOREIGN) name the tables that may not be passed on; without them
 cameras alone are judged. Error: RMSE of peak-normalised curves, 400 to 700 nm, of all captures, refused ones too;
@@ -51,6 +51,8 @@ from camssf.recovery.basis import Basis
 from camssf.spectra import read_lamp
 
 OTHER, UNKNOWN = "as measured, basis of another maker's", "as measured, no maker in the file"
+FADED = {"chart faded by 10 %": 0.1, "chart faded by 20 %": 0.2}
+"""Mean fading of the chart's patches; each one's own is 0.5 to 1.5 times of it."""
 LAMPS = ("D55", "D:7500", "2700K", "LED-B3", "FL2")
 PHONE_MAKER = "Apple"
 Change = Callable[[Floats], Floats]
@@ -102,6 +104,8 @@ def phones(path: Path) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
         foreign = {name: curves for name, curves in nodes.items() if maker_of(name) != maker}
         yield OTHER, device, (replace(device.bases[OTHER_MAKER], name="phones"), ryyb(foreign)), maker
         yield UNKNOWN, device, known, ""
+        for title in FADED:
+            yield title, device, known, maker
 
 
 def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ...], str]]:
@@ -119,12 +123,14 @@ def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ..
                 yield title + word, device, known, maker
 
 
-def taken(device: Device, known: Sequence[Basis], maker: str, number: int) -> Iterator[tuple[str, Taken]]:
+def taken(
+    device: Device, known: Sequence[Basis], maker: str, number: int, fading: float
+) -> Iterator[tuple[str, Taken]]:
     """Whether the light was named, and the outcome."""
     with standing_in(*known):
         for at, lamp in enumerate(LAMPS):
             for word, light in (("named", read_lamp(lamp)), ("not named", unnamed(lamp))):
-                photo = capture(device, (lamp,), [light], maker, 100 * number + at)
+                photo = capture(device, (lamp,), [light], maker, 100 * number + at, fading)
                 yield word, judged(photo, device, (lamp,))
 
 
@@ -158,6 +164,12 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
         if title == UNKNOWN and "as measured" in document:
             most = document["as measured"]["not named"]["status"]["accepted"]
             found.append((f"{title}: accepted, of those with it", unnamed_["status"]["accepted"] / most, 0.9, 1.1))
+        if title == "chart faded by 20 %":
+            for word, one in words.items():
+                said = one["codes"].get("chart_unfit", 0) / one["captures"]
+                found.append((f"{title}, {word}: RMSE", one["rmse"], 0.0, 0.036))
+                found.append((f"{title}, {word}: coverage", one["coverage"], 0.94, 1.0))
+                found.append((f"{title}, {word}: said so", said, 0.9, 1.0))
         if title.startswith("12 nm"):
             found.append((f"{title}, named: not accepted", doubted, 0.9, 1.0))
         if title.startswith("20 %"):
@@ -210,7 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found: dict[str, dict[str, list[Taken]]] = {}
     with progress() as bar:
         for number, (title, device, known, maker) in enumerate(bar.track(devices, description="strangers")):
-            for word, one in taken(device, known, maker, number):
+            for word, one in taken(device, known, maker, number, FADED.get(title, 0.0)):
                 found.setdefault(title, {}).setdefault(word, []).append(one)
     document = {title: {word: row(each) for word, each in words.items()} for title, words in found.items()}
     show(document)

@@ -35,6 +35,8 @@ def cases() -> Iterator[Json]:
     yield choice("ryyb", "A phone with yellow in green's place: the basis made for it answers alone.", YELLOW_PHONE,
                  ["D55", "A"], {"phones": 20.0})  # fmt: skip
     yield choice("unfamiliar", "Curves that no basis knows: answered with a wider prior.", ODD, ["D55", "A"])
+    yield choice("faded", "A chart that lost a fifth of its colours: found, and the prior is not wider.",
+                 PHONE, ["D55", "A"], fading=0.2)  # fmt: skip
     yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],
                  patches=TWELVE, noise="usual", l2=0.0, gamma=1.4)  # fmt: skip
 
@@ -63,6 +65,7 @@ def run(call: Call) -> dict[str, Any]:
         "probability": np.array([weight.probability for weight in ssf.choice]),
         "basis": ssf.settings.basis,
         "prior_scale": ssf.settings.prior_scale,
+        "chart_fading": ssf.settings.chart_fading,
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,
@@ -75,7 +78,7 @@ LIMITS = (
     *each("relative", 1e-10, "log_evidence"),
     *each("norm", 1e-8, "probability"),
     *each("exact", 0.0, "basis prior_scale"),
-    *each("norm", 1e-8, "family_test"),
+    *each("norm", 1e-8, "family_test chart_fading"),
     *each("norm", 1e-9, "ssf ssf_std predicted"),
 )
 
@@ -89,7 +92,9 @@ STAGE = Stage(
     name="choice",
     keys=Keys(
         CALL | words("prior"),
-        words("gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale family_test"),
+        words(
+            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale family_test chart_fading"
+        ),
     ),
     requires=always("model"),
     cases=cases,

@@ -24,13 +24,13 @@ def cases() -> Iterator[Json]:
 
     def light(
         name: str, comment: str, camera: Json, lamps: Sequence[str], unnamed: list[int], *, expect: str = "success",
-        **more: Any,
+        fading: float = 0.0, **more: Any,
     ) -> Case:  # fmt: skip
         made = next(each for each in calibrate.cases() if each["case"] == "calibrate/auto-phone")["inputs"]
         told = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(lamps, 1)]
         k = len(lamps)
         inputs = made | {
-            "shots": frames(camera, lamps, noise="usual"),
+            "shots": frames(camera, lamps, noise="usual", fading=fading),
             "lamp": {"lamps": told},
             "lamp_tolerance": {"constant": 0.02, "shape": [k]},
             "lamp_modes": {"polynomials": [[] for _ in lamps]},
@@ -43,6 +43,8 @@ def cases() -> Iterator[Json]:
     yield light("two", "Daylight and a bulb, neither named: 48 hypotheses.", PHONE, ["D55", "A"], [1, 2])
     yield light("one-of-two", "Daylight by its name and a bulb by none: rivals of the first alone.", PHONE,
                 ["D55", "A"], [2])  # fmt: skip
+    yield light("faded", "A chart that lost a fifth of its colours, under daylight that nobody named.",
+                PHONE, ["D55"], [1], fading=0.2)  # fmt: skip
     yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
                 basis="phones")  # fmt: skip
     yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],
@@ -84,6 +86,7 @@ def run(call: Call) -> dict[str, Any]:
         "probability": np.array([weight.probability for weight in ssf.choice]),
         "basis": ssf.settings.basis,
         "prior_scale": ssf.settings.prior_scale,
+        "chart_fading": ssf.settings.chart_fading,
         "likeliest": list(ssf.light.kinds),
         "ssf": curves[::10],
         "ssf_std": std[::10],
@@ -111,7 +114,7 @@ LIMITS = (
     *each("relative", 1e-10, "log_evidence"),
     *each("norm", 1e-8, "probability"),
     *each("exact", 0.0, "basis prior_scale likeliest"),
-    *each("norm", 1e-8, "length"),
+    *each("norm", 1e-8, "length chart_fading"),
     *each("norm", 1e-9, "ssf ssf_std predicted"),
     *each("norm", 1e-8, "rmsre_percent kinds"),
     *each("norm", 1e-9, "power power_std"),
@@ -133,8 +136,9 @@ STAGE = Stage(
     keys=Keys(
         CAPTURE | words("unnamed"),
         words(
-            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale length likeliest "
-            "rmsre_percent kinds power power_std kelvin kelvin_std status codes messages values thresholds said"
+            "gap ssf ssf_std predicted weighed log_evidence probability basis prior_scale chart_fading length "
+            "likeliest rmsre_percent kinds power power_std kelvin kelvin_std status codes messages values "
+            "thresholds said"
         ),
         words("make model"),
         rounded=words("ssf ssf_std power power_std predicted"),

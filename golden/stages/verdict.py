@@ -173,6 +173,8 @@ def cases() -> Iterator[Json]:
         ("usual", "Neither is above its limit.", [0.04, 0.79, 0.05, 0.8]),
         ("unusual-unnamed", "The light was not named, so there is no lamp residual.", [0.4, None, 0.3, 0.8]),
     )
+    yield case("choice-faded", "The signals were explained by a faded chart only: chart_unfit.", y, choice=both,
+               family="phones", test=[-0.5, 0.1, 0.05, 0.8], fading=0.2)  # fmt: skip
     for name, comment, test in tests:
         yield case(f"choice-{name}", comment, y, choice=both, family="phones", test=test, unnamed=test[1] is None)
     # rule 8
@@ -247,6 +249,7 @@ def case(
     choice: list[list[Any]] | None = None,
     family: str | None = None,
     test: list[float | None] | None = None,
+    fading: float = 0.0,
     known: int = 0,
     dark: bool = True,
     solved: bool = False,
@@ -330,6 +333,8 @@ def case(
         inputs |= {"choice": choice, "family": family}
     if test is not None:
         inputs["family_test"] = test
+    if fading:
+        inputs["chart_fading"] = fading
     return contract.case(f"verdict/{name}", comment, inputs)
 
 
@@ -408,7 +413,14 @@ def run(call: Call) -> dict[str, Any]:
             predicted=predicted,
             light=Illumination(lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3)),
             proof=Proof(gap=np.zeros(3), layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64)),
-            settings=FitSettings(basis=basis, prior_scale=1.0, l2=1.0, gamma=np.zeros(3), engine="golden"),
+            settings=FitSettings(
+                basis=basis,
+                prior_scale=1.0,
+                l2=1.0,
+                gamma=np.zeros(3),
+                engine="golden",
+                chart_fading=given.get("chart_fading", 0.0),
+            ),
             choice=choice,
         )
 
@@ -475,7 +487,7 @@ STAGE = Stage(
         words(
             "z status codes messages values thresholds gains fatal named residual prior count advice checks checked"
         ),
-        words("choice family family_test code_variance unnamed gain_modes gain_own"),
+        words("choice family family_test chart_fading code_variance unnamed gain_modes gain_own"),
         arrays=VERDICT_NUMBERS,
     ),
     requires=always("verdict"),

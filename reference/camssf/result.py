@@ -266,6 +266,7 @@ class Calibration(Result):
             "finish_steps": self.ssf.proof.finish_steps.tolist(),
             "evidence": None if posterior is None else posterior.log_evidence,
             "prior_scale": settings.prior_scale,
+            "chart_fading": settings.chart_fading,
             "choice": [weight_json(weight) for weight in self.ssf.choice],
             "gamma": settings.gamma.tolist(),
             "l2": settings.l2,

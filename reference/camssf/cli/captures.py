@@ -13,6 +13,7 @@ from camssf.cli.options import (
     L2,
     BasisName,
     Chart,
+    ChartTolerance,
     Corners,
     Darks,
     Engine,
@@ -31,6 +32,7 @@ from camssf.cli.options import (
     Whites,
 )
 from camssf.cli.reading import (
+    parse_chart,
     parse_patches,
     parse_percent,
     parse_share,
@@ -120,6 +122,7 @@ def calibrate(
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
     lamp_tolerance: LampTolerances = None,
+    chart_tolerance: ChartTolerance = None,
     lens_shading: LensShading = "as-stored",
     basis: BasisName = "auto",
     fit: Fit = None,
@@ -151,7 +154,7 @@ def calibrate(
                     lamp_tolerance=lamp_tolerance,
                     lens_shading=lens_shading,
                 ),
-                chart=chart,
+                chart=parse_chart(chart, chart_tolerance),
                 options=Options(
                     white_reflectance=parse_share(white_reflectance),
                     basis=basis,

@@ -67,6 +67,15 @@ LampTolerances: TypeAlias = Annotated[
         help="How well the lamp is known, one standard deviation: 2%, 300K, or 300K,2%. In the photos' order.",
     ),
 ]
+ChartTolerance: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="1%",
+        show_default=False,
+        help="How well the table fits this chart, one standard deviation. Unless given: 3% for a named table, 1% for "
+        "a file, which is taken for a measurement of this chart.",
+    ),
+]
 LensShading: TypeAlias = Annotated[
     str,
     typer.Option(

@@ -17,6 +17,7 @@ from camssf.places import check_place, is_remote, place, reached
 if TYPE_CHECKING:
     from camssf.photo.shot import Shot
     from camssf.report.provenance import Signature
+    from camssf.spectra import ChartTable
 
 PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
 """Formats of the documents that commands pass through pipes."""
@@ -96,6 +97,18 @@ def parse_shots(
         Shot(photo, lamp, whites[j], darks[j], found[j], tolerances[j], lens_shading)
         for j, (photo, lamp) in enumerate(zip(photos, lamps or [AUTO] * k, strict=True))
     ]
+
+
+def parse_chart(chart: str, tolerance: str | None) -> str | ChartTable:
+    """The chart as given, or its table with `--chart-tolerance`.
+
+    Raises:
+        CalibrationError: as `read_chart` and `ChartTable.with_tolerance`.
+    """
+    from camssf.spectra import read_chart
+
+    given = parse_percent("--chart-tolerance", tolerance)
+    return chart if given is None else read_chart(chart).with_tolerance(given)
 
 
 def _frames(word: str, paths: list[str] | None, k: int) -> list[str | None]:
@@ -211,7 +224,7 @@ def parse_percent(option: str, text: str | None) -> float | None:
     try:
         return float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
     except ValueError:
-        raise InvalidArgument(f"{option} {text!r} is not a share of the light.", "Write 8 % as 8%.") from None
+        raise InvalidArgument(f"{option} {text!r} is not a share.", "Write 8 % as 8%.") from None
 
 
 def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]:

@@ -12,6 +12,7 @@ from camssf.cli.options import (
     L2,
     BasisName,
     Chart,
+    ChartTolerance,
     Corners,
     Darks,
     Document,
@@ -33,6 +34,7 @@ from camssf.cli.reading import (
     PATCHES,
     RESULT,
     name_of,
+    parse_chart,
     parse_patches,
     parse_percent,
     parse_share,
@@ -57,6 +59,7 @@ def patches(
     corners: Corners = None,
     white_reflectance: WhiteReflectance = None,
     lamp_tolerance: LampTolerances = None,
+    chart_tolerance: ChartTolerance = None,
     lens_shading: LensShading = "as-stored",
 ) -> None:
     """Measure the patches: JSON for `solve`."""
@@ -76,7 +79,7 @@ def patches(
                 lamp_tolerance=lamp_tolerance,
                 lens_shading=lens_shading,
             ),
-            chart=chart,
+            chart=parse_chart(chart, chart_tolerance),
             options=Options(white_reflectance=parse_share(white_reflectance)),
             progress=progress,
             record=record,

@@ -42,6 +42,7 @@ TABLE: dict[str, tuple[str, Measure | None, float]] = {
     "": ("inputs", relative, 0.0),
     "/generator/version": ("inputs", None, 0.0),  # another release may have written the result
     "/prior_scale": ("inputs", relative, 1e-9),
+    "/chart_fading": ("inputs", relative, 1e-6),
     "/choice": ("inputs", relative, 1e-9),
     "/choice/log_evidence": ("band", relative, 1e-9),
     "/choice/probability": ("band", relative, 1e-6),  # changes by at most as much as a log evidence of 1000
@@ -99,6 +100,7 @@ TABLE: dict[str, tuple[str, Measure | None, float]] = {
 No measure: only its presence is compared. Bound 0: must be equal."""
 LABELS = {
     "/prior_scale": "width of the prior",
+    "/chart_fading": "fading of the chart",
     "/choice/*": "{key} of {name}",
     "/hashes/inputs/*": "SHA-256 of {key}",
     "/ssf/*": "ssf, {key}",

@@ -71,12 +71,17 @@ class CaptureFit:
         )
 
     def conditioned_on(self, ssf: Ssf) -> CaptureFit:
-        """The fit with the basis, width and kinds of light that `ssf` found, for fits to parts of the capture."""
+        """The fit with basis, width, kinds of light and chart that `ssf` found, for fits to parts of the capture."""
         if not ssf.choice:
             return self
-        posed = self.with_kinds(ssf.light.kinds) if ssf.light.kinds else self
+        posed = (self.with_kinds(ssf.light.kinds) if ssf.light.kinds else self).with_chart_of(ssf)
         basis = ssf.settings.basis if self.basis == AUTO else self.basis
         return replace(posed, basis=basis, prior_scale=ssf.settings.prior_scale)
+
+    def with_chart_of(self, ssf: Ssf) -> CaptureFit:
+        """The fit with the chart as faded as `ssf` found it."""
+        chart = self.capture.chart.faded(ssf.settings.chart_fading)
+        return replace(self, capture=replace(self.capture, chart=chart))
 
     def with_kinds(self, kinds: Sequence[str]) -> CaptureFit:
         """The fit with these kinds of light, one a shot; "" keeps a shot's lamp."""

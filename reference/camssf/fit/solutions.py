@@ -29,18 +29,19 @@ def recover_fit(fit: CaptureFit, used: NDArray[np.bool_], gamma: ArrayLike | Non
         InvalidArgument: the light of more than MOST_UNNAMED shots is not named; else as `recover`.
         NotConverged: as `recover`.
     """
-    options, table = fit.options, fit.capture.chart.values
+    options, chart = fit.options, fit.capture.chart
     settings = SolverSettings(l2=options.l2, gamma=gamma, nonnegative=options.nonnegative, engine=options.engine)
     if any(fit.unnamed):
         return recover_in_any_light(
-            _guesses(fit, used), basis=fit.basis, prior=fit.prior_odds, prior_scale=fit.prior_scale, of=table,
+            _guesses(fit, used), basis=fit.basis, prior=fit.prior_odds, prior_scale=fit.prior_scale, of=chart.values,
             settings=settings,
         )  # fmt: skip
     ssf = recover(
         fit.given(used), basis=fit.basis, prior=fit.prior_odds, prior_scale=fit.prior_scale, settings=settings
     )
+    fit = fit.with_chart_of(ssf)
     rho, _ = fit.white_reference()
-    return replace(ssf, predicted=predict_signals(ssf.values, table, ssf.light.lamp, rho))
+    return replace(ssf, predicted=predict_signals(ssf.values, fit.capture.chart.values, ssf.light.lamp, rho))
 
 
 def recover_each_shot(fit: CaptureFit) -> list[Ssf]:

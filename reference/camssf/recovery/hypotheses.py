@@ -2,8 +2,9 @@
 
 Phones, cameras and phones with an RYYB sensor are three families of curves. The posterior probability of each one
 follows from its evidence and its prior odds (docs/maths.md, "Which basis"). A basis with odds of at least CLEAR is
-used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance. A camera that
-does not belong to its family is answered with a wider prior (`unfamiliar_camera`).
+used alone; otherwise solutions are mixed by probability, and their bands by the law of total variance. Where the
+camera seems to belong to no family, the chart may have faded (`faded_chart`), or the answer has a wider prior
+(`unfamiliar_camera`).
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from camssf.grid import STEP, Floats
-from camssf.recovery.basis import Basis
+from camssf.recovery.basis import Basis, read_basis
+from camssf.recovery.faded_chart import chart_fading
+from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import (
     SOLVER_DEFAULTS,
+    FamilyTest,
     Hypothesis,
     Proof,
     SolverSettings,
@@ -25,6 +29,7 @@ from camssf.recovery.sensitivity import (
     answer,
     predict_signals,
 )
+from camssf.recovery.solve import log_evidence
 from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 
@@ -66,13 +71,26 @@ def recover(
     """
     if basis != AUTO:
         return answer(observation, basis, prior_scale=prior_scale, settings=settings)
-    answers = [answer(observation, name, settings=settings) for name in FAMILIES]
-    found = choose(observation, answers, np.array([prior_belief(name, prior or {}) for name in FAMILIES]))
-    test = family_test(observation, found, [True] * len(observation.lamp))
+    beliefs = np.array([prior_belief(name, prior or {}) for name in FAMILIES])
+
+    def chosen(given: Observation) -> tuple[Ssf, FamilyTest]:
+        found = choose(given, [answer(given, name, settings=settings) for name in FAMILIES], beliefs)
+        return found, family_test(given, found, [True] * len(given.lamp))
+
+    def evidence(fading: float) -> float:
+        given = observation.faded(fading)
+        nats = np.array([log_evidence(linear_model(given, read_basis(name))) for name in FAMILIES])
+        return float(np.logaddexp.reduce(nats + beliefs))
+
+    found, test = chosen(observation)
+    fading = 0.0 if test.passed else chart_fading(evidence, CLEAR)
+    if fading:
+        observation = observation.faded(fading)
+        found, test = chosen(observation)
     if not test.passed:
         wide = answer(observation, found.settings.basis, prior_scale=WIDER, settings=settings)
         found = replace(wide, choice=found.choice)
-    return found.tested(test)
+    return found.tested(test, fading)
 
 
 def prior_belief(family: str, odds: Mapping[str, float]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis
 from camssf.rules import rules
+from camssf.spectra.charts import faded
 
 MASKED_STANDARD_ERROR = rules().number("calibration.hidden")
 """Standard error of a masked signal, too large for it to change a curve: the model has no mask input."""
@@ -95,6 +96,13 @@ class Observation:
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+
+    def faded(self, amount: float) -> Observation:
+        """The observation with the table of a chart faded by `amount`; a white frame's flat target does not fade."""
+        if not amount:
+            return self
+        white = faded(self.white_reflectance, amount)
+        return replace(self, reflectance=faded(self.reflectance, amount), white_reflectance=white)
 
     def errors(self, basis: Basis) -> Floats:
         """Standard errors of the rows, (k, n, 3); MASKED_STANDARD_ERROR for masked signals.

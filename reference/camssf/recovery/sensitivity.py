@@ -170,6 +170,7 @@ class FitSettings:
         l2: the quadratic penalty.
         gamma: (3,) the l1 penalty of each channel's problem.
         engine: "onnx" or "reference".
+        chart_fading: by how much the chart has faded in this answer (`faded_chart`); 0 for none.
     """
 
     basis: str
@@ -177,6 +178,7 @@ class FitSettings:
     l2: float
     gamma: Floats
     engine: str
+    chart_fading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -213,10 +215,11 @@ class Ssf:
         """`Posterior.family_test`."""
         return None if self.posterior is None else self.posterior.family_test
 
-    def tested(self, test: FamilyTest) -> Ssf:
-        """The answer with its `family_test`."""
+    def tested(self, test: FamilyTest, chart_fading: float) -> Ssf:
+        """The answer with its `family_test`, and by how much the chart has faded."""
         assert self.posterior is not None  # every family has a prior
-        return replace(self, posterior=replace(self.posterior, family_test=test))
+        settings = replace(self.settings, chart_fading=chart_fading)
+        return replace(self, posterior=replace(self.posterior, family_test=test), settings=settings)
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""

@@ -17,8 +17,10 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.recovery.faded_chart import chart_fading
 from camssf.recovery.hypotheses import (
     AUTO,
+    CLEAR,
     FAMILIES,
     mixture,
     of_peak_one,
@@ -31,6 +33,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import (
     SOLVER_DEFAULTS,
     EstimatedLamp,
+    FamilyTest,
     Hypothesis,
     SolverSettings,
     Ssf,
@@ -40,6 +43,7 @@ from camssf.recovery.sensitivity import (
 from camssf.recovery.solve import log_evidence
 from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
+from camssf.spectra.charts import faded
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
 
@@ -60,6 +64,10 @@ class LampGuess:
 
     kinds: tuple[str, ...]
     observation: Observation
+
+    def faded(self, amount: float) -> LampGuess:
+        """The same with a chart that has faded by `amount`."""
+        return replace(self, observation=self.observation.faded(amount))
 
     @property
     def belief(self) -> float:
@@ -85,6 +93,16 @@ class LampHypothesis:
     def widened_basis(self) -> Basis:
         """The basis, widened by `scale`."""
         return widened(self.basis if isinstance(self.basis, Basis) else read_basis(self.basis), self.scale)
+
+    @property
+    def log_evidence(self) -> float:
+        """ln of the marginal likelihood of the signals, up to a constant common to all hypotheses."""
+        return log_evidence(linear_model(self.guess.observation, self.widened_basis))
+
+    @property
+    def log_prior(self) -> float:
+        """ln of its prior odds: of the kinds of light, times those of the basis."""
+        return self.guess.belief + self.belief
 
     @property
     def name(self) -> str:
@@ -117,25 +135,52 @@ def recover_in_any_light(
         InvalidArgument: as `recover`; also for a basis without a prior, which has no evidence.
         NotConverged: as `recover`.
     """
-    if basis == AUTO:
-        bases: list[tuple[str | Basis, float]] = [(name, prior_belief(name, prior or {})) for name in FAMILIES]
-    else:
-        bases = [(basis, 0.0)]
-    hypotheses = [LampHypothesis(guess, name, prior_scale, belief) for name, belief in bases for guess in guesses]
+    if basis != AUTO:
+        return _recover([LampHypothesis(guess, basis, prior_scale, 0.0) for guess in guesses], of, settings)
+
+    def hypotheses(fading: float) -> list[LampHypothesis]:
+        beliefs = [(name, prior_belief(name, prior or {})) for name in FAMILIES]
+        return [
+            LampHypothesis(guess.faded(fading), name, 1.0, belief) for name, belief in beliefs for guess in guesses
+        ]
+
+    def chosen(fading: float) -> tuple[Ssf, FamilyTest]:
+        found = _recover(hypotheses(fading), None if of is None else faded(of, fading), settings)
+        best = next(guess.faded(fading) for guess in guesses if guess.kinds == found.light.kinds)
+        return found, family_test(best.observation, found, [not kind for kind in best.kinds])
+
+    def evidence(fading: float) -> float:
+        return float(np.logaddexp.reduce([each.log_evidence + each.log_prior for each in hypotheses(fading)]))
+
+    found, test = chosen(0.0)
+    fading = 0.0 if test.passed else chart_fading(evidence, CLEAR)
+    if fading:
+        found, test = chosen(fading)
+    if not test.passed:
+        own = [each for each in hypotheses(fading) if each.basis == found.settings.basis]
+        wide = _recover(
+            [replace(each, scale=WIDER) for each in own], None if of is None else faded(of, fading), settings
+        )
+        found = replace(wide, choice=found.choice)
+    return found.tested(test, fading)
+
+
+def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: SolverSettings) -> Ssf:
+    """Weigh the hypotheses, solve those of enough weight, and mix them."""
     without = next((each.widened_basis for each in hypotheses if not each.widened_basis.prior), None)
     if without is not None:
         raise InvalidArgument(
             f"The {without.name} basis has no prior, so the light cannot be estimated.",
             "Name the lamp, or take --basis phones.",
         )
-    nats = np.array([log_evidence(linear_model(each.guess.observation, each.widened_basis)) for each in hypotheses])
-    likely = probabilities(nats + [each.guess.belief + each.belief for each in hypotheses])
+    nats = np.array([each.log_evidence for each in hypotheses])
+    likely = probabilities(nats + [each.log_prior for each in hypotheses])
     weighed = tuple(
         Hypothesis(each.name, float(size), float(share), each.guess.kinds)
         for each, size, share in zip(hypotheses, nats, likely, strict=True)
     )
     weights = posterior_weights([each.name for each in hypotheses], likely)
-    kept = np.flatnonzero(weights >= min(SOLVED, weights.max()))
+    kept = [int(i) for i in np.flatnonzero(weights >= min(SOLVED, weights.max()))]
     share = weights[kept] / weights[kept].sum()
     answers = [
         answer(each.guess.observation, each.basis, prior_scale=each.scale, settings=settings)
@@ -146,9 +191,9 @@ def recover_in_any_light(
         _found([(hypotheses[i].guess.kinds[j], seen[a][j]) for a, i in enumerate(kept)], share, likely, weighed, j)
         if kind
         else None
-        for j, kind in enumerate(guesses[0].kinds)
+        for j, kind in enumerate(hypotheses[0].guess.kinds)
     )
-    best = hypotheses[kept[share.argmax()]].guess
+    best = hypotheses[kept[int(share.argmax())]].guess
     chart = best.observation.reflectance if of is None else of
     # The product of curve and light is more certain than either: take means of products, not products of means.
     rho = best.observation.white_reflectance
@@ -159,14 +204,7 @@ def recover_in_any_light(
     )
     found = _mixed(answers, share, best.observation)
     light = replace(found.light, lights=lights, kinds=best.kinds)
-    found = replace(found, predicted=predicted, light=light, choice=weighed)
-    if basis != AUTO:
-        return found
-    test = family_test(best.observation, found, [not kind for kind in best.kinds])
-    if not test.passed:
-        wide = recover_in_any_light(guesses, basis=found.settings.basis, prior_scale=WIDER, of=of, settings=settings)
-        found = replace(wide, choice=weighed)
-    return found.tested(test)
+    return replace(found, predicted=predicted, light=light, choice=weighed)
 
 
 def _mixed(answers: Sequence[Ssf], share: Floats, observation: Observation) -> Ssf:

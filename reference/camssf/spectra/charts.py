@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -47,6 +47,27 @@ class ChartTable:
     tolerance: Floats = field(repr=False)
     white: int
     source: str
+
+    def with_tolerance(self, tolerance: float) -> ChartTable:
+        """The table with another relative error of an individual chart, one standard deviation: 0.01 for 1 %.
+
+        Raises:
+            InvalidArgument: no number from 0 to 0.5.
+        """
+        if not 0.0 <= tolerance <= 0.5:
+            raise InvalidArgument(
+                f"The chart's tolerance is {tolerance:g}; 0 to 0.5 is possible.", "Write 1 % as 1% or 0.01."
+            )
+        return replace(self, tolerance=frozen(np.full(len(self.patches), float(tolerance))))
+
+    def faded(self, amount: float) -> ChartTable:
+        """The table of a chart that has faded by `amount`."""
+        return replace(self, values=frozen(faded(self.values, amount))) if amount else self
+
+
+def faded(reflectance: Floats, amount: float | Floats) -> Floats:
+    """Reflectances (..., 681) of a chart whose colours have faded by v: R + v (R̄ - R), R̄ the mean over the grid."""
+    return np.asarray(reflectance + amount * (reflectance.mean(axis=-1, keepdims=True) - reflectance))
 
 
 ChartLike: TypeAlias = Name | ChartTable | Spectra | Mapping[str, Spectrum] | Pair

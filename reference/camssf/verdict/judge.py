@@ -51,6 +51,7 @@ HOPELESS = _NUMBER("verdict.hopeless")
 POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
+FADING = _NUMBER("verdict.chart_fading")
 PHONES = "phones"
 """The only cameras that are similar enough to each other to estimate an unnamed light."""
 
@@ -98,6 +99,7 @@ def judge(
         for j, lamp in enumerate(lamps)
     ]
     reasons += [reason for white in whites for reason in white]
+    reasons += _faded(ssf, checks)
     reasons += _vague(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
     reasons += _unnamed(ssf, family, checks) if any(unnamed) else []
@@ -178,6 +180,15 @@ def _unusual(ssf: Ssf, unnamed: Sequence[bool], checks: Checks) -> list[Reason]:
         if test.lamp_residual > test.largest:
             reasons.append(because("lamp_residual", test.lamp_residual, words, threshold=test.largest))
     return reasons
+
+
+def _faded(ssf: Ssf, checks: Checks) -> list[Reason]:
+    """Check whether the signals were explained by a faded chart only."""
+    if ssf.family_test is None:
+        return []
+    amount = ssf.settings.chart_fading
+    checks.note("chart_fading", amount)
+    return [because("faded", amount, {"amount": amount})] if amount > FADING else []
 
 
 def _other_makers(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:

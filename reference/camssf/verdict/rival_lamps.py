@@ -26,6 +26,7 @@ NARROW = rules().number("verdict.narrow")
 
 def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
     """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each."""
+    fit = fit.with_chart_of(ssf)
     answered = fit.with_kinds(ssf.light.kinds) if any(fit.unnamed) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()

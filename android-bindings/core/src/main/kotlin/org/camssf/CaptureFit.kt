@@ -17,8 +17,8 @@ import org.camssf.recovery.Recover
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
 import org.camssf.recovery.predictSignals
+import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
-import kotlin.math.exp
 import kotlin.math.ln
 
 /**
@@ -34,7 +34,8 @@ internal class CaptureFit(
     private val settings: Settings,
     private val priorScale: Double = 1.0,
 ) {
-    private val table = capture.chart
+    /** The chart's table, as faded as an answer found it. */
+    val table: ChartTable = capture.chart
     private val n = table.patches.size
     private val k = capture.shots.size
 
@@ -68,13 +69,21 @@ internal class CaptureFit(
     }
 
     /**
-     * This fit with the basis, prior width and kinds of light that `ssf` found, for fits to parts of the capture. If
-     * `ssf` was not chosen among hypotheses, it is this fit itself.
+     * This fit with the basis, prior width, kinds of light and chart that `ssf` found, for fits to parts of the
+     * capture. If `ssf` was not chosen among hypotheses, it is this fit itself.
      */
     fun conditionedOn(ssf: Ssf): CaptureFit {
         if (ssf.choice.isEmpty()) return this
-        val ofKinds = if (ssf.kinds.isEmpty()) capture else ofKinds(ssf.kinds)
-        return CaptureFit(engines.filter { it.basis == ssf.basis }, ofKinds, signals, settings, ssf.priorScale)
+        val posed = (if (ssf.kinds.isEmpty()) this else under(ssf.kinds)).withChartOf(ssf)
+        val engine = engines.filter { it.basis == ssf.basis }
+        return CaptureFit(engine, posed.capture, signals, settings, ssf.priorScale)
+    }
+
+    /** This fit with the chart as faded as `ssf` found it. */
+    fun withChartOf(ssf: Ssf): CaptureFit {
+        if (ssf.chartFading == 0.0) return this
+        val faded = MeasuredCapture(capture.shots, table.faded(ssf.chartFading), capture.whiteReflectance)
+        return CaptureFit(engines, faded, signals, settings, priorScale)
     }
 
     /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */
@@ -116,7 +125,10 @@ internal class CaptureFit(
         val given = observation(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
             ?: Choice.recover(engines, given, shown, penalties, priorOdds)
-        return found.predicting(predictSignals(found.sharedValues, table.sharedValues, found.sharedLamp, white))
+        val fit = withChartOf(found)
+        val predicted =
+            predictSignals(found.sharedValues, fit.table.sharedValues, found.sharedLamp, fit.white)
+        return found.predicting(predicted)
     }
 
     /** All combinations of kinds for the unnamed lights. */
@@ -145,11 +157,11 @@ internal class CaptureFit(
     fun logEvidence(used: BooleanArray, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
         val given = observation(used, lamps)
         if (engines.size == 1) return Recover.logEvidence(engines[0], given, scale)
-        val weighed = engines.filter { it.basis in bases }.map { engine ->
-            Recover.logEvidence(engine, given, scale) + ln(priorOdds[Choice.MAKERS_OF[engine.basis]] ?: 1.0)
-        }
-        val most = weighed.max()
-        return most + ln(weighed.sumOf { exp(it - most) })
+        return Choice.logSum(
+            engines.filter { it.basis in bases }.map { engine ->
+                Recover.logEvidence(engine, given, scale) + ln(priorOdds[Choice.MAKERS_OF[engine.basis]] ?: 1.0)
+            },
+        )
     }
 
     /**

@@ -54,12 +54,12 @@ internal class Solve(
             val own = BooleanArray(k * n) { signals.sharedUsed[it] && it / n == shot }
             curves(fit, VALIDATING, own, gamma)
         }
-        val inputs = VerdictInputs(signals, table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
+        val inputs = VerdictInputs(signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
         val verdict = Judge.judge(
             Case(inputs, capture.shots, alone, neutrals(), family, unnamed) {
-                Rivals.of(freeFit, ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+                Rivals.of(freeFit.withChartOf(ssf), ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
             },
         )
         val level = fit.level(ssf)
@@ -196,7 +196,7 @@ internal class Solve(
         val counts = BooleanArray(k * n) { i -> (0..2).all { unseen.values[3 * i + it].isFinite() } }
         val predicted =
             DoubleArray(unseen.values.size) { if (counts[it / 3]) unseen.values[it] else ssf.sharedPredicted[it] }
-        return Scores.of(signals.levelled(fit.level(ssf)), predicted, table, fit.lamps, counts, unseen.method)
+        return Scores.of(signals.levelled(fit.level(ssf)), predicted, fit.table, fit.lamps, counts, unseen.method)
     }
 
     /** The camera's white points from each shot's file. */

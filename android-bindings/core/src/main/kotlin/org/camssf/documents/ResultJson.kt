@@ -53,6 +53,7 @@ internal object ResultJson {
             put("finish_steps", JsonArray(ssf.sharedFinishSteps.map { JsonPrimitive(it) }))
             put("evidence", JsonPrimitive(ssf.logEvidence))
             put("prior_scale", JsonPrimitive(ssf.priorScale))
+            put("chart_fading", JsonPrimitive(ssf.chartFading))
             put("choice", JsonArray(ssf.choice.map { weight(it) }))
             put("gamma", array(ssf.sharedGamma))
             put("l2", JsonPrimitive(ssf.l2))

@@ -3,6 +3,7 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Rules
+import org.camssf.spectra.faded
 import kotlin.math.ln
 import kotlin.math.min
 import kotlin.math.sqrt
@@ -14,6 +15,9 @@ import kotlin.math.sqrt
  * @property observation with the lamps of these kinds.
  */
 internal class LampGuess(val kinds: List<String>, val observation: Observation) {
+    /** The same with a chart that has faded by `amount`. */
+    fun faded(amount: Double): LampGuess = LampGuess(kinds, observation.faded(amount))
+
     /** ln of its prior probability. */
     val belief: Double get() = kinds.filter { it.isNotEmpty() }.sumOf { ln(Rules.shipped.number("lamp.$it")) }
 }
@@ -22,8 +26,8 @@ internal class LampGuess(val kinds: List<String>, val observation: Observation) 
  * Recovers the curves and the light of shots whose lamp is not named, by the evidence of each kind of light. Python's
  * camssf.recovery.unnamed_light, in its order.
  *
- * A hypothesis is the kind of light of every unnamed shot, and a basis. The model computes the evidence of each; those of enough weight must have converged, and are mixed by the law of total variance
- * (docs/maths.md, "Unnamed light").
+ * A hypothesis is the kind of light of every unnamed shot, and a basis. The model computes the evidence of each; those
+ * of enough weight must have converged, and are mixed by the law of total variance (docs/maths.md, "Unnamed light").
  *
  * @param families bases and widths of their priors, with their prior odds; several if the signals choose the basis.
  * @param tell called before each run of a model.
@@ -51,6 +55,40 @@ internal class AnyLight(
                 "Name the lamp, or take the basis phones.",
             )
         }
+        if (families.size == 1) return weighed(families, guesses, of)
+        fun named(found: Ssf) = found.kinds.map { it.isEmpty() }
+        fun engine(found: Ssf) = families.first { it.engine.basis == found.basis }.engine
+        fun chosen(fading: Double): Pair<Ssf, FamilyTest> {
+            val seen = guesses.map { it.faded(fading) }
+            val found = weighed(families, seen, faded(of, fading))
+            val best = seen.first { it.kinds == found.kinds }
+            tell()
+            return found to UnfamiliarCamera.test(engine(found), best.observation, found, named(found))
+        }
+        var answer = chosen(0.0)
+        if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
+        val fading = FadedChart.fading { evidence(guesses.map { guess -> guess.faded(it) }) }
+        if (fading > 0.0) answer = chosen(fading)
+        val (found, test) = answer
+        if (test.passed) return found.tested(test, fading)
+        val own = families.first { it.engine.basis == found.basis }
+        val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
+        val wide = weighed(wider, guesses.map { it.faded(fading) }, faded(of, fading))
+        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between).tested(test, fading)
+    }
+
+    /** ln of the marginal likelihood of the signals, over all hypotheses. */
+    private fun evidence(guesses: List<LampGuess>): Double = Choice.logSum(
+        families.flatMap { family ->
+            guesses.map {
+                tell()
+                Recover.logEvidence(family.engine, it.observation, family.scale) + (it.belief + family.belief)
+            }
+        },
+    )
+
+    /** The mixture of the hypotheses of these families. */
+    private fun weighed(families: List<Choice.Family>, guesses: List<LampGuess>, of: DoubleArray): Ssf {
         val hypotheses = families.flatMap { family -> guesses.map { LampHypothesis(it, family) } }
         val attempts = hypotheses.map { each ->
             tell()
@@ -79,19 +117,7 @@ internal class AnyLight(
         val predicted = mixture.mean { predictSignals(it.sharedValues, of, it.sharedLamp, white) }
         val lamp = mixture.mean { levelled(it.sharedLamp) }
         val ssf = mixture.ssf(best.observation.known, lamp, predicted)
-        val chosen = ssf.chosen(compared, lights, best.kinds, mixture.between())
-        return if (families.size == 1) chosen else tested(chosen, best.observation, guesses, of)
-    }
-
-    /** The answer after [UnfamiliarCamera.test], with a wider prior if it did not pass. */
-    private fun tested(found: Ssf, observation: Observation, guesses: List<LampGuess>, of: DoubleArray): Ssf {
-        tell()
-        val engine = families.first { it.engine.basis == found.basis }.engine
-        val test = UnfamiliarCamera.test(engine, observation, found, found.kinds.map { it.isEmpty() })
-        if (test.passed) return found.tested(test)
-        val wider = listOf(Choice.Family(engine, UnfamiliarCamera.WIDER, 0.0))
-        val wide = AnyLight(wider, frames, penalties, tell).recover(guesses, of)
-        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between).tested(test)
+        return ssf.chosen(compared, lights, best.kinds, mixture.between())
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */

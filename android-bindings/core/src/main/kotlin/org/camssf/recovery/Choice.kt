@@ -9,8 +9,9 @@ import kotlin.math.ln
  *
  * The posterior probability of each family of cameras follows from its evidence and its prior odds. A basis with odds
  * of at least [CLEAR] is used alone; otherwise the solutions are mixed by probability, and their bands by the law of
- * total variance (docs/maths.md, "Which basis"). A camera that does not belong to its family is answered with a wider
- * prior ([UnfamiliarCamera]). Python's camssf.recovery.hypotheses, in its order.
+ * total variance (docs/maths.md, "Which basis"). Where the camera seems to belong to no family, the chart may have faded
+ * ([FadedChart]), or the answer has a wider prior ([UnfamiliarCamera]). Python's camssf.recovery.hypotheses, in its
+ * order.
  */
 internal object Choice {
     const val AUTO = "auto"
@@ -68,13 +69,31 @@ internal object Choice {
         prior: Map<String, Double>,
     ): Ssf {
         val families = families(engines, prior)
-        val answers = families.map { Recover.recover(it.engine, observation, frames, penalties, it.scale) }
-        val found = choose(observation.known, answers, families.map { it.belief })
-        val engine = engines.first { it.basis == found.basis }
-        val test = UnfamiliarCamera.test(engine, observation, found, List(observation.signals.shape[0]) { true })
-        if (test.passed) return found.tested(test)
-        val wide = Recover.recover(engine, observation, frames, penalties, UnfamiliarCamera.WIDER)
-        return wide.chosen(found.choice).tested(test)
+        val named = List(observation.signals.shape[0]) { true }
+        fun engine(found: Ssf) = engines.first { it.basis == found.basis }
+        fun chosen(given: Observation): Pair<Ssf, FamilyTest> {
+            val answers = families.map { Recover.recover(it.engine, given, frames, penalties, it.scale) }
+            val found = choose(given.known, answers, families.map { it.belief })
+            return found to UnfamiliarCamera.test(engine(found), given, found, named)
+        }
+        var answer = chosen(observation)
+        if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
+        val fading = FadedChart.fading { amount ->
+            val given = observation.faded(amount)
+            logSum(families.map { Recover.logEvidence(it.engine, given, it.scale) + it.belief })
+        }
+        val given = observation.faded(fading)
+        if (fading > 0.0) answer = chosen(given)
+        val (found, test) = answer
+        if (test.passed) return found.tested(test, fading)
+        val wide = Recover.recover(engine(found), given, frames, penalties, UnfamiliarCamera.WIDER)
+        return wide.chosen(found.choice).tested(test, fading)
+    }
+
+    /** ln Σ e^l without overflow. */
+    fun logSum(logarithms: List<Double>): Double {
+        val largest = logarithms.max()
+        return largest + ln(logarithms.sumOf { exp(it - largest) })
     }
 
     /** Combines several solutions for the same signals; `beliefs` are the ln of their prior odds. */

@@ -6,6 +6,7 @@ import org.camssf.LampUnfit
 import org.camssf.NotConverged
 import org.camssf.Rules
 import org.camssf.scientific
+import org.camssf.spectra.faded
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
@@ -54,10 +55,22 @@ internal class Known(
     /** The same with other tolerances (k) of the lamps. */
     fun withLampTolerance(tolerance: Tensor): Known =
         Known(reflectance, chartTolerance, whiteReflectance, whiteTolerance, lamp, tolerance, lampModes, gains)
+
+    /** The same with a chart that has faded by `amount`; a white frame's flat target does not fade. */
+    fun faded(amount: Double): Known {
+        val (chart, white) = listOf(reflectance, whiteReflectance).map {
+            Tensor(faded(it.values, amount), *it.shape)
+        }
+        return Known(chart, chartTolerance, white, whiteTolerance, lamp, lampTolerance, lampModes, gains)
+    }
 }
 
 /** The input of a fit: signals (k, n, 3), their standard error, and what is known of chart, white and lamps. */
-internal class Observation(val signals: Tensor, val standardError: Tensor, val known: Known)
+internal class Observation(val signals: Tensor, val standardError: Tensor, val known: Known) {
+    /** The same with a chart that has faded by `amount`. */
+    fun faded(amount: Double): Observation =
+        if (amount == 0.0) this else Observation(signals, standardError, known.faded(amount))
+}
 
 /** Recovers curves from signals with the model, with the checks of the Python reference before and after it. */
 internal object Recover {

@@ -61,6 +61,7 @@ public class EstimatedLamp internal constructor(
  * @property basis its name, "phones", "cameras", "ryyb" or "gaussian"; of a mixture that of the most probable part.
  * @property priorScale width of the prior relative to the learned one: 1, or 4 for a camera that does not belong to the
  *   family of its basis.
+ * @property chartFading by how much the colours of the chart have faded in this answer, 0 to 1; 0 for none.
  */
 public class Ssf internal constructor(
     private val curves: Curves,
@@ -79,6 +80,7 @@ public class Ssf internal constructor(
     internal val between: DoubleArray? = null,
     /** Whether the camera belongs to the family of its basis; null if the basis was named. */
     internal val familyTest: FamilyTest? = null,
+    public val chartFading: Double = 0.0,
 ) {
     /**
      * The compared hypotheses, if basis or kind of light were chosen by their evidence, phones before cameras; else
@@ -213,14 +215,22 @@ public class Ssf internal constructor(
         lights: List<EstimatedLamp?> = emptyList(),
         kinds: List<String> = emptyList(),
         between: DoubleArray? = null,
-    ): Ssf =
-        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest)
+    ): Ssf = Ssf(
+        curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest,
+        chartFading,
+    )
 
-    /** The answer with the outcome of its test. */
-    internal fun tested(test: FamilyTest): Ssf = copy(familyTest = test)
+    /** The answer with the outcome of its test, and by how much the chart has faded. */
+    internal fun tested(test: FamilyTest, chartFading: Double): Ssf = copy(curves, test, chartFading)
 
-    private fun copy(curves: Curves = this.curves, familyTest: FamilyTest? = this.familyTest): Ssf =
-        Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest)
+    private fun copy(
+        curves: Curves,
+        familyTest: FamilyTest? = this.familyTest,
+        chartFading: Double = this.chartFading,
+    ): Ssf = Ssf(
+        curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest,
+        chartFading,
+    )
 
     /** The mixture of which this is the most probable part: these curves and proof, all else as here. */
     internal fun mixed(

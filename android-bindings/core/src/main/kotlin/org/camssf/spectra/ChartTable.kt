@@ -9,6 +9,16 @@ import org.camssf.short
 import kotlin.math.sqrt
 
 /**
+ * Reflectances (n, 681), row-major, of a chart whose colours have faded by v: R + v (R̄ - R), R̄ the mean over the grid.
+ */
+internal fun faded(reflectance: DoubleArray, amount: Double): DoubleArray {
+    val means = DoubleArray(reflectance.size / Grid.SIZE) { i ->
+        (0 until Grid.SIZE).sumOf { reflectance[i * Grid.SIZE + it] } / Grid.SIZE
+    }
+    return DoubleArray(reflectance.size) { reflectance[it] + amount * (means[it / Grid.SIZE] - reflectance[it]) }
+}
+
+/**
  * The measured reflectances of a chart. Safe to pass between threads.
  *
  * @property name of the chart as given, for example "classic24".
@@ -37,6 +47,29 @@ public class ChartTable internal constructor(
 
     /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy at each call. */
     public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
+
+    /**
+     * The table with another relative error of an individual chart, one standard deviation: 0.01 for 1 %.
+     *
+     * @throws InvalidArgument no number from 0 to 0.5.
+     */
+    public fun withTolerance(tolerance: Double): ChartTable {
+        if (!(tolerance in 0.0..0.5)) {
+            throw InvalidArgument(
+                "The chart's tolerance is ${short(tolerance)}; 0 to 0.5 is possible.",
+                "Write 1 % as 0.01.",
+            )
+        }
+        val same = DoubleArray(patches.size) { tolerance }
+        return ChartTable(name, table, layout, patches, sharedValues, same, white, source, file)
+    }
+
+    /** The table of a chart whose colours have faded by `amount`. */
+    internal fun faded(amount: Double): ChartTable {
+        if (amount == 0.0) return this
+        val values = faded(sharedValues, amount)
+        return ChartTable(name, table, layout, patches, values, sharedTolerance, white, source, file)
+    }
 
     internal fun reflectance(patch: Int): DoubleArray =
         sharedValues.copyOfRange(patch * Grid.SIZE, (patch + 1) * Grid.SIZE)

@@ -78,6 +78,7 @@ internal object Judge {
             Light.whiteBalanceMismatch(j, unnamed, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
+        reasons += faded(inputs.ssf, checks)
         reasons += vague(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
         if (case.unnamed.any { it }) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
@@ -132,6 +133,15 @@ internal object Judge {
         Cause.TONE -> mapOf("exponent" to 1 + explanation.amount)
         Cause.PATCH -> mapOf("patch" to table.patches[explanation.patch!!])
         Cause.WHITE, Cause.LIGHT -> emptyMap()
+    }
+
+    /** Checks whether the signals were explained by a faded chart only. */
+    private fun faded(ssf: Ssf, checks: Checks): List<Reason> {
+        if (ssf.familyTest == null) return emptyList()
+        val amount = ssf.chartFading
+        checks.note("chart_fading", amount)
+        if (amount <= Rules.shipped.number("verdict.chart_fading")) return emptyList()
+        return listOf(Reasons.because("faded", amount, mapOf("amount" to amount)))
     }
 
     /** Checks whether the camera is unlike those of its basis, by its code and by its lamp (rule 7). */

@@ -69,7 +69,7 @@ class JudgeTest {
             DoubleArray(3),
             1.0,
             "phones",
-        ).chosen(choice).let { own -> test?.let { own.tested(it) } ?: own }
+        ).chosen(choice).let { own -> test?.let { own.tested(it, 0.0) } ?: own }
         val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         val quads = DoubleArray(8 * n) { square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6 }
         val pose = ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())

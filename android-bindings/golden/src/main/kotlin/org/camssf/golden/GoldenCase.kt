@@ -147,7 +147,10 @@ internal class GoldenCase private constructor(val name: String, private val json
             "light" to setOf("make", "model"),
             "rivals" to setOf("make", "model"),
             "verdict" to
-                setOf("choice", "family", "family_test", "code_variance", "unnamed", "gain_modes", "gain_own"),
+                setOf(
+                    "choice", "family", "family_test", "chart_fading", "code_variance", "unnamed", "gain_modes",
+                    "gain_own",
+                ),
         )
         private val STATISTICS =
             setOf("mean", "standard_error", "count", "clipped", "dead", "gradient", "greens")
@@ -194,12 +197,12 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "choice" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "family_test", "ssf", "ssf_std",
-                "predicted", "gap",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "chart_fading", "family_test", "ssf",
+                "ssf_std", "predicted", "gap",
             ),
             "light" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "length", "likeliest", "ssf",
-                "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "chart_fading", "length",
+                "likeliest", "ssf", "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std",
                 "status", "codes", "messages", "values", "thresholds", "said",
             ),
             "rivals" to setOf("gains"),

@@ -77,6 +77,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
         val test = (inputs["family_test"] as? JsonArray)?.map { it.jsonPrimitive.doubleOrNull }
             ?.let { (length, residual, longest, largest) -> FamilyTest(length!!, residual, longest!!, largest!!) }
+        val fading = inputs["chart_fading"]?.jsonPrimitive?.double ?: 0.0
         val variance = inputs["code_variance"]?.let { forms.resolve(it).values }
         val spread = variance?.let { own ->
             DoubleArray(own.size * own.size) { if (it / own.size == it % own.size) own[it % own.size] else 0.0 }
@@ -85,7 +86,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             fun value(name: String) = forms.resolve(of.getValue(name)).values
             val curves = Ssf.Curves(value("ssf"), std, value("code"), spread, value("predicted"), lamp.values)
             val ssf = Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
-            return test?.let { ssf.tested(it) } ?: ssf
+            return test?.let { ssf.tested(it, fading) } ?: ssf
         }
         val verdictInputs = VerdictInputs(
             signals,
