@@ -26,7 +26,7 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.recovery.hypotheses import FAMILIES, MAKER
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer
+from camssf.recovery.sensitivity import Hypothesis, SolverSettings, answer, half_width_of, prior_std
 from camssf.recovery.unnamed_light import (
     BELIEFS,
     SOLVED,
@@ -39,6 +39,7 @@ from camssf.recovery.unnamed_light import (
 )
 from camssf.report.page import page
 from camssf.result import Calibration, Refusal
+from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.surfaces import observer
@@ -228,10 +229,20 @@ def test_the_temperature_s_deviation_hangs_on_no_choice_of_modes() -> None:
 
 @pytest.mark.requirement("R-FIELD")
 @pytest.mark.parametrize(("lamp", "kind"), [("D55", "daylight"), ("A", "bulb"), ("FL2", "fluorescent")])
-def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
-    """Nothing named: curves within their bands, the light within its own, and no kelvin is invented."""
+def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
+    """Nothing named: curves within their bands, the light within its own, and no kelvin is invented.
+
+    In daylight and under a bulb it is accepted; a fluorescent lamp hides so much that another photo is asked for.
+    """
     done = found((lamp,))
-    assert done.verdict.status == "accepted"
+    assert done.ssf.band_ratio is not None
+    if kind == "fluorescent":
+        (reason,) = done.verdict.reasons
+        assert reason.value == done.ssf.band_ratio > rules().number("verdict.band_ratio")
+        assert "little more than the curves of a typical phone" in reason.message
+        assert "another kind of light" in reason.advice
+    else:
+        assert done.verdict.status == "accepted"
     assert done.ssf.settings.basis == "phones"
     truth = resolve(PHONE)
     curves, std = done.ssf.peak()
@@ -245,6 +256,19 @@ def test_a_phone_in_any_light_is_accepted(lamp: str, kind: str) -> None:
     true = read_lamp(lamp).values
     assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.93
     assert abs(light.kelvin - float(temperature(true))) < 1.96 * light.kelvin_std
+
+
+def test_the_band_without_a_photo_is_the_spread_of_the_prior() -> None:
+    """By draws: x ~ N(0, I), curves divided by the value at the mean's peak."""
+    basis = read_basis("phones")
+    x = np.random.default_rng(1).normal(size=(4000, 3, basis.dictionary.shape[2]))
+    curves = basis.mean + np.einsum("cmr,ncr->ncm", 0.01 * basis.dictionary, x)  # small: the band is linear
+    top = basis.mean.argmax(axis=1)
+    drawn = curves / curves[:, np.arange(3), top][:, :, None]
+    np.testing.assert_allclose(100.0 * drawn.std(axis=0).T, prior_std(basis), rtol=0.08, atol=1e-3)
+    posterior = found(("D55",)).ssf.posterior
+    assert posterior is not None
+    assert posterior.half_width_without_photo == pytest.approx(half_width_of(prior_std(basis)), rel=1e-12)
 
 
 def test_the_band_is_wider_than_with_the_lamp_named() -> None:

@@ -47,7 +47,7 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
-from camssf.recovery.basis import Basis
+from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
@@ -66,6 +66,8 @@ KNOWN, AUTO = "known", "auto"
 BLACK, SPAN = 512.0, 15000.0
 HARM = 0.06
 """RMSE above which an accepted answer of no phone is a failure."""
+FAR = 0.04
+"""RMSE of a phone's curves that are hardly better than no photo."""
 SURE = 0.9
 
 
@@ -77,6 +79,7 @@ class Taken:
         device, lamps: whose, and the true lights.
         status: of the verdict. codes: of its reasons.
         rmse, covered: of the curves.
+        no_photo: RMSE of the mean phone of the basis, without any photo.
         phone: probability of the basis phones.
         length, lamp_residual: of its `family_test`; None if the lamp was not named.
         kinds: of the first shot's light, by probability; empty where it was named.
@@ -89,6 +92,7 @@ class Taken:
     codes: tuple[str, ...]
     rmse: float
     covered: float
+    no_photo: float
     phone: float
     length: float
     lamp_residual: float | None
@@ -160,10 +164,17 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]
     return Taken(
         device.name, lamps, status, codes, float(np.sqrt(np.mean(off**2, axis=0)).mean()),
-        float((np.abs(off) <= 1.96 * std[SEEN]).mean()),
+        float((np.abs(off) <= 1.96 * std[SEEN]).mean()), no_photo(device),
         sum(weight.probability for weight in ssf.choice if weight.basis == "phones"),
         ssf.family_test.length, ssf.family_test.lamp_residual, *light(ssf, lamps[0]),
     )  # fmt: skip
+
+
+def no_photo(device: Device) -> float:
+    """RMSE of the mean of the basis phones, as it stands in for this device."""
+    mean = read_basis("phones").mean.T
+    off = (mean / mean.max(axis=0) - device.curves / device.curves.max(axis=0))[SEEN]
+    return float(np.sqrt(np.mean(off**2, axis=0)).mean())
 
 
 def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
@@ -209,6 +220,10 @@ def row(taken: Sequence[Taken]) -> dict[str, Any]:
     return {
         "captures": len(taken),
         "rmse": float(rmse.mean()),
+        "no_photo": float(np.mean([one.no_photo for one in taken])),
+        "better": float(np.mean([one.rmse < one.no_photo for one in taken])),
+        "far": float(np.mean(rmse > FAR)),
+        "accepted_far": float(np.mean([one.rmse > FAR for one in accepted])) if accepted else None,
         "worst": float(rmse.max()),
         "coverage": float(covered.mean()),
         "worst_coverage": float(min(by_device)),
@@ -254,6 +269,7 @@ def bars(document: dict[str, dict[str, dict[str, Any]]]) -> list[tuple[str, floa
         auto, known = document[title][AUTO], document[title][KNOWN]
         found.append((f"{title}: RMSE", auto["rmse"], 0.0, most))
         found.append((f"{title}: worst capture", auto["worst"], 0.0, worst))
+        found.append((f"{title}: accepted above {FAR:g}", auto["accepted_far"] or 0.0, 0.0, 0.06))
         if title != OTHER:
             found.append((f"{title}: RMSE over the lamp known", auto["rmse"] / known["rmse"], 0.0, 1.2))
             found.append((f"{title}: coverage", auto["coverage"], 0.94, 0.99))
@@ -272,12 +288,15 @@ OTHER = "phones, basis of the other maker"
 def show(document: dict[str, dict[str, dict[str, Any]]]) -> None:
     """The table."""
     head = [
-        "population", "told", "RMSE", "worst", "coverage", "worst", "accepted, doubtful, refused",
+        "population", "told", "RMSE", "no photo", "better", "above 0.04", "the same, accepted", "worst", "coverage",
+        "worst", "accepted, doubtful, refused",
         "wrong and accepted", "kind right", "> 90 %: right", "P(phones) 0 10 50 90 100 %", "lamp, CCT held",
     ]  # fmt: skip
     lines = [
         [
-            title, word, f"{one['rmse']:.4f}", f"{one['worst']:.4f}", f"{one['coverage']:.3f}",
+            title, word, f"{one['rmse']:.4f}", f"{one['no_photo']:.4f}", f"{one['better']:.2f}", f"{one['far']:.2f}",
+            "" if one["accepted_far"] is None else f"{one['accepted_far']:.2f}", f"{one['worst']:.4f}",
+            f"{one['coverage']:.3f}",
             f"{one['worst_coverage']:.3f}", ", ".join(str(count) for count in one["status"].values()),
             len(one["accepted_wrong"]),
             "" if one["lamp_coverage"] is None else f"{one['right']:.2f}",

@@ -15,7 +15,18 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.signals import Signals
-from camssf.recovery.sensitivity import FamilyTest, FitSettings, Hypothesis, Illumination, Posterior, Proof, Ssf
+from camssf.recovery.basis import LEARNED, read_basis
+from camssf.recovery.sensitivity import (
+    FamilyTest,
+    FitSettings,
+    Hypothesis,
+    Illumination,
+    Posterior,
+    Proof,
+    Ssf,
+    half_width_of,
+    prior_std,
+)
 from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
 from camssf.verdict.judge import judge as judge_capture
 from camssf.verdict.lamp import Neutral, Rival
@@ -409,6 +420,7 @@ def run(call: Call) -> dict[str, Any]:
                 code_covariance=np.eye(code.size) if spread is None else spread,
                 log_evidence=0.0,
                 family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
+                half_width_without_photo=half_width_of(prior_std(read_basis(basis))) if basis in LEARNED else None,
             ),
             predicted=predicted,
             light=Illumination(lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3)),

@@ -115,7 +115,7 @@ def summarise(document: dict[str, Any], page: Path | None) -> None:
     """Print a summary of the result on stderr; `page` is the path of its report."""
     from rich.table import Table
 
-    from camssf.documents.basis_choice import choice_of
+    from camssf.documents.basis_choice import band_in_words, choice_of
     from camssf.documents.unnamed_light import light_in_words, lights_of
 
     scores, verdict = document.get("scores") or {}, document["verdict"]
@@ -135,6 +135,9 @@ def summarise(document: dict[str, Any], page: Path | None) -> None:
     if lights:
         several = len(document["shots"]) > 1
         say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
+    width = (document.get("uncertainty") or {}).get("half_width")
+    if width is not None:
+        say("95 % band: ", band_in_words(document["uncertainty"]))
     for j, shot in enumerate(document["shots"]):
         for note in shot["pose"]["notes"] if shot["pose"] else ():
             say(f"shot {j + 1}: ", note)

@@ -52,6 +52,13 @@ def choice_of(document: Json) -> Chosen | None:
     return Chosen(basis, odds, prior_odds, tuple(_words(basis, others, odds, prior_odds, scale)))
 
 
+def band_in_words(uncertainty: Json) -> str:
+    """The band's mean half-width, and that without a photo if the result has it."""
+    found = f"± {uncertainty['half_width']:.3f} of the peak"
+    without = uncertainty.get("half_width_without_photo")
+    return found if without is None else f"{found}; of a typical camera, without a photo, ± {without:.3f}"
+
+
 def hypothesis_in_words(each: Json) -> str:
     """Basis and the kinds of the unnamed lights."""
     kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""

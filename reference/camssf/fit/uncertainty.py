@@ -10,7 +10,6 @@ import numpy as np
 from camssf.fit.capture_fit import CaptureFit
 from camssf.fit.gain_modes import BOWL, PLANE
 from camssf.fit.scores import FAINTEST
-from camssf.grid import WAVELENGTHS
 from camssf.recovery.budget import explain
 from camssf.recovery.covariance import CHART_CORRELATION, LAMP_CORRELATION
 from camssf.recovery.sensitivity import Ssf
@@ -44,8 +43,9 @@ def uncertainty_budget(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> dict[
         shares = {source: inside * share for source, share in shares.items()} | {"which lamp": between}
         sizes["which lamp"] = "the difference between the results for each kind of light"
     return {
-        "half_width": _half_width(ssf),
-        "alone": [_half_width(answer) for answer in alone],
+        "half_width": ssf.half_width,
+        "half_width_without_photo": None if ssf.posterior is None else ssf.posterior.half_width_without_photo,
+        "alone": [answer.half_width for answer in alone],
         "budget": [
             {"source": source, "size": sizes[source], "share": share.tolist()} for source, share in shares.items()
         ],
@@ -58,10 +58,3 @@ def _evenness(fit: CaptureFit) -> str:
     if not fit.gains[0].size:
         return "none: a white frame was taken"
     return f"{PLANE:.0%} of plane and {BOWL:.0%} of bowl across the chart, no white frame"
-
-
-def _half_width(ssf: Ssf) -> float:
-    """Mean half-width of the 95 % band, 400 to 700 nm, as a share of the peak."""
-    std = ssf.peak()[1]
-    visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
-    return 0.0 if std is None else float(1.96 * std[visible].mean())

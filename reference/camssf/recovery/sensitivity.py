@@ -91,12 +91,15 @@ class Posterior:
         log_evidence: ln of the marginal likelihood of the signals up to a constant, `Code.log_evidence`.
         family_test: whether the camera belongs to the family of its basis, if the basis was chosen; else None. If it
             does not, the answer is that of a wider prior (`FitSettings.prior_scale`).
+        half_width_without_photo: `Ssf.half_width` of the basis's mean camera under the prior of the learned width:
+            what is known before any photo.
     """
 
     std: Floats
     code_covariance: Floats
     log_evidence: float
     family_test: FamilyTest | None = None
+    half_width_without_photo: float | None = None
 
 
 @dataclass(frozen=True)
@@ -215,6 +218,18 @@ class Ssf:
         """`Posterior.family_test`."""
         return None if self.posterior is None else self.posterior.family_test
 
+    @property
+    def half_width(self) -> float | None:
+        """Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; None without a band."""
+        std = self.peak()[1]
+        return None if std is None else half_width_of(std)
+
+    @property
+    def band_ratio(self) -> float | None:
+        """`half_width` over that without a photo: what is left of the uncertainty; None without a prior."""
+        without = None if self.posterior is None else self.posterior.half_width_without_photo
+        return None if without is None or self.half_width is None else self.half_width / without
+
     def tested(self, test: FamilyTest, chart_fading: float) -> Ssf:
         """The answer with its `family_test`, and by how much the chart has faded."""
         assert self.posterior is not None  # every family has a prior
@@ -252,15 +267,20 @@ def answer(
     if engine not in ENGINES:
         raise InvalidArgument(f"There is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
     positive = not known.prior if settings.nonnegative is None else settings.nonnegative
+    without_photo = half_width_of(prior_std(known)) if known.prior else None
     known = widened(known, prior_scale)
     l2, gamma = penalties(observation, known, settings.l2, settings.gamma, positive)
     model = load_model(basis) if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED else None
     fitted = FitSettings(known.name, prior_scale, l2, gamma, "reference" if model is None else "onnx")
     if model is not None:
-        return _run(model, observation, known, fitted, positive)
-    linear = linear_model(observation, known)
-    code = solve(linear, l2, gamma[: len(linear.matrix)], nonnegative=positive)
-    return _curves(observation, known, linear, code, fitted)
+        found = _run(model, observation, known, fitted, positive)
+    else:
+        linear = linear_model(observation, known)
+        code = solve(linear, l2, gamma[: len(linear.matrix)], nonnegative=positive)
+        found = _curves(observation, known, linear, code, fitted)
+    if found.posterior is None:
+        return found
+    return replace(found, posterior=replace(found.posterior, half_width_without_photo=without_photo))
 
 
 def _curves(observation: Observation, basis: Basis, linear: LinearModel, code: Code, settings: FitSettings) -> Ssf:
@@ -325,6 +345,18 @@ def moves_of_peak_one(basis: Basis, curves: Floats) -> Floats:
     at_peak = np.take_along_axis(basis.dictionary, top[:, None, None], axis=1)  # (3, 1, r)
     shape = curves / np.take_along_axis(curves, top[:, None], axis=1)
     return np.asarray(basis.dictionary - shape[:, :, None] * at_peak)
+
+
+def prior_std(basis: Basis) -> Floats:
+    """(681, 3) one standard deviation of the curves of peak 1 before any photo, about the basis's mean."""
+    moves = moves_of_peak_one(basis, basis.mean)
+    return np.asarray(np.sqrt(np.einsum("cmr,cmr->cm", moves, moves)) / basis.mean.max(axis=1)[:, None]).T
+
+
+def half_width_of(std: Floats) -> float:
+    """Mean half-width of the 95 % band, 400 to 700 nm, of standard deviations (681, 3)."""
+    visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
+    return float(1.96 * std[visible].mean())
 
 
 def _run(model: Model, observation: Observation, basis: Basis, settings: FitSettings, nonnegative: bool) -> Ssf:

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from camssf.documents.basis_choice import band_in_words
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.report.sections.curves import curves_of
@@ -87,9 +88,8 @@ def numbers(document: Json) -> list[tuple[str, str]]:
     found.append(
         ("RMSRE of unseen patches, R G B", " ".join(f"{value:.2f}" for value in scores["rmsre_percent"]) + " %")
     )
-    width = (document.get("uncertainty") or {}).get("half_width")
-    if width is not None:
-        found.append(("95 % band", f"± {width:.3f} of the peak"))
+    if document.get("uncertainty"):
+        found.append(("95 % band", band_in_words(document["uncertainty"])))
     found.append(("duality gap", f"{max(document['gap']):.0e}"))
     return found
 

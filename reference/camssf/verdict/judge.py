@@ -52,6 +52,7 @@ POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 FADING = _NUMBER("verdict.chart_fading")
+BAND_RATIO = _NUMBER("verdict.band_ratio")
 PHONES = "phones"
 """The only cameras that are similar enough to each other to estimate an unnamed light."""
 
@@ -102,7 +103,7 @@ def judge(
     reasons += _faded(ssf, checks)
     reasons += _vague(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
-    reasons += _unnamed(ssf, family, checks) if any(unnamed) else []
+    reasons += [*_unnamed(ssf, family, checks), *_typical(ssf, checks)] if any(unnamed) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
@@ -221,6 +222,15 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     if phone >= UNNAMED:
         return []
     return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
+
+
+def _typical(ssf: Ssf, checks: Checks) -> list[Reason]:
+    """Check rule 8: whether a photo in unnamed light says more than what is known of any phone without it."""
+    ratio = ssf.band_ratio
+    if ratio is None or (ssf.family_test is not None and not ssf.family_test.passed):
+        return []
+    checks.note("band_ratio", ratio)
+    return [because("typical", ratio, {"ratio": ratio})] if ratio > BAND_RATIO else []
 
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:

@@ -98,7 +98,7 @@ internal class Solve(
         val own = shares.mapValues { (_, share) -> DoubleArray(3) { inside[it] * share[it] } }
         val all = own + if (between == null) emptyMap() else mapOf("which lamp" to between)
         val budget = all.map { (source, share) -> Share(source, sizes.getValue(source), share) }
-        return Uncertainty(ssf.halfWidth, alone.map { it.halfWidth }, budget)
+        return Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, alone.map { it.halfWidth }, budget)
     }
 
     private fun evenness(fit: CaptureFit): String {

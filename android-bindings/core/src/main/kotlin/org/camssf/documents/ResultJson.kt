@@ -214,6 +214,7 @@ internal object ResultJson {
         val known = solution.uncertainty ?: return JsonNull
         return buildJsonObject {
             put("half_width", JsonPrimitive(known.halfWidth))
+            put("half_width_without_photo", JsonPrimitive(known.halfWidthWithoutPhoto))
             put("alone", array(known.alone.toDoubleArray()))
             put(
                 "budget",

@@ -16,7 +16,12 @@ internal class Share(val source: String, val size: String, val share: DoubleArra
  * @property alone half-width with each shot alone; empty if there is only one shot.
  * @property budget the error sources; their shares add up to 1.
  */
-internal class Uncertainty(val halfWidth: Double, val alone: List<Double>, val budget: List<Share>)
+internal class Uncertainty(
+    val halfWidth: Double,
+    val halfWidthWithoutPhoto: Double?,
+    val alone: List<Double>,
+    val budget: List<Share>,
+)
 
 /**
  * Predictions for patches in addition to `Ssf.predicted`, (k, n, 3) each unless stated otherwise.

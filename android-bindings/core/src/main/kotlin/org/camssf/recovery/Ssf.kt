@@ -245,12 +245,18 @@ public class Ssf internal constructor(
         return Ssf(curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice)
     }
 
-    /** Mean half-width of the 95 % band, 400 to 700 nm, as a share of the peak; 0 on a basis without a prior. */
-    internal val halfWidth: Double
+    /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; 0 on a basis without a prior. */
+    public val halfWidth: Double
         get() {
             val bands = List(3) { band(it) ?: return 0.0 }
             return (40..640).sumOf { m -> bands.sumOf { it[m] } } / (3 * 601)
         }
+
+    /**
+     * [halfWidth] of the basis's mean camera before any photo, under the prior of the learned width: what is known of a
+     * typical camera; null on a basis without a prior.
+     */
+    public val halfWidthWithoutPhoto: Double? get() = PriorBand.halfWidth(basis)
 }
 
 /** Signals (k, n, 3) of patches (n, 681) under lamps (k, 681), Eq. (5), from curves (681, 3) of any scale. */

@@ -81,7 +81,10 @@ internal object Judge {
         reasons += faded(inputs.ssf, checks)
         reasons += vague(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
-        if (case.unnamed.any { it }) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
+        if (case.unnamed.any { it }) {
+            reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
+            reasons += typical(inputs.ssf, checks)
+        }
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
             reasons += Light.rivalLamp(case.rivals(), inputs.lamps.map { it.name }, doubted, checks)
@@ -142,6 +145,16 @@ internal object Judge {
         checks.note("chart_fading", amount)
         if (amount <= Rules.shipped.number("verdict.chart_fading")) return emptyList()
         return listOf(Reasons.because("faded", amount, mapOf("amount" to amount)))
+    }
+
+    /** Rule 8: checks whether a photo in unnamed light says more than what is known of any phone without it. */
+    private fun typical(ssf: Ssf, checks: Checks): List<Reason> {
+        val without = ssf.halfWidthWithoutPhoto ?: return emptyList()
+        if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
+        val ratio = ssf.halfWidth / without
+        checks.note("band_ratio", ratio)
+        if (ratio <= Rules.shipped.number("verdict.band_ratio")) return emptyList()
+        return listOf(Reasons.because("typical", ratio, mapOf("ratio" to ratio)))
     }
 
     /** Checks whether the camera is unlike those of its basis, by its code and by its lamp (rule 7). */
