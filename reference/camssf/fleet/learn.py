@@ -47,8 +47,8 @@ CONFIDENCE = 0.95
 BASES = ("cameras", "phones")
 """Those that were learned from measured curves."""
 LEAVE = ("model", "maker")
-SLACK, WIDEST = 1e-3, 10.0
-"""Bounds for eigenvalues of a stored covariance: at least -SLACK (rounding to 32 bits), less than WIDEST."""
+SLACK = 1e-3
+"""Eigenvalues of a stored covariance may be so far outside 0 to 1, because of rounding to 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _results(
     (same,) = registry.query(f"{counted.format('=')} AND len(red) > 0", values)
     newest = "row_number() OVER (PARTITION BY make, model, camera_id ORDER BY added DESC, key)"
     found = registry.query(
-        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, prior_share, "
+        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, "
         "l2, gamma, onnx, software FROM rows WHERE list_contains(?, status) AND basis = ? AND len(red) > 0 "
         f"QUALIFY {newest} <= {OF_MODEL} ORDER BY {newest}, added DESC, key LIMIT {MOST}",
         values,
@@ -250,7 +250,7 @@ def _results(
     for each in found:
         if len(each["code_covariance"] or ()) != size * (size + 1) // 2:
             aside["without a covariance"] += 1
-        elif not each["prior_scale"]:
+        elif each["prior_scale"] is None:
             aside["two bases mixed, or an unnamed light"] += 1
         elif each["l2"] != L2:
             aside["another penalty than the usual"] += 1
@@ -281,23 +281,15 @@ def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, siz
     covariance = np.zeros((size, size))
     covariance[np.tril_indices(size)] = row["code_covariance"]
     covariance = covariance + np.tril(covariance, -1).T
-    scale, share = (np.array(row[name] or (), dtype=np.float64) for name in ("prior_scale", "prior_share"))
     if not (np.abs(curves) <= LARGEST).all():
         raise registry.damaged(row["key"], "the curves cannot be right")
-    if not np.isfinite(covariance).all() or not _posterior(covariance):
+    if not np.isfinite(covariance).all() or np.abs(np.linalg.eigvalsh(covariance) - 0.5).max() > 0.5 + SLACK:
         raise registry.damaged(row["key"], "the covariance cannot be right")
-    if len(scale) != len(share) or not (np.isfinite([scale, share]).all() and (scale > 0).all() and share.sum() > 0):
-        raise registry.damaged(row["key"], "the prior's widths cannot be right")
+    if not 0 < row["prior_scale"] < np.inf:
+        raise registry.damaged(row["key"], "the prior's width cannot be right")
     model = " ".join(filter(None, (row["model"], row["camera_id"])))
     member = (maker_of(row["make"]), model, row["serial"] or row["key"])
-    widths = list(zip(scale.tolist(), share.tolist(), strict=True))
-    return photo_likelihood(member, curves, covariance, reference, widths, row["gamma"] or 0.0)
-
-
-def _posterior(covariance: Floats) -> bool:
-    """Whether it may be (H + I)⁻¹, with eigenvalues from 0 to 1; above 1 for a mixture of several widths."""
-    found = np.linalg.eigvalsh(covariance)
-    return bool(found[0] > -SLACK and found[-1] < WIDEST)
+    return photo_likelihood(member, curves, covariance, reference, row["prior_scale"], row["gamma"] or 0.0)
 
 
 def _model_of(results: Sequence[PhotoLikelihood], request: LearnRequest) -> tuple[str, str] | None:
