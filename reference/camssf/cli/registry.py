@@ -186,8 +186,8 @@ def list_results(
     verify: Verify = False,
 ) -> None:
     """List results as CSV, the newest first."""
-    from camssf.fleet.batch import cell
     from camssf.fleet.compare import many
+    from camssf.fleet.recorder import cell
     from camssf.fleet.registry import SHORT, Wanted
     from camssf.fleet.tables import as_json
     from camssf.photo.read.unit import Unit

@@ -19,7 +19,7 @@ from camssf.errors import InvalidArgument
 from camssf.fleet.inputs import basis_path, check_manifest, is_file, urls_among
 from camssf.libraries import library
 from camssf.photo.read.unit import Unit
-from camssf.places import Place, is_remote, join, local_copy, place
+from camssf.places import Place, absolute, is_remote, join, local_copy, place
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Columns of the manifest; `name`, `photo` and `lamp` are required, but only `name` and `photo` need values."""
@@ -99,17 +99,26 @@ class Manifest:
         self.basis_file = basis_path(basis)
         self.done = 0.0
         """Fraction of the manifest read so far, 0 to 1."""
+        self.jobs = 0
+        """Number of jobs in what was read so far."""
         self._options = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
+
+    def absolute(self) -> Manifest:
+        """The same manifest with absolute paths, for processes with another working folder."""
+        options = self._options | ({} if self.basis_file is None else {"basis": str(self.basis_file.absolute())})
+        return Manifest(absolute(self.path), **options)
 
     def __iter__(self) -> Iterator[Job]:
         """The jobs as they are read: of any number, with any further columns; the rows of a name stand together."""
         names: set[int] = set()
+        self.jobs = 0
         for name, rows in groupby(self._rows(), key=lambda row: row["name"]):
             job = self._job(name, list(rows))
             digest = int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:8], "big")
             if digest in names and not job.fault:
                 job = replace(job, fault="the rows of this name do not stand together.")
             names.add(digest)
+            self.jobs += 1
             yield job
 
     def read_all(self) -> tuple[Job, ...]:
@@ -127,7 +136,7 @@ class Manifest:
         rows_of: dict[str, list[dict[str, str]]] = {}
         for row in self._rows(further=False):
             rows_of.setdefault(row["name"], []).append(row)
-        folders = _folders(list(rows_of))
+        folders, self.jobs = _folders(list(rows_of)), len(rows_of)
         return tuple(replace(self._job(name, rows), folder=folders[name]) for name, rows in rows_of.items())
 
     def _rows(self, *, further: bool = True) -> Iterator[dict[str, str]]:

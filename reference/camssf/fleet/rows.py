@@ -120,6 +120,7 @@ class Task:
         status: accepted, doubtful, refused, failed.
         code, reason: of the first reason.
         key: of its result; "" without one.
+        camera: make and model of the result.
         deaths: number of processes that died during the job.
     """
 
@@ -131,6 +132,7 @@ class Task:
     code: str
     reason: str
     key: str
+    camera: str = ""
     deaths: int = 0
 
 
