@@ -20,7 +20,9 @@ from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.fleet.rows import Origin, Row, prior_scale_of, row
 from camssf.grid import Floats
+from camssf.learning import judgement
 from camssf.learning.basis import main as learn_tables
+from camssf.learning.judgement import Judgement, judge_gains
 from camssf.learning.results import (
     PhotoLikelihood,
     ReferenceBasis,
@@ -43,7 +45,7 @@ from camssf.spectra import read_chart, read_lamp
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
 from camssf.fleet import learn
-from camssf.fleet.learn import Judgement, LearnRequest, judge_gains, learn_basis
+from camssf.fleet.learn import LearnRequest, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
@@ -360,7 +362,7 @@ def test_what_cannot_be_learned(registry: Registry) -> None:
 
 
 def test_more_groups_than_folds_are_all_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(learn, "FOLDS", 2)
+    monkeypatch.setattr(judgement, "FOLDS", 2)
     monkeypatch.setattr(learn, "OF_MODEL", 3)
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]

@@ -21,8 +21,8 @@ from camssf.version import __version__
 
 if TYPE_CHECKING:
     from camssf.fleet.drift import UnitDrift
-    from camssf.fleet.learn import Judgement
     from camssf.fleet.registry import Registry
+    from camssf.learning.judgement import Judgement
 
 STATUSES = ("accepted", "doubtful", "refused")
 """Statuses of results; a failed job has no result."""

@@ -1,36 +1,35 @@
 """Learns a basis from a registry's results, and tests by cross-validation whether it helps with unseen cameras.
 
-The estimator is in `camssf.learning.results`; this module selects the results and writes the basis file.
+The estimator is `camssf.learning.results`, the test `camssf.learning.judgement`; this module selects the results.
 """
 
 from __future__ import annotations
 
-import io
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.files import write_file
 from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
 from camssf.fleet.registry import Registry, Wanted
 from camssf.grid import CHANNELS, Floats
+from camssf.learning.basis import write_basis
+from camssf.learning.judgement import Judgement, judge
 from camssf.learning.results import (
     PhotoLikelihood,
     Population,
     ReferenceBasis,
     Tables,
-    log_predictive,
     photo_likelihood,
     populate,
     reference_basis,
 )
-from camssf.learning.training import TrainingSet, maker_of, read_training_set, training_set_of
+from camssf.learning.training import Statistics, TrainingSet, maker_of, read_training_set, training_set_of
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.penalties import L2
@@ -40,10 +39,6 @@ Json: TypeAlias = dict[str, Any]
 
 OF_MODEL, MOST = 30, 400
 """Largest numbers of results to learn from, of one model and in total, newest first; more help little, take hours."""
-FOLDS = 12
-"""Largest number of cross-validation folds; with more groups, a fold leaves out several."""
-CONFIDENCE = 0.95
-"""Level of the interval that decides whether a basis helps."""
 BASES = ("cameras", "phones")
 """Those that were learned from measured curves."""
 LEAVE = ("model", "maker")
@@ -72,28 +67,6 @@ class LearnRequest:
     table: Path | None = None
     licence: str = "that of the curves"
     leave: str = "model"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """Cross-validated gain in predictive log-likelihood of the learned basis over the old one.
-
-    Attributes:
-        left_out: what a group is: model, maker or unit.
-        groups: number of groups.
-        nats: gain in log-likelihood a photo, mean over the groups; None for fewer than two groups.
-        error: standard error of `nats`; None for fewer than two groups.
-        low, high: CONFIDENCE interval of `nats`, by Student's t with groups - 1 degrees of freedom; None as `error`.
-        helps: True if the interval lies above 0, False if below; None if it contains 0, or as `error`.
-    """
-
-    left_out: str
-    groups: int
-    nats: float | None
-    error: float | None
-    low: float | None
-    high: float | None
-    helps: bool | None
 
 
 @dataclass(frozen=True)
@@ -170,29 +143,13 @@ class LearnedBasis:
         Raises:
             InvalidArgument: it cannot be written.
         """
-        statistics = self.training.statistics
-        names = [*(statistics.names if statistics else ()), *self.training.curves]
-        content = io.BytesIO()
-        np.savez_compressed(
-            content,
-            mean=self.mean,
-            dictionary=self.dictionary,
-            source=np.array(self.source),
-            files=np.array(self.training.files),
-            sha256=np.array(self.training.sha256),
-            licence=np.array(self.training.licences),
-            papers=np.array(self.training.papers, dtype=np.str_),
-            enlargement=np.array(astuple(self.training.size), dtype=np.float64),
-            noun=np.array(self.training.noun),
-            cameras=np.array([], dtype=np.str_),
-            curves=np.zeros((0, self.mean.shape[1], 3)),
-            known=np.array([*names, *(" ".join(model) for model in self.population.models)]),
-            known_mean=self.mean,
-            known_spread=self.dictionary,
-            registry=np.array(json.dumps(self.document(), ensure_ascii=False)),
-            registry_results=np.array(self.keys),
-        )
-        write_file(path, content.getvalue())
+        known = self.training.statistics
+        models = map(" ".join, self.population.models)
+        names = (*(known.names if known else ()), *self.training.curves, *models)
+        training = replace(self.training, curves={}, statistics=Statistics(self.mean, self.dictionary, names))
+        registry = {"registry": np.array(json.dumps(self.document(), ensure_ascii=False))}
+        registry["registry_results"] = np.array(self.keys)
+        write_basis(path, training, self.mean, self.dictionary, self.source, registry)
 
 
 def learn_basis(
@@ -221,7 +178,7 @@ def learn_basis(
     of = _model_of(results, request)
     tell("learning", 0.0)
     found = populate(results, old, tables)
-    judgement = _judge(results, old, tables, (of, request.leave), tell)
+    judgement = judge(results, old, tables, of=of, leave=request.leave, progress=tell)
     return LearnedBasis(request, found, of, keys, dict(aside), judgement, training, *found.basis(of))
 
 
@@ -305,64 +262,3 @@ def _model_of(results: Sequence[PhotoLikelihood], request: LearnRequest) -> tupl
         models = ", ".join(sorted({" ".join(each.member[:2]) for each in results})[:10])
         raise InvalidArgument(f"No result of {wanted} can be learned from.", f"Those that can are of {models}.")
     return found[0]
-
-
-def _judge(
-    results: Sequence[PhotoLikelihood],
-    reference: ReferenceBasis,
-    tables: Tables,
-    what: tuple[tuple[str, str] | None, str],
-    tell: Callable[[str, float], None],
-) -> Judgement:
-    """Learn without each group, and compute the gain in log-likelihood of its photos."""
-    of, leave = what
-    word = "unit" if of else leave
-    judged = [each for each in results if of is None or each.member[:2] == of]
-
-    def group_of(each: PhotoLikelihood) -> tuple[str, ...]:
-        return each.member if of else each.member[:2] if leave == "model" else each.member[:1]
-
-    groups = list(dict.fromkeys(map(group_of, judged)))
-    if len(groups) < 2:
-        return judge_gains(word, np.zeros(len(groups)))
-    size = 3 * reference.dictionary.shape[2]
-    gains: dict[tuple[str, ...], list[float]] = {each: [] for each in groups}
-    folds = [groups[i::FOLDS] for i in range(min(FOLDS, len(groups)))]
-    for number, fold in enumerate(folds):
-        tell(f"without a {word}", number / len(folds))
-        out = set(fold)
-        rest = [each for each in results if group_of(each) not in out]
-        others = tables if of or leave == "model" else _without(tables, {each[0] for each in out})
-        found = populate(rest, reference, others) if rest else None
-        if found is None:
-            continue
-        mean, covariance = found.prior(of if of in found.models else None)
-        for each in judged:
-            if group_of(each) in out:
-                before = log_predictive(each, np.zeros(size), np.eye(size))
-                gains[group_of(each)].append(log_predictive(each, mean, covariance) - before)
-    means = np.array([np.mean(each) for each in gains.values() if each])
-    return judge_gains(word, means)
-
-
-def judge_gains(left_out: str, gains: Floats) -> Judgement:
-    """The mean gain of the groups with its interval.
-
-    Args:
-        left_out: what a group is.
-        gains: (groups,) nats a photo.
-    """
-    from scipy.special import stdtrit
-
-    n = len(gains)
-    if n < 2:
-        return Judgement(left_out, n, None, None, None, None, None)
-    mean, error = float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(n))
-    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
-    helps = None if mean - half <= 0 <= mean + half else mean > 0
-    return Judgement(left_out, n, mean, error, mean - half, mean + half, helps)
-
-
-def _without(tables: Tables, makers: set[str]) -> Tables:
-    kept = [i for i, name in enumerate(tables.names) if maker_of(name) not in makers]
-    return Tables(tables.curves[kept], tuple(tables.names[i] for i in kept), tables.size)
