@@ -212,15 +212,6 @@ def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path) -> None:
             assert (out / "one" / name).read_bytes() == whole
 
 
-def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -> None:
-    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
-    out = tmp_path / "out"
-    here(manifest, out)
-    mark = out / "one" / MARK
-    mark.write_text(mark.read_text("utf-8").replace('"status": "accepted"', '"status": "doubtful"'), "utf-8")
-    assert [o.resumed for o in here(manifest, out)] == [False]
-
-
 @pytest.mark.full
 def test_it_uses_the_processes(tmp_path: Path) -> None:
     """Two sleepers at once are in two processes, each with one thread for its algebra; jobs=1 takes one process."""

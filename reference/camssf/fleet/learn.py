@@ -15,9 +15,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
-from camssf.fleet.registry import Registry, Wanted
-from camssf.grid import CHANNELS, Floats
+from camssf.fleet.compare import counts_in_words, curves_in, many
+from camssf.fleet.registry import Registry
+from camssf.grid import Floats
 from camssf.learning.basis import write_basis
 from camssf.learning.judgement import Judgement, judge
 from camssf.learning.results import (
@@ -186,36 +186,27 @@ def _results(
     registry: Registry, request: LearnRequest, reference: ReferenceBasis
 ) -> tuple[list[PhotoLikelihood], tuple[str, ...], Counter[str]]:
     """Likelihoods of the results that can be used, their keys, and numbers of the others by reason."""
-    values = [list(request.statuses), request.basis]
-    counted = "SELECT count(*) AS n FROM rows WHERE list_contains(?, status) AND basis {} ?"
-    (other,) = registry.query(counted.format("<>"), values)
-    (same,) = registry.query(f"{counted.format('=')} AND len(red) > 0", values)
-    newest = "row_number() OVER (PARTITION BY make, model, camera_id ORDER BY added DESC, key)"
+    size, model = 3 * reference.dictionary.shape[2], load_model(request.basis).sha256
+    of_model = "row_number() OVER (PARTITION BY make, model, camera_id, why ORDER BY added DESC, key)"
+    rows = f"""(SELECT *, {of_model} AS of_model FROM (SELECT *, CASE WHEN NOT list_contains(?, status) THEN status
+        WHEN basis <> ? THEN 'on another basis'
+        WHEN len(code_covariance) <> {size * (size + 1) // 2} THEN 'without a covariance'
+        WHEN prior_scale IS NULL THEN 'two bases mixed, or an unnamed light'
+        WHEN l2 <> {L2} THEN 'another penalty than the usual'
+        WHEN CASE WHEN onnx <> '' THEN onnx <> ? ELSE software <> ? END THEN 'another release''s ' || basis
+        END AS why FROM rows))"""
+    values = [list(request.statuses), request.basis, model, __version__]
     found = registry.query(
-        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, "
-        "l2, gamma, onnx, software FROM rows WHERE list_contains(?, status) AND basis = ? AND len(red) > 0 "
-        f"QUALIFY {newest} <= {OF_MODEL} ORDER BY {newest}, added DESC, key LIMIT {MOST}",
+        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, gamma "
+        f"FROM {rows} WHERE why IS NULL AND of_model <= {OF_MODEL} ORDER BY of_model, added DESC, key LIMIT {MOST}",
         values,
     )
-    aside: Counter[str] = Counter(other_statuses(registry, Wanted(), request.statuses))
-    aside["on another basis"] = other["n"]
-    aside[f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"] = same["n"] - len(
-        found
-    )
-    results, keys, size = [], [], 3 * reference.dictionary.shape[2]
-    ours = load_model(request.basis).sha256
-    for each in found:
-        if len(each["code_covariance"] or ()) != size * (size + 1) // 2:
-            aside["without a covariance"] += 1
-        elif each["prior_scale"] is None:
-            aside["two bases mixed, or an unnamed light"] += 1
-        elif each["l2"] != L2:
-            aside["another penalty than the usual"] += 1
-        elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:
-            aside[f"another release's {request.basis}"] += 1
-        else:
-            results.append(_likelihood_of(registry, each, reference, size))
-            keys.append(str(each["key"]))
+    older = f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"
+    counts = registry.query(f"SELECT coalesce(why, ?) AS why, count(*) AS n FROM {rows} GROUP BY 1 ORDER BY 1",
+                            [older, *values])  # fmt: skip
+    aside = Counter({each["why"]: each["n"] for each in counts})
+    aside[older] -= len(found)
+    results = [_likelihood_of(registry, each, reference, size) for each in found]
     if not results:
         why = counts_in_words(+aside) or "there is none"
         raise InvalidArgument(
@@ -223,7 +214,7 @@ def _results(
             f"Add results that {request.basis} answered alone, under named lamps"
             + ("; or name another --basis." if aside["on another basis"] else "."),
         )
-    return results, tuple(sorted(keys)), +aside
+    return results, tuple(sorted(str(each["key"]) for each in found)), +aside
 
 
 def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, size: int) -> PhotoLikelihood:
@@ -232,14 +223,9 @@ def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, siz
     Raises:
         InvalidArgument: the row is damaged.
     """
-    if {len(row[colour] or ()) for colour in CHANNELS} != {len(NM)}:
-        raise registry.damaged(row["key"], "the curves cannot be right")
-    curves = np.array([row[colour] for colour in CHANNELS], dtype=np.float64)
-    covariance = np.zeros((size, size))
+    curves, covariance = curves_in(registry, row), np.zeros((size, size))
     covariance[np.tril_indices(size)] = row["code_covariance"]
     covariance = covariance + np.tril(covariance, -1).T
-    if not (np.abs(curves) <= LARGEST).all():
-        raise registry.damaged(row["key"], "the curves cannot be right")
     if not np.isfinite(covariance).all() or np.abs(np.linalg.eigvalsh(covariance) - 0.5).max() > 0.5 + SLACK:
         raise registry.damaged(row["key"], "the covariance cannot be right")
     if not 0 < row["prior_scale"] < np.inf:

@@ -212,21 +212,18 @@ class Registry:
         """Call `write` with the newest version of a table until no other writer came first; then seal the commit."""
         from deltalake.exceptions import CommitFailedError
 
-        for attempt in range(ATTEMPTS):
-            delta = self.table(table)
-            if delta is None:
-                return False
-            try:
-                written = write(delta)
-            except CommitFailedError:
-                if attempt + 1 == ATTEMPTS:
-                    raise
-                time.sleep(random.uniform(0, 0.05 * min(attempt + 1, 20)))
-                continue
-            if written:
-                seal(self.folder / FOLDERS[table], delta.version())
-            return written
-        raise AssertionError  # the last attempt returns or raises
+        attempt = 0
+        with self.failures():
+            while (delta := self.table(table)) is not None:
+                try:
+                    if written := write(delta):
+                        seal(self.folder / FOLDERS[table], delta.version())
+                    return written
+                except CommitFailedError:
+                    if (attempt := attempt + 1) == ATTEMPTS:
+                        raise
+                    time.sleep(random.uniform(0, 0.05 * min(attempt, 20)))
+        return False
 
     # Reading
 
@@ -235,21 +232,11 @@ class Registry:
         with self.failures():
             return self._sizes(table, self.table(table))
 
-    def version(self) -> int:
-        """The number of the last commit of the results; -1 if there is none."""
-        delta = self.table(Row)
-        return -1 if delta is None else int(delta.version())
-
     def listing(self, wanted: Wanted | None = None, *, limit: int | None = None) -> list[dict[str, Any]]:
         """The results, newest first, in the columns SHORT."""
         where, values = (wanted or Wanted()).where()
         most = "" if limit is None else f" LIMIT {int(limit)}"
         return self.query(f"SELECT {', '.join(SHORT)} FROM rows WHERE {where} ORDER BY added DESC, key{most}", values)
-
-    def count(self) -> dict[str, int]:
-        """Numbers of results by status."""
-        found = self.query("SELECT status, count(*) AS n FROM rows GROUP BY status ORDER BY status")
-        return {each["status"]: each["n"] for each in found}
 
     def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
         """The rows that a query on the view `rows` returns."""
