@@ -143,7 +143,7 @@ def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPT
     rows = registry.query(f"SELECT {columns} FROM rows WHERE {where} ORDER BY captured, key", parameters)
     for row in rows:
         row["unit"] = tuple(row[name] or "" for name in UNIT)
-        row["values"] = features(curves_in(registry, row)[None])[0] if row["red"] else None
+        row["values"] = features(curves_in(registry, row)[None][..., COMPARED])[0] if row["red"] else None
     counted = [row for row in rows if row["status"] in statuses and row["values"] is not None]
     units = units_of([row["unit"] for row in counted])
     own = {each for each in units if each and may_be((each[CAMERA], each[LENS]), (unit.camera_id, unit.lens))}
@@ -199,8 +199,8 @@ def _left_out(row: dict[str, Any], used: Sequence[dict[str, Any]], statuses: Seq
 
 
 def features(curves: Floats) -> Floats:
-    """(n, 6) FEATURES, nm, of (n, 3, 69) curves: each channel's centre of mass and standard deviation."""
-    nm, s = NM[COMPARED], np.maximum(curves[..., COMPARED], 0.0)
+    """(n, 6) FEATURES, nm, of (n, 3, wavelengths) curves: each channel's centre of mass and standard deviation."""
+    nm, s = NM[COMPARED], np.maximum(curves, 0.0)
     weight = s.sum(axis=-1)
     centre = (s @ nm) / weight
     width = np.sqrt(np.sum(s * (nm - centre[..., None]) ** 2, axis=-1) / weight)
