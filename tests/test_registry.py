@@ -25,7 +25,7 @@ from camssf.photo.read.unit import Unit
 pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("deltalake", reason="deltalake is not here")
 
-from deltalake import QueryBuilder
+from deltalake import DeltaTable, QueryBuilder
 
 from camssf.fleet import compare, registry, tables, upkeep
 from camssf.fleet.drift import FALSE_ALARMS, FEATURES, drift_of, drifts, features
@@ -439,6 +439,34 @@ def test_other_programs_read_it(one: Registry) -> None:
     (batch,) = found
     assert batch.column("serial").to_pylist() == ["A1", "B2"]
     assert batch.column("captured").to_pylist()[0] == datetime(2026, 11, 20, 9, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("reader", ["pandas", "polars", "pyarrow", "duckdb"])
+def test_a_program_of_others_reads_it(one: Registry, reader: str) -> None:
+    """As docs/registry.md says: every row once, times with their zone, the curves, of one model only if wanted."""
+    library = pytest.importorskip(reader)
+    if reader != "polars":
+        pytest.importorskip("pyarrow")
+    captured = datetime(2026, 11, 20, 10, tzinfo=timezone(timedelta(hours=1)))
+    one.add([made(1, bells(), captured=captured), made(2, model="Other"), made(3)])
+    one.add([made(3, serial="B2")])
+    path = f"{one.folder}/results"
+    table, wanted = DeltaTable(path), ["key", "serial", "captured", "red"]
+    if reader == "pandas":
+        found = table.to_pandas(columns=wanted, filters=[("model", "=", "Model")]).to_dict("records")
+    elif reader == "pyarrow":
+        found = table.to_pyarrow_table(columns=wanted, filters=[("model", "=", "Model")]).to_pylist()
+    elif reader == "polars":
+        found = library.scan_delta(path).filter(library.col("model") == "Model").select(wanted).collect().to_dicts()
+    else:
+        results = table.to_pyarrow_dataset()
+        sql = f"SELECT {', '.join(wanted)} FROM results WHERE model = 'Model'"
+        found = library.sql(sql).to_arrow_table().to_pylist()
+        assert results.count_rows() == 3
+    first, second = sorted(found, key=lambda row: str(row["key"]))
+    assert (first["serial"], second["serial"]) == ("A1", "B2")
+    assert first["captured"] == captured
+    assert list(first["red"]) == pytest.approx(bells()[0], rel=1e-6)
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
