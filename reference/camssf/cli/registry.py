@@ -8,6 +8,7 @@ import io
 import math
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -156,7 +157,7 @@ def _from_passport(
             f": {name_of(path)} holds an excerpt; `registry learn` needs the whole result.json, added with it",
         )
     origin = Origin(found.unit, found.captured, passport=found.id, place=_place(folder, path))
-    return row(found.result_sha256, document, origin)
+    return replace(row(found.result_sha256, document, origin), passport_ends=found.ends)
 
 
 def _place(folder: str, path: str) -> str:

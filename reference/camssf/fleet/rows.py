@@ -50,7 +50,7 @@ class Row:
         inputs: SHA-256 of every input file.
         onnx: SHA-256 of the model.
         made_from: SHA-256 of files, options and version together, if a batch made the result.
-        passport: id of the passport that contained the result.
+        passport, passport_ends: id and end of the result's passport.
         place: path of the result, relative to the registry.
         delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of the three channels.
         channel_gain: red, green, blue.
@@ -106,6 +106,7 @@ class Row:
     prior_scale: float | None = None
     odds: float | None = None
     code_covariance: Curve = ()
+    passport_ends: datetime | None = None
 
 
 @dataclass(frozen=True)
