@@ -17,8 +17,9 @@ pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("deltalake", reason="deltalake is not here")
 
 from camssf.fleet.compare import spread
+from camssf.fleet.overview import fleet_page
 from camssf.fleet.registry import Registry
-from camssf.report.fleet import MOST_ROWS, fleet_page
+from camssf.report.fleet import MOST_ROWS
 
 NOW = START + timedelta(days=400)
 

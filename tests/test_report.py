@@ -47,14 +47,13 @@ from camssf.documents import schema as schema_module
 from camssf.documents.passport import check_belongs
 from camssf.documents.result_json import check_document, document_bytes, read_document
 from camssf.errors import InvalidArgument, PassportInvalid
-from camssf.fleet.drift import Drift
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.unit import Unit, read_unit
 from camssf.recovery.basis import read_basis
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import answer
 from camssf.report.build import NAMES, Report, report
-from camssf.report.fleet import FleetModel, FleetUnit, fleet_html
+from camssf.report.fleet import FleetDrift, FleetModel, FleetUnit, fleet_html
 from camssf.report.page import page as render
 from camssf.report.provenance import NO_PROVENANCE, Provenance, Signature, read_provenance
 from camssf.report.sections import certificate, drawings
@@ -1265,13 +1264,13 @@ def shown() -> dict[str, str]:
 def fleet() -> str:
     """The page of a fleet that has all of its tables."""
     at, names = datetime(2026, 11, 1, tzinfo=UTC), ("Google Pixel 9 Pro", "NIKON D850", "Apple iPhone 17")
-    drift = Drift("green centre", 12, 700.0, 2.0, 0.1, -4.2, 1.0, 1e-9, 0.5, "trend")
+    drift = FleetDrift("green centre", -4.2, "trend", 12, 700.0)
     units = tuple(FleetUnit(f"SERIAL{i} 2", at - timedelta(days=200 * i), (drift,) * (i == 1)) for i in range(4))
     spread = np.array([[0.012, 0.02, 0.011], [0.008, 0.015, 0.0], [0.03, 0.04, 0.05]])
     statuses = Counter(accepted=120, doubtful=7, refused=12)
     models = [FleetModel(name, statuses, units, 4, spread) for name in names]
-    reasons: list[list[object]] = [["chart_not_found", 0, 12, "Fill half the frame."], ["lamp_unlike", 7, 0, ""]]
-    return fleet_html(models, reasons, days=365.0, now=at)
+    reasons = [("chart_not_found", 0, 12), ("of_a_later_release", 7, 0)]
+    return fleet_html(models, reasons, days=365.0, now=at, fewest=4, false_alarms=0.01)
 
 
 MEASURE = """

@@ -1,4 +1,4 @@
-"""Commands for many results: camssf registry add, list, compare, learn, export, report."""
+"""Commands for many results: camssf registry add, list, compare, learn, export."""
 
 from __future__ import annotations
 
@@ -427,29 +427,6 @@ def export(
     """Write all results into one file."""
     read_registry(folder, as_of, verify).export(out)
     say("", f"results: {out}")
-
-
-@registry.command(epilog="Example: camssf registry report phones/ -o fleet.html")
-def report(
-    folder: Folder,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="The page, .html.")],
-    days: Annotated[
-        float, typer.Option(min=0.0, help="A unit is due if its newest accepted result is older than this.")
-    ] = 365.0,
-    as_of: AsOf = "",
-    verify: Verify = False,
-) -> None:
-    """Write a page on the whole fleet.
-
-    Models, how their units differ, drifts, what is due for calibration, and why results were not accepted.
-    """
-    from camssf.files import write_file
-    from camssf.report.fleet import fleet_page
-
-    if out.suffix != ".html":
-        raise InvalidArgument(f"The page {out} does not end in .html.", "Give it this ending.")
-    write_file(out, fleet_page(read_registry(folder, as_of, verify), days=days))
-    say("", f"page: {out}")
 
 
 def _document(kind: str) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def _result(registry: Registry, row: Row) -> bytes:
     """The bytes of a row's document."""
     file = place(join(registry.folder, row.place)) if row.place else None
     if file is None:
-        raise InvalidArgument("its result.json is not known.", "Add it again as a file.")
+        raise InvalidArgument("The registry does not know its result.json.", "Add it again as a file.")
     try:
         with reached(file, "read"):
             data = file.read_bytes()
