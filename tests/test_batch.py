@@ -16,10 +16,11 @@ import pytest
 
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.fleet import batch
-from camssf.fleet.batch import MARK, calibrate_into_folder, summary_csv
+from camssf.fleet.batch import MARK, calibrate_into
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome
 from camssf.fleet.pools import Recorder, Work
+from camssf.fleet.recorder import summary_csv
 from camssf.photo.capture import Record
 from camssf.report.build import NAMES
 from camssf.result import Refusal
@@ -158,13 +159,14 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     (tmp_path / "ssf.csv").write_text("curves")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     job = Job("one", (str(tmp_path / "typo.dng"),), ("D55",), (None,), (None,), "classic24")
-    found = calibrate_into_folder(job, tmp_path)
+    found = calibrate_into(job, tmp_path)
     assert (found.status, found.code) == ("refused", "unreadable_raw")
     assert found.reason.endswith("The earlier result of this name was kept as it is.")
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+    assert (tmp_path / "refused" / "result.json").is_file()
     refusal = Refusal(ChartNotFound("No chart.", "Take one."), Record(chart="classic24"))
     monkeypatch.setattr(batch, "attempt_job", lambda _: refusal)
-    found = calibrate_into_folder(job, tmp_path)
+    found = calibrate_into(job, tmp_path)
     assert found.reason == "No chart. Take one. The earlier result of this name was kept as it is."
     assert sorted(path.name for path in (tmp_path / "refused").iterdir()) == ["report.html", "result.json"]
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
@@ -208,15 +210,6 @@ def test_a_result_that_is_not_whole_is_done_again(tmp_path: Path) -> None:
                 (out / "one" / name).write_text(other)
             assert [o.resumed for o in here(manifest, out)] == [False], (name, other)
             assert (out / "one" / name).read_bytes() == whole
-
-
-def test_a_mark_that_disagrees_with_its_result_is_not_believed(tmp_path: Path) -> None:
-    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "fine"})
-    out = tmp_path / "out"
-    here(manifest, out)
-    mark = out / "one" / MARK
-    mark.write_text(mark.read_text("utf-8").replace('"status": "accepted"', '"status": "doubtful"'), "utf-8")
-    assert [o.resumed for o in here(manifest, out)] == [False]
 
 
 @pytest.mark.full

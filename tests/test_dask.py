@@ -1,7 +1,9 @@
 """A manifest over a Dask cluster: as over processes here, whoever dies, and whatever the cluster lacks."""
 
+import json
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -204,6 +206,57 @@ def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
     visits = desk.visits()
     assert max(visits.values()) <= 2
     assert sum(visits.values()) <= 17  # what was under way alone is done again
+
+
+def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scheduler is killed in the middle; another one, with another address, does the rest."""
+    monkeypatch.setattr(pools, "WORKERLESS_TIMEOUT", 10.0)
+    names = [f"c{i}" for i in range(12)]
+    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    search = os.pathsep.join([*(str(Path(path).absolute()) for path in sys.path if path), str(Path(__file__).parent)])
+
+    def begin(number: int) -> tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]:
+        file = tmp_path / f"scheduler-{number}.json"
+        quiet: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+        quiet["env"] = os.environ | {"PYTHONPATH": search}
+        run = [sys.executable, "-m", "dask"]
+        place = ["--scheduler-file", str(file), "--no-dashboard"]
+        scheduler = subprocess.Popen([*run, "scheduler", "--port", "0", "--host", "127.0.0.1", *place], **quiet)
+        worker = subprocess.Popen([*run, "worker", *place, "--nthreads", "1", "--no-nanny"], **quiet)
+        deadline = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        return json.loads(file.read_text())["address"], scheduler, [scheduler, worker]
+
+    address, scheduler, processes = begin(0)
+
+    def kill() -> None:
+        deadline = time.monotonic() + 60
+        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        scheduler.kill()
+
+    killer = threading.Thread(target=kill)
+    try:
+        killer.start()
+        with pytest.raises(InvalidArgument, match=r"Dask cluster (was lost|has had no worker)") as caught:
+            desk.run(dask=address, work=slow)
+        assert "the same command" in caught.value.advice
+        killer.join()
+        before = sum(desk.visits().values())
+        assert 4 <= before < 12
+        address, _, more = begin(1)
+        processes += more
+        found = desk.run(dask=address)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+    assert found.by_status == {"doubtful": 12}
+    assert [each["name"] for each in desk.rows()] == sorted(names)
+    assert sum(desk.visits().values()) <= 12 + 1, "what was under way alone is done again"
 
 
 def under_way(dask_scheduler: Any) -> list[str]:

@@ -25,7 +25,7 @@ from camssf.photo.read.unit import Unit
 pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("deltalake", reason="deltalake is not here")
 
-from deltalake import QueryBuilder
+from deltalake import DeltaTable, QueryBuilder
 
 from camssf.fleet import compare, registry, tables, upkeep
 from camssf.fleet.drift import FALSE_ALARMS, FEATURES, drift_of, drifts, features
@@ -91,14 +91,14 @@ def test_a_refused_result_has_a_row_without_curves(one: Registry) -> None:
 
 def test_the_same_result_twice_is_there_once_and_the_last_commit_counts(one: Registry) -> None:
     one.add([made(1), made(2)])
-    version = one.version()
+    version = one.table(Row).version()
     one.add([made(2, added=START + timedelta(days=9)), made(1)])
-    assert one.version() == version, "nothing new, no commit"
+    assert one.table(Row).version() == version, "nothing new, no commit"
     one.add([made(1, serial="B2", added=START - timedelta(days=1500)), made(3), made(3, serial="C3")])
     assert len(keys(one)) == 3
     assert [each["key"][-1] for each in one.listing(Wanted(Unit(serial="B2")))] == ["1"]
     assert [each["key"][-1] for each in one.listing(Wanted(Unit(serial="C3")))] == ["3"]
-    assert one.count() == {"accepted": 3}
+    assert {each["status"] for each in one.listing()} == {"accepted"}
     upkeep.optimize(one)
     assert len(one.files()) == 1
     assert one.query("SELECT count(*) AS n FROM every") == [{"n": 3}]
@@ -127,7 +127,6 @@ def test_nothing_of_nothing(one: Registry) -> None:
         Registry(one.folder)
     one.note([Task("t", "", START, "name", "failed", "", "", "")])
     assert Registry(one.folder).listing() == []
-    assert Registry(one.folder).count() == {}
     assert one.query("SELECT name, deaths FROM rows", table=Task) == [{"name": "name", "deaths": 0}]
 
 
@@ -322,16 +321,16 @@ def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: 
 def test_a_writer_that_comes_second_looks_again(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever commits between its look at the rows and its own commit, nothing is doubled or lost."""
     one.add([made(1)])
-    real = Registry._ask
+    real = Registry.ask
 
     def late(self: Registry, *values: Any) -> Any:
         found = real(self, *values)
-        monkeypatch.setattr(Registry, "_ask", real)
+        monkeypatch.setattr(Registry, "ask", real)
         Registry(one.folder).add([made(2), made(3, serial="theirs")])
         upkeep.optimize(Registry(one.folder))
         return found
 
-    monkeypatch.setattr(Registry, "_ask", late)
+    monkeypatch.setattr(Registry, "ask", late)
     one.add([made(1, serial="mine"), made(2), made(3, serial="mine")])
     found = one.query("SELECT serial FROM rows ORDER BY key")
     assert [each["serial"] for each in found] == ["mine", "A1", "mine"]
@@ -440,6 +439,34 @@ def test_other_programs_read_it(one: Registry) -> None:
     (batch,) = found
     assert batch.column("serial").to_pylist() == ["A1", "B2"]
     assert batch.column("captured").to_pylist()[0] == datetime(2026, 11, 20, 9, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("reader", ["pandas", "polars", "pyarrow", "duckdb"])
+def test_a_program_of_others_reads_it(one: Registry, reader: str) -> None:
+    """As docs/registry.md says: every row once, times with their zone, the curves, of one model only if wanted."""
+    library = pytest.importorskip(reader)
+    if reader != "polars":
+        pytest.importorskip("pyarrow")
+    captured = datetime(2026, 11, 20, 10, tzinfo=timezone(timedelta(hours=1)))
+    one.add([made(1, bells(), captured=captured), made(2, model="Other"), made(3)])
+    one.add([made(3, serial="B2")])
+    path = f"{one.folder}/results"
+    table, wanted = DeltaTable(path), ["key", "serial", "captured", "red"]
+    if reader == "pandas":
+        found = table.to_pandas(columns=wanted, filters=[("model", "=", "Model")]).to_dict("records")
+    elif reader == "pyarrow":
+        found = table.to_pyarrow_table(columns=wanted, filters=[("model", "=", "Model")]).to_pylist()
+    elif reader == "polars":
+        found = library.scan_delta(path).filter(library.col("model") == "Model").select(wanted).collect().to_dicts()
+    else:
+        results = table.to_pyarrow_dataset()
+        sql = f"SELECT {', '.join(wanted)} FROM results WHERE model = 'Model'"
+        found = library.sql(sql).to_arrow_table().to_pylist()
+        assert results.count_rows() == 3
+    first, second = sorted(found, key=lambda row: str(row["key"]))
+    assert (first["serial"], second["serial"]) == ("A1", "B2")
+    assert first["captured"] == captured
+    assert list(first["red"]) == pytest.approx(bells()[0], rel=1e-6)
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -18,9 +18,11 @@ from camssf import cli
 from camssf.documents.basis_choice import choice_of
 from camssf.documents.result_json import document_bytes
 from camssf.errors import InvalidArgument
-from camssf.fleet.rows import Origin, Row, row, widths_of
+from camssf.fleet.rows import Origin, Row, prior_scale_of, row
 from camssf.grid import Floats
+from camssf.learning import judgement
 from camssf.learning.basis import main as learn_tables
+from camssf.learning.judgement import Judgement, judge_gains
 from camssf.learning.results import (
     PhotoLikelihood,
     ReferenceBasis,
@@ -43,7 +45,7 @@ from camssf.spectra import read_chart, read_lamp
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
 from camssf.fleet import learn
-from camssf.fleet.learn import Judgement, LearnRequest, judge_gains, learn_basis
+from camssf.fleet.learn import LearnRequest, learn_basis
 from camssf.fleet.registry import Registry
 
 SCHEMA = Path(camssf.__file__).parent / "data" / "registry.schema.json"
@@ -76,7 +78,7 @@ def result(number: int, code: Floats, rng: np.random.Generator, **more: Any) -> 
     row_ = made(number, found.peak()[0][::10].T, **{"make": "Acme", "model": f"P{number % 4}", "serial": ""} | more)
     return replace(
         row_, basis="phones", onnx=load_model("phones").sha256, l2=found.settings.l2,
-        gamma=float(found.settings.gamma[0]), prior_scale=(1.0,), prior_share=(1.0,),
+        gamma=float(found.settings.gamma[0]), prior_scale=1.0,
         code_covariance=tuple(found.posterior.code_covariance[np.tril_indices(72)]),
     )  # fmt: skip
 
@@ -107,7 +109,7 @@ def test_the_old_prior_is_taken_out_again() -> None:
     found = answer(evidence, basis, settings=SolverSettings(engine="reference", gamma=0.0))
     assert found.posterior is not None
     curves = found.peak()[0][::10].T
-    taken = photo_likelihood(("", "", ""), curves, found.posterior.code_covariance, old(), [(1.0, 1.0)], 0.0)
+    taken = photo_likelihood(("", "", ""), curves, found.posterior.code_covariance, old(), 1.0, 0.0)
     rows = linear_model(evidence, basis)
     weighed = np.linalg.solve(rows.covariance[0], np.column_stack([rows.matrix[0], rows.target[0]]))
     J, h = rows.matrix[0].T @ weighed[:, :-1], rows.matrix[0].T @ weighed[:, -1]
@@ -133,12 +135,8 @@ def test_what_was_found_under_two_widths_says_the_same_as_under_one() -> None:
     )
     assert one.posterior is not None
     assert wide.posterior is not None
-    alone = photo_likelihood(
-        ("", "", ""), one.peak()[0][::10].T, one.posterior.code_covariance, old(), [(1.0, 1.0)], 0.0
-    )
-    other = photo_likelihood(
-        ("", "", ""), wide.peak()[0][::10].T, wide.posterior.code_covariance, old(), [(2.0, 1.0)], 0.0
-    )
+    alone = photo_likelihood(("", "", ""), one.peak()[0][::10].T, one.posterior.code_covariance, old(), 1.0, 0.0)
+    other = photo_likelihood(("", "", ""), wide.peak()[0][::10].T, wide.posterior.code_covariance, old(), 2.0, 0.0)
     mean, spread = np.zeros(72), np.eye(72)
     J, K = (each.factor @ each.factor.T for each in (alone, other))
     assert np.trace(spread @ J) == pytest.approx(np.trace(spread @ K), rel=0.1)
@@ -316,7 +314,7 @@ def test_what_does_not_count_is_said(tmp_path: Path) -> None:
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]
     bad = [
-        replace(good, code_covariance=()), replace(good, prior_scale=(), prior_share=()), replace(good, l2=2.0),
+        replace(good, code_covariance=()), replace(good, prior_scale=None), replace(good, l2=2.0),
         replace(good, onnx="e" * 64), replace(good, onnx="", software="0.0.1"), replace(good, basis="cameras"),
         replace(good, status="doubtful"),
     ]  # fmt: skip
@@ -341,7 +339,7 @@ def test_a_row_that_was_damaged_is_named(tmp_path: Path) -> None:
         (
             {"code_covariance": (float("nan"), *cov[1:])}, {"code_covariance": (-1e9, *cov[1:])},
             {"code_covariance": (float("inf"), *cov[1:])}, {"red": (1e20, *red[1:])}, {"red": tuple(red[1:])},
-            {"blue": (float("nan"), *good.blue[1:])}, {"prior_scale": (-1.0,)}, {"prior_share": ()},
+            {"blue": (float("nan"), *good.blue[1:])}, {"prior_scale": -1.0},
         )
     ):  # fmt: skip
         one = Registry(tmp_path / str(number), new=True)
@@ -364,7 +362,7 @@ def test_what_cannot_be_learned(registry: Registry) -> None:
 
 
 def test_more_groups_than_folds_are_all_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(learn, "FOLDS", 2)
+    monkeypatch.setattr(judgement, "FOLDS", 2)
     monkeypatch.setattr(learn, "OF_MODEL", 3)
     one = Registry(tmp_path / "r", new=True)
     (good, *_) = fleet()[0]
@@ -384,7 +382,7 @@ def test_the_row_holds_what_learning_needs() -> None:
     found = row(document_bytes(given), given, Origin())
     assert (found.l2, found.gamma) == (given["l2"], max(given["gamma"]))
     assert list(found.code_covariance) == given["code_covariance"]
-    assert sum(found.prior_share) <= 1.0 + 1e-12
+    assert found.prior_scale in (None, given["prior_scale"])
     chosen = choice_of(given)
     assert found.odds == (None if chosen is None else chosen.odds)
     weighed = [
@@ -396,7 +394,7 @@ def test_the_row_holds_what_learning_needs() -> None:
     assert refused.status == "refused"
 
 
-def test_widths_of_what_answered_alone() -> None:
+def test_the_prior_s_width_of_what_answered_alone() -> None:
     def weight(basis: str, share: float, **more: Any) -> dict[str, Any]:
         return {"basis": basis, "probability": share} | more
 
@@ -404,10 +402,10 @@ def test_widths_of_what_answered_alone() -> None:
     clear = [weight("phones", 0.98), weight("cameras", 0.02)]
     mixed = [weight("phones", 0.6), weight("cameras", 0.4)]
     unnamed = [weight("phones", 1.0, kinds=["bulb"])]
-    assert widths_of({}) == ()
-    assert widths_of(told | {"choice": []}) == widths_of(told | {"choice": clear}) == ((1.0, 1.0),)
-    assert widths_of({"basis": "phones", "prior_scale": 4.0, "choice": clear}) == ((4.0, 1.0),)
-    assert widths_of(told | {"choice": mixed}) == widths_of(told | {"choice": unnamed}) == ()
+    assert prior_scale_of({}) is None
+    assert prior_scale_of(told | {"choice": []}) == prior_scale_of(told | {"choice": clear}) == 1.0
+    assert prior_scale_of({"basis": "phones", "prior_scale": 4.0, "choice": clear}) == 4.0
+    assert prior_scale_of(told | {"choice": mixed}) is prior_scale_of(told | {"choice": unnamed}) is None
 
 
 # The command line

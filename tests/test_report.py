@@ -12,8 +12,10 @@ import os
 import re
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from html.parser import HTMLParser
 from itertools import product
@@ -51,6 +53,7 @@ from camssf.recovery.basis import read_basis
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import answer
 from camssf.report.build import NAMES, Report, report
+from camssf.report.fleet import FleetDrift, FleetModel, FleetUnit, fleet_html
 from camssf.report.page import page as render
 from camssf.report.provenance import NO_PROVENANCE, Provenance, Signature, read_provenance
 from camssf.report.sections import certificate, drawings
@@ -1256,7 +1259,20 @@ def shown() -> dict[str, str]:
         "refused, measured": html_of(refused(shots=True), [preview()]),
         "140 patches": html_of(large),
         "long names": html_of(hostile(document(), "A_name_without_a_gap_" * 20), [preview()]),
+        "a fleet": fleet(),
     }
+
+
+def fleet() -> str:
+    """The page of a fleet that has all of its tables."""
+    at, names = datetime(2026, 11, 1, tzinfo=UTC), ("Google Pixel 9 Pro", "NIKON D850", "Apple iPhone 17")
+    drift = FleetDrift("green centre", -4.2, "trend", 12, 700.0)
+    units = tuple(FleetUnit(f"SERIAL{i} 2", at - timedelta(days=200 * i), (drift,) * (i == 1)) for i in range(4))
+    spread = np.array([[0.012, 0.02, 0.011], [0.008, 0.015, 0.0], [0.03, 0.04, 0.05]])
+    statuses = Counter(accepted=120, doubtful=7, refused=12)
+    models = [FleetModel(name, statuses, units, 4, spread) for name in names]
+    reasons = [("chart_not_found", 0, 12), ("of_a_later_release", 7, 0)]
+    return fleet_html(models, reasons, days=365.0, now=at, fewest=4, false_alarms=0.01)
 
 
 MEASURE = """
@@ -1349,7 +1365,7 @@ def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
         assert wide <= width, f"{name} at {width} px is {wide} px wide"
         assert not broken, f"{name} at {width} px breaks {broken}"
         assert not out or name.startswith("long names"), f"{name} at {width} px: {out}"
-        assert name.startswith("refused") or height > 1500
+        assert name.startswith(("refused", "a fleet")) or height > 1500
         if name in ("one shot, on paper", "two shots, on paper", "an unnamed light, on paper"):
             assert 700 < certificate_ends < SHEET_HEIGHT, "the certificate is more than one sheet"
 
@@ -1383,7 +1399,7 @@ def test_ci_gets_the_axe_core_that_these_tests_were_written_for() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["one shot", "two shots", "an unnamed light", "refused, with its photo"])
+@pytest.mark.parametrize("name", ["one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet"])
 def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> None:
     path = os.environ.get("CAMSSF_AXE", "")
     if not Path(path).is_file():

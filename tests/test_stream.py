@@ -274,7 +274,7 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     expected = {"good": "doubtful", "bug": "failed", "wrong": "refused", "refused": "refused", "lost": "failed"}
     assert desk.tasks() == expected | {"again": "doubtful", "fault": "refused"}
     assert (first.total, first.resumed, first.duplicates, first.failed) == (7, 0, 1, 5)
-    assert [each["name"] for each in desk.rows()] == ["good", "refused"]
+    assert [each["name"] for each in desk.rows()] == ["again", "refused"]  # what was said last
     (good, _) = desk.rows("name, serial, extra, place, made_from, key")
     assert (good["serial"], json.loads(good["extra"])) == ("S1", {"site": "lab"})
     assert (desk.home / "phones" / good["place"]).is_file()
@@ -384,11 +384,12 @@ def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pyt
         Path(name).write_bytes(b"one")
     Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
     (job,) = Manifest("m.csv", basis="mine.npz")
-    sent = pools._absolute(job)
+    (sent,) = Manifest("m.csv", basis="mine.npz").absolute()
+    assert sent.photos == (str(tmp_path / "p"),)
     assert sent.basis == str(tmp_path / "mine.npz")
     assert inputs_hash(sent) == inputs_hash(job)
-    (job,) = Manifest("m.csv")
-    assert pools._absolute(job).basis == "auto"
+    (job,) = Manifest("m.csv").absolute()
+    assert job.basis == "auto"
 
 
 def test_a_basis_is_looked_at_once_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,8 @@
   took, which others' work changes less, and how much of the processors each run got.
 - dask: the same captures over a LocalCluster of two workers and by `--workers 2`, in pairs; then once with a worker
   killed in the middle: nothing lost, nothing twice.
+- stubs: so many jobs whose work is to write a result, with two processes; the run is killed five times at random
+  times and taken up again. Nothing may be missing or doubled.
 - cost: processor seconds of a capture of 12 megapixels, from which that of a million follows.
 
 Exit status 1 where a bar is missed.
@@ -17,6 +19,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import resource
 import shutil
 import signal
@@ -34,17 +37,20 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shared import command_parser, console, save, table, versions
+from camssf.files import write_file
 from camssf.fleet.archive import task_of
-from camssf.fleet.batch import calibrate_into_archive, run_batch
+from camssf.fleet.batch import calibrate_into, run_batch
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome
 from camssf.fleet.registry import Registry
 from camssf.fleet.rows import Origin, Task, row
+from camssf.fleet.verify import verify
 
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
 WAIT = 0.5
 """Seconds that a job of `handed_out` takes: a capture's."""
 HEADER = "name,photo,lamp\n"
+ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
@@ -182,7 +188,7 @@ def cost(home: Path) -> dict[str, float]:
     (job,) = Manifest(manifest)
     for number in range(4):  # the first loads the libraries
         begun = time.process_time()
-        calibrate_into_archive(job, home / f"large-{number}")
+        calibrate_into(job, home / f"large-{number}", pages=False)
         found.append(time.process_time() - begun)
     result = (home / "large-0" / "result.json").read_bytes()
     registry = Registry(home / "large-registry", new=True)
@@ -190,6 +196,67 @@ def cost(home: Path) -> dict[str, float]:
     registry.add([replace(one, key=f"{number:064x}") for number in range(1000)])
     held = sum(path.stat().st_size for path in registry.folder.rglob("*.parquet"))
     return {"processor": float(np.median(found[1:])), "result": len(result), "row": held / 1000}
+
+
+def stub(job: Job, folder: Path) -> Outcome:
+    """In place of the calibration: a result of its own for each photo."""
+    photo = Path(job.photos[0])
+    document = json.loads((photo.parent / "template.json").read_bytes())
+    document["camera"]["model"], document["evidence"] = f"Model {int(photo.stem) % 50}", float(photo.stem)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_file(folder / "result.json", json.dumps(document))
+    return Outcome(job.name, "accepted")
+
+
+def stubbed(folder: Path) -> None:
+    """Run the batch of stubs, in a process of its own."""
+    found = run_batch(
+        Manifest(folder / "manifest.csv"),
+        folder / "out",
+        Registry(folder / "registry", new=True),
+        workers=2,
+        work=stub,
+    )
+    print(json.dumps(found.document()))
+
+
+def stubs(home: Path, count: int, kills: int) -> dict[str, float]:
+    """Captures missing and doubled after a run of stubs that was killed so often, and the seconds of all runs."""
+    from benchmarks.claims import fleet
+    from camssf.calibration import calibrate
+    from camssf.documents.result_json import document_bytes
+    from camssf.options import Options
+    from camssf.photo.shot import Shot
+
+    folder = home / "stubs"
+    (folder / "photos").mkdir(parents=True)
+    shoot(folder, 1)
+    found = calibrate(Shot(str(folder / "0.dng"), "D55"), options=Options(basis="cameras"))
+    template = document_bytes(found.document())
+    (folder / "photos" / "template.json").write_bytes(template)
+    for number in range(count):
+        (folder / "photos" / f"{number}.dng").write_text(str(number))
+    rows = "".join(f"c{n},photos/{n}.dng,D55\n" for n in range(count))
+    (folder / "manifest.csv").write_text(HEADER + rows, "utf-8")
+    dice, begun, killed = random.Random(0), time.perf_counter(), 0
+    code = f"from pathlib import Path\nfrom {fleet.__name__} import stubbed\n"
+    code += f"if __name__ == '__main__': stubbed(Path({str(folder)!r}))"
+    (folder / "run.py").write_text(code)
+    command, quiet = [sys.executable, str(folder / "run.py")], dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+    search = os.environ | {"PYTHONPATH": str(ROOT)}
+    for _ in range(kills):
+        with subprocess.Popen(command, env=search, **quiet) as run:
+            time.sleep(dice.uniform(10, 40))
+            killed += run.poll() is None
+            run.kill()
+    done = subprocess.run(command, env=search, check=True, capture_output=True, text=True)
+    seconds, told = time.perf_counter() - begun, json.loads(done.stdout)
+    registry = Registry(folder / "registry")
+    names = [each["name"] for each in registry.query("SELECT name FROM rows")]
+    return {
+        "seconds": seconds, "killed": killed, "resumed": told["resumed"], "missing": count - len(set(names)),
+        "doubled": len(names) - len(set(names)), "faults": len(verify(registry).faults),
+    }  # fmt: skip
 
 
 def local(manifest: Path, workers: int) -> Callable[[Path], Run]:
@@ -233,7 +300,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--done", type=int, default=1000, help="captures of the resumed run")
     parser.add_argument("--captures", type=int, default=60, help="real ones of each run")
     parser.add_argument("--pairs", type=int, default=3)
-    parser.add_argument("--only", choices=("manifest", "resume", "cost", "waits", "workers", "dask"))
+    parser.add_argument("--stubs", type=int, default=10_000, help="jobs that only write a result")
+    parser.add_argument("--only", choices=("manifest", "resume", "cost", "waits", "stubs", "workers", "dask"))
     told = parser.parse_args(arguments)
     out, document, missed = console(), {}, []
 
@@ -273,6 +341,13 @@ def main(arguments: list[str] | None = None) -> int:
             document["waits"] = {"one": one, "two": two, "ratio": two / one}
             out.print(f"waits of {WAIT} s: {one:.2f} a second with one worker, {two:.2f} with two")
             bar("waits: two workers over one", two / one, TWO, least=True)
+        if told.only in (None, "stubs"):
+            document["stubs"] = found = stubs(home, told.stubs, 5)
+            out.print(
+                f"{told.stubs} stubs: {found['seconds']:.0f} s, {found['resumed']:.0f} done before the last run"
+            )
+            for name in ("missing", "doubled", "faults"):
+                bar(f"stubs, a run killed five times: {name}", found[name], 0)
         if told.only in (None, "workers", "dask"):
             manifest = shoot(home / "shots", told.captures)
         if told.only in (None, "workers"):

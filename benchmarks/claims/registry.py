@@ -1,14 +1,16 @@
 """Does the registry hold what it is given, and how fast is it? `python -m benchmarks.claims.registry`
 
-Writers of a thousand results each, in tasks of ten, one after the other killed at a random time: every row that was
-acknowledged must be there once, and everything must verify. Then so many rows of 200 models with curves, without and
-with covariances (`--covariances`): each question in a new process, with its libraries' loading, and its memory. A
-quarter of an hour with a million; exit status 1 where a bar is missed.
+Writers of so many results each, in tasks of ten, one after the other killed at a random time, in a folder and on an
+S3 server (moto over HTTP on the loopback; needs the extra `s3` and moto): every row that was acknowledged must be
+there once, and everything must verify. Then so many rows of 200 models with curves, without and with covariances
+(`--covariances`): each question in a new process, with its libraries' loading, and its memory. A quarter of an hour
+with a million; `--only` does one part; exit status 1 where a bar is missed.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import random
 import subprocess
 import sys
@@ -56,7 +58,18 @@ def questions(registry: Registry, out: Path) -> dict[str, Callable[[], object]]:
     }
 
 
-def killed(folder: Path, kills: int, rows: int, task: int) -> tuple[int, int, int, int]:
+def killed_on_s3(kills: int, rows: int) -> tuple[int, int, int, int]:
+    """As `killed`, on an S3 server of our own."""
+    from boto3 import client
+    from stores import environment, served
+
+    with served() as (address, _):
+        os.environ.update(environment(address))
+        client("s3").create_bucket(Bucket="fleet")
+        return killed("s3://fleet/many", kills, rows, 10)
+
+
+def killed(folder: Path | str, kills: int, rows: int, task: int) -> tuple[int, int, int, int]:
     """(acknowledged, of these missing, doubled, never acknowledged and there) with so many writers killed."""
     code = [sys.executable, str(ROOT / "tests" / "registries.py"), str(folder)]
     dice, told = random.Random(0), set()
@@ -144,17 +157,23 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--results", type=int, default=300, help="of each writer")
     parser.add_argument("--kills", type=int, default=50, help="how many writers to kill")
     parser.add_argument("--covariances", action="store_true", help="ask rows with covariances as well")
+    parser.add_argument(
+        "--only", choices=("folder", "s3", "rows"), help="do one part: kills in a folder or on S3; rows"
+    )
     parser.add_argument("--folder", type=Path, help="where --question asks")
     parser.add_argument("--question", help="answer one question, in this process")
     options = parser.parse_args(arguments)
     if options.question:
         answer(options.folder, options.question)
         return 0
-    out, holds, results = console(), True, {}
+    out, results, counted = console(), {}, {}
     with tempfile.TemporaryDirectory() as place, progress() as bar:
         step = bar.add_task("writers", total=2 + options.covariances)
-        counted = killed(Path(place) / "many", options.kills, options.results, 10)
-        for covariances in (False, True)[: 1 + options.covariances]:
+        if options.only in (None, "folder"):
+            counted["a folder"] = killed(Path(place) / "many", options.kills, options.results, 10)
+        if options.only in (None, "s3"):
+            counted["an S3 server"] = killed_on_s3(options.kills, options.results)
+        for covariances in (False, True)[: 1 + options.covariances] if options.only in (None, "rows") else ():
             bar.update(step, advance=1, description="rows")
             folder = Path(place) / "large"
             size = fill(folder, options.rows, covariances)
@@ -164,8 +183,9 @@ def main(arguments: list[str] | None = None) -> int:
             }
             subprocess.run(["rm", "-r", str(folder)], check=True)
     title = f"writers of {options.results} results, {options.kills} killed"
-    out.print(table(title, ("acknowledged", "missing", "doubled", "there without"), [counted]))
-    holds = counted[1:3] == (0, 0)
+    rows = [(name, *found) for name, found in counted.items()]
+    out.print(table(title, ("in", "acknowledged", "missing", "doubled", "there without"), rows))
+    holds = all(found[1:3] == (0, 0) for found in counted.values())
     for covariances, found in results.items():
         size = found.pop("bytes")
         words = "with covariances" if covariances == "True" else "without covariances"

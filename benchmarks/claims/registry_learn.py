@@ -49,7 +49,7 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.errors import CalibrationError
-from camssf.fleet.rows import widths_of
+from camssf.fleet.rows import prior_scale_of
 from camssf.grid import STEP, Floats
 from camssf.learning.basis import enlarge
 from camssf.learning.results import (
@@ -171,8 +171,9 @@ def result_of(phone: Phone, number: int) -> Result | None:
     """As the registry has it: float32; None where `phones` did not answer alone."""
     found = recover(phone.evidence, basis=AUTO, prior=WORD)
     choice = [vars(each) for each in found.choice]
-    widths = widths_of({"basis": found.settings.basis, "choice": choice, "prior_scale": found.settings.prior_scale})
-    if found.settings.basis != PHONES or not widths:
+    told = {"basis": found.settings.basis, "choice": choice, "prior_scale": found.settings.prior_scale}
+    scale = prior_scale_of(told)
+    if found.settings.basis != PHONES or scale is None:
         return None
     assert found.posterior is not None
     curves = found.peak()[0][::10].T.astype(np.float32).astype(np.float64)
@@ -180,7 +181,7 @@ def result_of(phone: Phone, number: int) -> Result | None:
     member: Member = (f"maker {phone.model % 4}", f"model {phone.model}", str(number))
     truth = phone.curves[::10].T
     return Result(
-        photo_likelihood(member, curves, spread, _old(), widths, float(found.settings.gamma[0])), curves, truth
+        photo_likelihood(member, curves, spread, _old(), scale, float(found.settings.gamma[0])), curves, truth
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -17,14 +18,18 @@ from camssf.cli.options import (
     WhiteRegion,
 )
 from camssf.cli.reading import parse_signal
-from camssf.cli.regions import RegionRequest, measure, no_region, read_curves_of
+from camssf.cli.regions import RegionRequest, check_unit_of, measure, no_region, read_curves_of
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
 
 
 def colour(
     document: Annotated[
-        str | None, typer.Argument(metavar="JSON", help="The result: a file, or - for stdin. None with --from.")
+        str | None,
+        typer.Argument(
+            metavar="JSON|JWS",
+            help="The result, or its passport: a file, or - for stdin. None with --from.",
+        ),
     ] = None,
     photo: Annotated[str | None, typer.Argument(metavar="PHOTO", help="RAW photo (DNG) by the same camera.")] = None,
     region: Regions = None,
@@ -35,6 +40,14 @@ def colour(
     adapt: Adapt = "lamp",
     dark: RegionDark = None,
     lens_shading: LensShading = "as-stored",
+    key: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PEM", show_default=False, help="For a passport: a trusted public key."),
+    ] = None,
+    revoked: Annotated[
+        Path | None,
+        typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
+    ] = None,
     source: Annotated[
         str | None,
         typer.Option("--from", metavar="JSON", show_default=False, help="Convert from this camera's result ..."),
@@ -64,10 +77,12 @@ def colour(
                 "Name the result and the photo; or --from and --to to convert between two cameras.",
             )
         request = RegionRequest(photo, region or (), white_region, white_reflectance, dark, lens_shading)
-        _standard(document, request, lamp, observer, adapt)
+        _standard(read_curves_of(document, key or (), revoked), request, lamp, observer, adapt)
         return
     if source is None or to is None:
         raise InvalidArgument("A conversion needs two cameras.", "Give both --from and --to.")
+    if key or revoked is not None:
+        raise InvalidArgument("A conversion takes results, not passports.", "Leave --key and --revoked out.")
     if photo is not None or observer != "1931" or adapt != "lamp":
         raise InvalidArgument(
             "A conversion takes two results and at most one photo, and no observer.",
@@ -82,7 +97,7 @@ def colour(
     _between(source, to, request, signal or [], lamp)
 
 
-def _standard(document: str, request: RegionRequest, lamp: str | None, observer: str, adapt: str) -> None:
+def _standard(result: dict[str, Any], request: RegionRequest, lamp: str | None, observer: str, adapt: str) -> None:
     from camssf.colour.camera import camera_of_result
     from camssf.colour.document import colour_document
     from camssf.colour.reach import REACH, check_reach
@@ -91,9 +106,10 @@ def _standard(document: str, request: RegionRequest, lamp: str | None, observer:
 
     if not request.regions or request.white_region is None:
         raise no_region()
-    view, result = View(observer, adapt), read_curves_of(document)
+    view = View(observer, adapt)
     camera, curves = camera_of_result(result), read_curves(result)
     found = measure(request, result["camera"], curves.camera)
+    check_unit_of(result, found)
     spec = curves.lamps[0] if lamp is None else lamp
     colours = standard_colour(camera, spec, found.signals, found.errors, reference=found.reference, view=view)
     about = {
@@ -129,6 +145,8 @@ def _between(source: str, to: str, request: RegionRequest, signal: list[str], la
     ours, theirs = (camera_of_result(result) for result in results)
     one, other = (read_curves(result) for result in results)
     found = measure(request, results[0]["camera"], one.camera) if request.photo else None
+    if found is not None:
+        check_unit_of(results[0], found)
     y = np.array(given, dtype=np.float64).reshape(-1, 3) if found is None else found.signals
     error = np.zeros(y.shape) if found is None else found.errors
     spec = one.lamps[0] if lamp is None else lamp

@@ -1,4 +1,4 @@
-"""Commands for signed results: camssf passport key, sign, verify, show, revoke."""
+"""Commands for signed results: camssf passport key, sign, issue, verify, revoke, show."""
 
 from __future__ import annotations
 
@@ -114,6 +114,35 @@ def sign(
     say("", f"passport: {out}")
 
 
+@passport.command(epilog="Example: camssf passport issue phones/ --key passport-key.pem -o passports/")
+def issue(
+    registry: Annotated[str, typer.Argument(metavar="REGISTRY", help="The registry's folder or URL.")],
+    key: Private,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the passports go.")],
+    passphrase: Passphrase = None,
+    days: Annotated[float, typer.Option(help="How long they are valid.")] = 365.0,
+    renew: Annotated[float, typer.Option(min=0.0, help="Renew a passport that ends within so many days.")] = 30.0,
+) -> None:
+    """Sign the newest accepted result of each unit in a registry.
+
+    Skips units whose passport is still valid. The result.json must be where the registry says. Each file is named by
+    the unit's serial number and the passport's id; the registry notes id and end.
+    """
+    from camssf.cli.terminal import progress_bar
+    from camssf.documents.keys import read_private
+    from camssf.fleet.compare import many
+    from camssf.fleet.passports import issue_passports
+    from camssf.fleet.registry import Registry
+
+    with progress_bar() as progress:
+        found = issue_passports(
+            Registry(registry), read_private(key, _passphrase(passphrase)), out, days=days, renew=renew, tell=progress
+        )
+    for name, reason in found.left_out:
+        say("[yellow]left out[/]: ", f"{name}: {reason}")
+    say("", f"{many(len(found.issued), 'passport')} in {out}, {found.valid} still valid")
+
+
 @passport.command(epilog="Example: camssf passport verify camera.jws --key passport-key.pub.pem > result.json")
 def verify(
     received: Received,
@@ -174,7 +203,9 @@ def revoke(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Where the signed list goes.")],
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME...", help="Ids of passports, or names of keys, which revokes all they signed."),
+        typer.Argument(
+            metavar="NAME|JWS...", help="Passports, by id or file, or names of keys, which revokes all they signed."
+        ),
     ] = None,
     old: Annotated[
         Path | None,
@@ -195,7 +226,7 @@ def revoke(
 
     signer = read_private(key, _passphrase(passphrase))
     public = signer.public_key()
-    called = set(names or ())
+    called = {_name_of(each) for each in names or ()}
     if old is not None:
         called |= names_of(read_bytes(str(old), LARGEST_LIST, PassportInvalid), {key_name(public): public})
     elif not called:
@@ -224,6 +255,13 @@ def show(received: Received) -> None:
         | {"verdict": verdict.get("status") if isinstance(verdict, dict) else None}
     )
     say("[yellow]not verified[/]", ": anybody may have written this; see `camssf passport verify`")
+
+
+def _name_of(text: str) -> str:
+    """The id of the passport in a file, or the text itself."""
+    from camssf.documents.passport import read
+
+    return read(read_received(text))[0].id if Path(text).suffix in (".jws", ".json") else text
 
 
 def _passphrase(path: Path | None) -> bytes | None:

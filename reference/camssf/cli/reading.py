@@ -297,6 +297,9 @@ def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, A
 def _document(data: bytes, name: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
     from camssf.documents.result_json import parse_json
 
+    if data.count(b".") == 2 and re.fullmatch(rb"[\w.-]+", data):
+        advice = "Give the signer's public key, if the command has --key, or what `camssf passport verify` printed."
+        raise InvalidArgument(f"{name} is a passport, not a result.", advice)
     document = parse_json(data, name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted and not (refusal and found == RESULT and _refused(document)):

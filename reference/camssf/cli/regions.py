@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from camssf.cli.reading import name_of, parse_rectangle, parse_share, read_result
+from camssf.cli.reading import name_of, parse_rectangle, parse_share, read_list, read_received, read_result
 from camssf.cli.terminal import say
 from camssf.errors import InvalidArgument
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from camssf.colour.regions import Region
     from camssf.colour.spread import Reference
     from camssf.grid import Floats
+    from camssf.photo.read.unit import Unit
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,28 @@ class MeasuredRegions:
     reference: Reference
     reflectance: float
     photo: dict[str, str]
+    unit: Unit
 
 
-def read_curves_of(source: str) -> dict[str, Any]:
-    """A result, or the excerpt in a passport, which has no covariance; prints a warning for the latter."""
-    result = read_result(source, excerpt=True)
+def read_curves_of(source: str, keys: Sequence[Path] = (), revoked: Path | None = None) -> dict[str, Any]:
+    """A result, or the excerpt of a passport, which has no covariance; prints a warning for the latter.
+
+    Args:
+        source: a result; a passport, signed, which needs keys; or the excerpt that `passport verify` printed.
+        keys: trusted public keys; with them the source must be a passport, and is verified.
+        revoked: the list of revoked passports and keys.
+
+    Raises:
+        PassportInvalid: the passport does not hold, or no key is given for it.
+    """
+    if keys:
+        from camssf.documents.keys import read_public
+        from camssf.documents.passport import as_document, verify
+
+        data, trusted = read_received(source), read_public(keys)
+        result = as_document(data, verify(data, trusted, revoked=read_list(revoked, trusted)))
+    else:
+        result = read_result(source, excerpt=True)
     if "excerpt" in result:
         say(
             "[yellow]without its covariance[/]",
@@ -52,6 +70,23 @@ def read_curves_of(source: str) -> dict[str, Any]:
             "as with the whole result.json",
         )
     return result
+
+
+def check_unit_of(result: dict[str, Any], found: MeasuredRegions) -> None:
+    """Refuse a photo of another unit than that of the result's passport; without a passport nothing is known of it.
+
+    Raises:
+        UnitDiffers: it is of another unit.
+    """
+    if "excerpt" not in result:
+        return
+    from camssf.documents.passport import read
+
+    passport, _ = read(result["excerpt"]["passport"].encode())
+    passport.check_photo(found.unit, found.photo["name"])
+    if passport.unit.serial and not found.unit.serial:
+        words = f": {found.photo['name']} has no serial number, the passport is of {passport.unit.serial}"
+        say("[yellow]unit not checked[/]", words)
 
 
 def no_region() -> InvalidArgument:
@@ -98,4 +133,4 @@ def measure(request: RegionRequest, camera: dict[str, str], name: str) -> Measur
     y, error = against(found, white, reflectance)
     reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
     about = {"name": Path(request.photo).name, "sha256": mosaic.sha256}
-    return MeasuredRegions(y, error, found, white, reference, reflectance, about)
+    return MeasuredRegions(y, error, found, white, reference, reflectance, about, mosaic.unit)

@@ -8,6 +8,7 @@ import io
 import math
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -21,8 +22,8 @@ from camssf.version import __version__
 
 if TYPE_CHECKING:
     from camssf.fleet.drift import UnitDrift
-    from camssf.fleet.learn import Judgement
     from camssf.fleet.registry import Registry
+    from camssf.learning.judgement import Judgement
 
 STATUSES = ("accepted", "doubtful", "refused")
 """Statuses of results; a failed job has no result."""
@@ -156,7 +157,7 @@ def _from_passport(
             f": {name_of(path)} holds an excerpt; `registry learn` needs the whole result.json, added with it",
         )
     origin = Origin(found.unit, found.captured, passport=found.id, place=_place(folder, path))
-    return row(found.result_sha256, document, origin)
+    return replace(row(found.result_sha256, document, origin), passport_ends=found.ends)
 
 
 def _place(folder: str, path: str) -> str:
@@ -186,8 +187,8 @@ def list_results(
     verify: Verify = False,
 ) -> None:
     """List results as CSV, the newest first."""
-    from camssf.fleet.batch import cell
     from camssf.fleet.compare import many
+    from camssf.fleet.recorder import cell
     from camssf.fleet.registry import SHORT, Wanted
     from camssf.fleet.tables import as_json
     from camssf.photo.read.unit import Unit

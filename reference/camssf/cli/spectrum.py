@@ -18,7 +18,7 @@ from camssf.cli.options import (
     WhiteRegion,
 )
 from camssf.cli.reading import spare
-from camssf.cli.regions import RegionRequest, measure, no_region, read_curves_of
+from camssf.cli.regions import RegionRequest, check_unit_of, measure, no_region, read_curves_of
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
 
@@ -98,6 +98,7 @@ def spectrum(
     for path, light in zip(inputs[1:], lamps, strict=False):
         request = RegionRequest(path, region, white_region, white_reflectance, dark, lens_shading)
         found = measure(request, result["camera"], curves.camera)
+        check_unit_of(result, found)
         lit.append(LitSurfaces(light, found.signals, found.errors, found.reference))
         regions = found.regions
         reference = {

@@ -1,13 +1,14 @@
-"""Commands that keep a registry in order: camssf registry verify, optimize, vacuum, delete."""
+"""Commands on a whole registry: camssf registry report, verify, optimize, vacuum, delete."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from camssf.cli.registry import Folder, Make, Model
+from camssf.cli.registry import AsOf, Folder, Make, Model, Verify, read_registry
 from camssf.cli.terminal import emit, say
 from camssf.version import __version__
 
@@ -88,7 +89,31 @@ def delete(
     say("", f"{many(len(deleted), 'result')} deleted; the documents remain, their places are on stdout")
 
 
+def report(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="The page, .html.")],
+    days: Annotated[
+        float, typer.Option(min=0.0, help="A unit is due if its newest accepted result is older than this.")
+    ] = 365.0,
+    as_of: AsOf = "",
+    verify: Verify = False,
+) -> None:
+    """Write a page on the whole fleet.
+
+    Models, how their units differ, drifts, what is due for calibration, and why results were not accepted.
+    """
+    from camssf.errors import InvalidArgument
+    from camssf.files import write_file
+    from camssf.fleet.overview import fleet_page
+
+    if out.suffix != ".html":
+        raise InvalidArgument(f"The page {out} does not end in .html.", "Give it this ending.")
+    write_file(out, fleet_page(read_registry(folder, as_of, verify), days=days))
+    say("", f"page: {out}")
+
+
 COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
+    (report, "camssf registry report phones/ -o fleet.html"),
     (verify, "camssf registry verify phones/"),
     (optimize, "camssf registry optimize phones/"),
     (vacuum, "camssf registry vacuum phones/ --days 30"),

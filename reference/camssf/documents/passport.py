@@ -18,7 +18,7 @@ from camssf.documents.excerpt import excerpt
 from camssf.documents.jws import advice, read_jws, sign_jws, verify_jws
 from camssf.documents.result_json import check_document, parse_json
 from camssf.documents.schema import BrokenError, check, schema
-from camssf.errors import InvalidArgument, PassportInvalid
+from camssf.errors import InvalidArgument, PassportInvalid, UnitDiffers
 from camssf.photo.read.unit import Unit, read_unit
 from camssf.version import __version__
 
@@ -31,6 +31,8 @@ LARGEST_PRINTED = 4 * LARGEST_PASSPORT
 """In bytes: an excerpt with its passport, as `camssf passport verify` prints it."""
 LONGEST_DAYS = 36500
 WHAT = "the passport"
+UNIT_OF_PHOTO = ("make", "model", "camera_id", "serial", "lens")
+"""What makes a unit; zoom and aperture may differ between a calibration and a later photo."""
 
 _ADVICE = advice(WHAT)
 
@@ -62,6 +64,28 @@ class Passport:
     software: str
     result_sha256: str
     result: Json
+
+    def document(self) -> Json:
+        """The excerpt as a result document, for what takes a result, such as `camssf.colour.standard_colour`."""
+        return self.result
+
+    def check_photo(self, photo: Unit, name: str) -> None:
+        """Refuse a photo of another unit. What the passport or the photo does not state is not compared.
+
+        Args:
+            photo: the unit that the photo's file states, from `read_unit`.
+            name: of the photo, for the message.
+
+        Raises:
+            UnitDiffers: make, model, camera, serial number or lens differ.
+        """
+        stated = {each: getattr(photo, each) for each in UNIT_OF_PHOTO}
+        if differ := self.unit.differs(Unit(**stated)):
+            words = "; ".join(f"{each} {stated[each]!r} against {getattr(self.unit, each)!r}" for each in differ)
+            raise UnitDiffers(
+                f"{name} was taken by another unit than that of the passport: {words}.",
+                "Take the photo with the unit of the passport, or give the passport of this unit.",
+            )
 
     def claims(self) -> Json:
         """The payload as plain data; `jti`, `iat`, `nbf` and `exp` as in RFC 7519, for any reader of JWT."""

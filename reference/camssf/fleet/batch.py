@@ -1,34 +1,32 @@
 """Calibrates every camera of a manifest in parallel, into a folder for each name or into an archive with a registry.
 
-Both ways share manifest, processes and worker (`_run_job`). They differ in the store, where a worker finds results of
-earlier runs and keeps new ones (`_ResultFolders`, `Archive`), and in the recorder, which writes what the process that
-hands out the work learns (`_FolderRecorder`, `RegistryRecorder`).
+Both ways share manifest, processes, worker (`_run_job`) and recorder. They differ in the store, where a worker finds
+results of earlier runs and keeps new ones (`_ResultFolders`, `Archive`).
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
-import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from camssf.errors import CalibrationError, InvalidArgument, RawError
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import local_folder, write_file, write_files
-from camssf.fleet.archive import Archive, RegistryRecorder, unfinished
+from camssf.fleet.archive import Archive, unfinished
 from camssf.fleet.inputs import basis_hash, file_hash, file_in
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome, Progress, Summary
 from camssf.fleet.pools import cores, run_dask, run_processes
+from camssf.fleet.recorder import OutcomeRecorder, summary_csv
 from camssf.fleet.registry import Registry
+from camssf.fleet.upkeep import optimize
 from camssf.photo.read.sidecar import photo_hash
 from camssf.places import absolute, fetch, folder_place, is_remote, place
 from camssf.report.build import NAMES
@@ -42,8 +40,6 @@ MARK = "batch.json"
 FRAMES = ("photos", "white", "dark")
 """Fields of a job whose files may be in an object store."""
 KEPT = "The earlier result of this name was kept as it is."
-_FORMULA = re.compile(r"(?:^|(?<=[;\t]))(?=[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20])")
-"""Positions where a spreadsheet may take text for a formula, at the possible start of a cell; a `'` prevents it."""
 
 WorkInFolder: TypeAlias = Callable[[Job, Path], Outcome]
 
@@ -85,26 +81,28 @@ def run_batch(
             not answer or cannot do the jobs.
     """
     begun, summary = time.monotonic(), Summary()
-    folder = local_folder(out) if registry is None else absolute(folder_place(out))
-    store: _ResultFolders | Archive
-    recorder: _FolderRecorder | RegistryRecorder
-    jobs: Iterator[Job]
     if registry is None:
         if pages or dask is not None:
             raise InvalidArgument(
                 "Without a registry every job has its pages, and is done here.",
                 f"Leave {'--pages' if pages else '--dask'} out, or name a --registry.",
             )
+        folder = local_folder(out)
         todo = manifest.read_all()
-        store, jobs, recorder = _ResultFolders(folder), iter(todo), _FolderRecorder(todo, folder, summary, progress)
-        default: WorkInFolder = calibrate_into_folder
-        _make_folder(folder)
+        store: _ResultFolders | Archive = _ResultFolders(folder)
+        jobs = iter(todo)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            fault = f"{folder}: the batch cannot be written ({error.strerror or error})."
+            raise InvalidArgument(fault, "Choose another output folder.") from error
     else:
+        folder = absolute(folder_place(out))
+        manifest = manifest if dask is None else manifest.absolute()
         store = Archive(folder, absolute(registry.folder), pages)
         jobs = unfinished(manifest, registry, summary, store)
-        recorder = RegistryRecorder(manifest, registry, summary, progress)
-        default = partial(calibrate_into_archive, pages=pages)
-    do = partial(_run_job, store=store, work=work or default)
+    recorder = OutcomeRecorder(manifest, registry, summary, progress)
+    do = partial(_run_job, store=store, work=work or partial(calibrate_into, pages=pages or registry is None))
     try:
         if dask is None:
             run_processes(jobs, do, max(1, workers or cores()), recorder)
@@ -112,7 +110,12 @@ def run_batch(
             run_dask(jobs, do, dask, folder, recorder)
     finally:
         recorder.flush()
-    recorder.finish()
+    if registry is None:
+        ended = {outcome.name: outcome for _, outcome in recorder.outcomes}
+        summary.outcomes = tuple(ended[job.name] for job in todo)
+        write_file(folder / "summary.csv", summary_csv(summary.outcomes))
+    else:
+        optimize(registry)
     summary.seconds = time.monotonic() - begun
     return summary
 
@@ -130,35 +133,15 @@ def attempt_job(job: Job) -> Calibration | Refusal:
     return attempt(shots, chart=job.chart, options=Options(basis=job.basis, engine=job.engine))
 
 
-def calibrate_into_folder(job: Job, folder: Path) -> Outcome:
-    """Calibrate one camera into its folder.
+def calibrate_into(job: Job, folder: Path, *, pages: bool = True) -> Outcome:
+    """Calibrate one camera into a folder; a refused capture has a document, too.
 
-    A refusal is reported with what is known about the capture, and an earlier result with curves is kept
-    (`Report.save`). Nothing is written if a file is missing or not RAW.
+    With pages (report.html, ssf.png, ssf.csv), an earlier result with curves is kept (`Report.save`).
     """
+    from camssf.documents.result_json import document_bytes
     from camssf.report.build import holds_result, report
     from camssf.report.provenance import read_provenance
     from camssf.result import Refusal
-
-    try:
-        result = attempt_job(job)
-        if not (isinstance(result, Refusal) and isinstance(result.error, RawError)):
-            report(result.document(), result.previews, provenance=read_provenance(job.photos)).save(folder)
-        if isinstance(result, Refusal):
-            raise result.error
-    except CalibrationError as error:
-        outcome = _refused(job, error)
-        return replace(outcome, reason=f"{outcome.reason} {KEPT}") if holds_result(folder) else outcome
-    reasons = result.verdict.reasons
-    code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
-    return Outcome(job.name, result.verdict.status, code, reason)
-
-
-def calibrate_into_archive(job: Job, folder: Path, *, pages: bool = False) -> Outcome:
-    """Calibrate one camera into a folder of an archive; a refused capture has a document, too."""
-    from camssf.documents.result_json import document_bytes
-    from camssf.report.build import report
-    from camssf.report.provenance import read_provenance
 
     result = attempt_job(job)
     document = result.document()
@@ -166,7 +149,12 @@ def calibrate_into_archive(job: Job, folder: Path, *, pages: bool = False) -> Ou
         report(document, result.previews, provenance=read_provenance(job.photos)).save(folder)
     else:
         write_files(folder, {"result.json": document_bytes(document)})
-    return Outcome(job.name, document["verdict"]["status"])
+    if isinstance(result, Refusal):
+        refused = _refused(job, result.error)
+        return replace(refused, reason=f"{refused.reason} {KEPT}") if holds_result(folder) else refused
+    reasons = result.verdict.reasons
+    code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
+    return Outcome(job.name, result.verdict.status, code, reason)
 
 
 # In a worker
@@ -243,17 +231,14 @@ class _ResultFolders:
     out: Path
 
     def earlier(self, job: Job, made_from: str) -> Outcome | None:
-        """The outcome if inputs and files are unchanged and the status is the result's."""
+        """The outcome if inputs and files are unchanged."""
         folder = self.out / job.folder
         try:
             mark = json.loads((folder / MARK).read_text("utf-8"))
-            verdict = json.loads((folder / "result.json").read_text("utf-8"))["verdict"]
-            outcome = Outcome(**mark["outcome"], resumed=True)
-            if mark["made_from"] == _job_hash(job, made_from) and mark["files"] == _file_hashes(folder):
-                return outcome if outcome.ok and outcome.status == verdict["status"] else None
+            same = mark["made_from"] == _job_hash(job, made_from) and mark["files"] == _file_hashes(folder)
+            return Outcome(**mark["outcome"], resumed=True) if same else None
         except (OSError, ValueError, KeyError, TypeError):  # mark missing or damaged, or a file missing
-            pass
-        return None
+            return None
 
     @contextmanager
     def working_folder(self, job: Job, made_from: str) -> Iterator[Path]:
@@ -281,54 +266,3 @@ def _job_hash(job: Job, made_from: str) -> str:
 
 def _file_hashes(folder: Path) -> dict[str, str]:
     return {name: file_hash(folder / name) for name in NAMES}
-
-
-class _FolderRecorder:
-    """Collects the outcomes, and writes summary.csv when all jobs are done."""
-
-    def __init__(self, jobs: Sequence[Job], out: Path, summary: Summary, progress: Progress | None) -> None:
-        self._jobs, self._out, self._summary, self._progress = jobs, out, summary, progress
-        self._outcomes: dict[str, Outcome] = {}
-
-    def add(self, job: Job, outcome: Outcome) -> None:
-        self._outcomes[job.name] = outcome
-        self._summary.add(outcome)
-        self._summary.resumed += outcome.resumed
-
-    def update(self) -> None:
-        if self._progress is not None and self._outcomes:
-            done = len(self._outcomes)
-            self._progress(f"{done} done, last {next(reversed(self._outcomes))}", done / len(self._jobs))
-
-    def flush(self) -> None:
-        """Nothing is written before the end."""
-
-    def finish(self) -> None:
-        self._summary.outcomes = tuple(self._outcomes[job.name] for job in self._jobs)
-        write_file(self._out / "summary.csv", summary_csv(self._summary.outcomes))
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidArgument(
-            f"{folder}: the batch cannot be written ({error.strerror or error}).",
-            "Choose another output folder.",
-        ) from error
-
-
-def summary_csv(outcomes: Sequence[Outcome]) -> str:
-    """One row for each outcome."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
-    for each in outcomes:
-        values = (each.name, each.folder, each.status, each.code, each.reason, "yes" if each.resumed else "no")
-        writer.writerow([cell(value) for value in values])
-    return text.getvalue()
-
-
-def cell(text: str) -> str:
-    """Text that no spreadsheet takes for a formula, without carriage returns, which `csv` does not quote."""
-    return _FORMULA.sub("'", text).replace("\r", " ")

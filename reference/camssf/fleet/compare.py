@@ -261,6 +261,19 @@ def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> dict
     return found | {"curves": curves[..., COMPARED]}
 
 
+def curves_in(registry: Registry, row: dict[str, Any]) -> Floats:
+    """(3, 69) curves of a row of the registry.
+
+    Raises:
+        InvalidArgument: they are damaged.
+    """
+    if {len(row[colour] or ()) for colour in CHANNELS} == {len(NM)}:
+        curves = np.array([row[colour] for colour in CHANNELS], dtype=float)
+        if (np.abs(curves) <= LARGEST).all():
+            return curves
+    raise registry.damaged(str(row["key"]), "the curves cannot be right")
+
+
 def _name_damaged_row(registry: Registry, where: str, values: list[Any]) -> None:
     """Raise for the first row whose curves are impossible, if there is one; DuckDB sorts NaN above all numbers."""
     sound = " AND ".join(

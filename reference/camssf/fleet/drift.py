@@ -13,7 +13,18 @@ from typing import Any
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.compare import ACCEPTED, COMPARED, NM, UNIT, by_unit, counts_in_words, may_be, read_curves
+from camssf.fleet.compare import (
+    ACCEPTED,
+    CAMERA,
+    COMPARED,
+    LENS,
+    NM,
+    UNIT,
+    counts_in_words,
+    curves_in,
+    may_be,
+    units_of,
+)
 from camssf.fleet.registry import Registry, Wanted
 from camssf.grid import CHANNELS, Floats
 from camssf.photo.read.unit import Unit
@@ -34,15 +45,7 @@ ADVICE = {
     NO_UNIT: "Add it again with its --camera-id and --lens.",
 }
 """What to do if the newest result was left out."""
-COLUMNS = (
-    "key",
-    "captured",
-    "added",
-    "status",
-    "code",
-    "reason",
-    "array_to_string(list_sort(inputs), ' ') AS inputs",
-)
+COLUMNS = ("key", "captured", "added", "status", "code", "reason", "list_sort(inputs) AS inputs")
 
 
 @dataclass(frozen=True)
@@ -135,24 +138,23 @@ def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPT
     Raises:
         InvalidArgument: fewer than FEWEST results with a time, or results of several units.
     """
-    serial, wanted = unit.serial, Wanted(unit)
-    found = read_curves(registry, wanted, (*UNIT, *COLUMNS))
-    counts = np.isin(np.asarray(found["status"], dtype=str), list(statuses))
-    places, _ = by_unit({name: column[counts] for name, column in found.items()}, unit)
-    if len(places) > 1:
-        raise _several(serial, list(places))
-    own = np.flatnonzero(counts)[sorted(i for each in places.values() for i in each)].astype(int)
-    used = own[~np.ma.getmaskarray(found["captured"])[own]]
-    seconds = found["captured"][used].astype("datetime64[s]").astype(float)
-    order = np.argsort(seconds, kind="stable")
-    used, seconds = used[order], np.asarray(seconds[order])
-    values = features(found["curves"]) if len(found["key"]) else np.zeros((0, len(FEATURES)))
-    rest = [_row(found, i) | {"values": values[i]} for i in sorted(set(range(len(values))) - set(used.tolist()))]
-    rest += _without_curves(registry, wanted)
-    names = tuple(getattr(unit, name) for name in UNIT)
-    rest = [each for each in rest if all(may_be(each["unit"], other) for other in (names, *places))]
-    left_out = _left_out(rest, statuses, values[used], (seconds, set(np.asarray(found["inputs"])[used])))
-    if not places and not left_out:
+    serial, (where, parameters) = unit.serial, Wanted(unit).where()
+    columns = ", ".join((*UNIT, *COLUMNS, *CHANNELS))
+    rows = registry.query(f"SELECT {columns} FROM rows WHERE {where} ORDER BY captured, key", parameters)
+    for row in rows:
+        row["unit"] = tuple(row[name] or "" for name in UNIT)
+        row["values"] = features(curves_in(registry, row)[None][..., COMPARED])[0] if row["red"] else None
+    counted = [row for row in rows if row["status"] in statuses and row["values"] is not None]
+    units = units_of([row["unit"] for row in counted])
+    own = {each for each in units if each and may_be((each[CAMERA], each[LENS]), (unit.camera_id, unit.lens))}
+    if len(own) > 1:
+        raise _several(serial, sorted(own))
+    used = [row for row, each in zip(counted, units, strict=True) if each in own and row["captured"]]
+    keys, names = {row["key"] for row in used}, tuple(getattr(unit, name) for name in UNIT)
+    rest = [row for row in rows if row["key"] not in keys and all(may_be(row["unit"], e) for e in (names, *own))]
+    rest.sort(key=lambda row: (row["captured"] or row["added"], row["key"]))
+    left_out = tuple(_left_out(row, used, statuses) for row in rest)
+    if not own and not left_out:
         raise InvalidArgument(
             f"The registry has no result of a unit with the serial number {serial}"
             f"{' and the other options' if unit != Unit(serial=serial) else ''}.",
@@ -165,8 +167,9 @@ def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPT
             f"{count} of the unit {serial} have a time; a drift needs {FEWEST}.{more}",
             "Add more, each with the time of its photo (--captured).",
         )
-    doubtful = int(np.sum(np.asarray(found["status"])[used] == "doubtful"))
-    return UnitDrift(drifts(seconds / 86400, values[used]), doubtful, left_out)
+    days = np.array([row["captured"].timestamp() / 86400 for row in used])
+    doubtful = sum(row["status"] == "doubtful" for row in used)
+    return UnitDrift(drifts(days, np.stack([row["values"] for row in used])), doubtful, left_out)
 
 
 def _several(serial: str, units: Sequence[tuple[str, ...]]) -> InvalidArgument:
@@ -177,50 +180,19 @@ def _several(serial: str, units: Sequence[tuple[str, ...]]) -> InvalidArgument:
     return InvalidArgument(f"Several units have the serial number {serial}: {words}.", f"Name one by {options}.")
 
 
-# What is left out
-
-
-def _without_curves(registry: Registry, wanted: Wanted) -> list[dict[str, Any]]:
-    where, values = wanted.where()
-    columns = ", ".join((*UNIT, *COLUMNS))
-    found = registry.arrays(f"SELECT {columns} FROM rows WHERE {where} AND coalesce(len(red), 0) = 0", values)
-    return [_row(found, i) | {"values": None} for i in range(len(found["key"]))]
-
-
-def _row(found: dict[str, Any], i: int) -> dict[str, Any]:
-    """A row that is left out; `latest` is the latest possible time of its photo, seconds."""
-    time = None if np.ma.getmaskarray(found["captured"])[i] else found["captured"][i]
-    added = found["added"][i]
-    words = {name: str(found[name][i] or "") for name in ("key", "status", "code", "reason", "inputs")}
-    latest = float(np.datetime64(added if time is None else time, "s").astype(float))
-    captured = None if time is None else f"{np.datetime64(time, 's')}Z"
-    return words | {"unit": tuple(str(found[name][i] or "") for name in UNIT), "captured": captured, "latest": latest}
-
-
-def _left_out(
-    rows: list[dict[str, Any]], statuses: Sequence[str], values: Floats, counted: tuple[Floats, set[str]]
-) -> tuple[LeftOut, ...]:
-    """The rows by time.
-
-    Args:
-        rows: the rows that are left out.
-        statuses: results with these statuses count.
-        values: (n, 6) FEATURES of the results that count.
-        counted: times of the results that count, increasing, and the hashes of their photos.
-    """
-    (times, photos), found = counted, []
-    for row in sorted(rows, key=lambda row: (row["latest"], row["key"])):
-        why = NO_TIME if row["captured"] is None else NO_UNIT
-        if row["status"] not in statuses or row["values"] is None:
-            why = NO_CURVES if row["values"] is None else DOUBTFUL
-        other_photos = not row["inputs"] or row["inputs"] not in photos
-        newest = not len(times) or (row["latest"] >= float(times[-1]) and other_photos)
-        steps = None
-        if row["values"] is not None and len(values):
-            steps = tuple((row["values"] - values.mean(axis=0)).tolist())
-        words = {name: row[name] for name in ("key", "captured", "status", "code", "reason")}
-        found.append(LeftOut(**words, why=why, newest=newest, steps=steps))
-    return tuple(found)
+def _left_out(row: dict[str, Any], used: Sequence[dict[str, Any]], statuses: Sequence[str]) -> LeftOut:
+    """Why a row does not count, beside the rows `used`, which do, by time."""
+    time, values, steps = row["captured"], row["values"], None
+    why = NO_TIME if time is None else NO_UNIT
+    if values is None or row["status"] not in statuses:
+        why = NO_CURVES if values is None else DOUBTFUL
+    repeated = bool(row["inputs"]) and row["inputs"] in [each["inputs"] for each in used]
+    newest = not used or ((time or row["added"]) >= used[-1]["captured"] and not repeated)
+    if used and values is not None:
+        steps = tuple((values - np.mean([each["values"] for each in used], axis=0)).tolist())
+    captured = None if time is None else f"{time:%Y-%m-%dT%H:%M:%SZ}"
+    words = {name: str(row[name] or "") for name in ("key", "status", "code", "reason")}
+    return LeftOut(captured=captured, why=why, newest=newest, steps=steps, **words)
 
 
 # Features over time

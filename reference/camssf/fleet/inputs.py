@@ -15,8 +15,8 @@ from camssf.places import Place, check_place, is_remote, place, reached
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its modification time, ns."""
 
-_basis_hashes: dict[str, tuple[Stamp, str]] = {}
-"""The stamp and the hash of each basis file that was read."""
+_basis_hashes: dict[str, str] = {}
+"""The hash of each basis file that was read."""
 
 
 def is_file(path: Path) -> bool:
@@ -46,16 +46,14 @@ def urls_among(cells: Iterable[str]) -> list[str]:
     return []
 
 
-def file_in(specification: str | None) -> tuple[str, Place | None]:
-    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file."""
-    if not specification:
-        return "", None
-    if is_remote(specification):
-        return "", place(specification)
-    if is_file(Path(specification)):
-        return "", Path(specification)
-    layout, _, path = specification.partition(":")
-    return (layout, Path(path)) if path and is_file(Path(path)) else ("", None)
+def file_in(specification: str | None, home: Path = Path()) -> tuple[str, Place | None]:
+    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file in `home`."""
+    if is_remote(specification or ""):
+        return "", place(specification or "")
+    for layout, path in (("", specification or ""), (specification or "").partition(":")[::2]):
+        if path and is_file(home / path):
+            return layout, home / path
+    return "", None
 
 
 def file_hash(path: Place) -> str:
@@ -103,18 +101,17 @@ def basis_path(spec: str) -> Path | None:
 
 
 def basis_hash(spec: str) -> str | None:
-    """SHA-256 of a basis file, None for a shipped one; cached until the file's size or time changes.
+    """SHA-256 of a basis file, None for a shipped one.
 
-    A change also clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
+    A change clears the cache of `read_basis`, because a cluster's worker may live longer than the file.
     """
     from camssf.recovery.basis import read_basis
 
     path = basis_path(spec)
-    now = None if path is None else stamp(path)
-    if path is None or now is None:
+    if path is None:
         return None
-    cached = _basis_hashes.get(spec)
-    if cached is None or cached[0] != now:
-        cached = _basis_hashes[spec] = now, file_hash(path)
+    found = file_hash(path)
+    if _basis_hashes.setdefault(spec, found) != found:
         read_basis.cache_clear()
-    return cached[1]
+        _basis_hashes[spec] = found
+    return found

@@ -1,36 +1,35 @@
 """Learns a basis from a registry's results, and tests by cross-validation whether it helps with unseen cameras.
 
-The estimator is in `camssf.learning.results`; this module selects the results and writes the basis file.
+The estimator is `camssf.learning.results`, the test `camssf.learning.judgement`; this module selects the results.
 """
 
 from __future__ import annotations
 
-import io
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.files import write_file
-from camssf.fleet.compare import LARGEST, NM, counts_in_words, many, other_statuses
-from camssf.fleet.registry import Registry, Wanted
-from camssf.grid import CHANNELS, Floats
+from camssf.fleet.compare import counts_in_words, curves_in, many
+from camssf.fleet.registry import Registry
+from camssf.grid import Floats
+from camssf.learning.basis import write_basis
+from camssf.learning.judgement import Judgement, judge
 from camssf.learning.results import (
     PhotoLikelihood,
     Population,
     ReferenceBasis,
     Tables,
-    log_predictive,
     photo_likelihood,
     populate,
     reference_basis,
 )
-from camssf.learning.training import TrainingSet, maker_of, read_training_set, training_set_of
+from camssf.learning.training import Statistics, TrainingSet, maker_of, read_training_set, training_set_of
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.penalties import L2
@@ -40,15 +39,11 @@ Json: TypeAlias = dict[str, Any]
 
 OF_MODEL, MOST = 30, 400
 """Largest numbers of results to learn from, of one model and in total, newest first; more help little, take hours."""
-FOLDS = 12
-"""Largest number of cross-validation folds; with more groups, a fold leaves out several."""
-CONFIDENCE = 0.95
-"""Level of the interval that decides whether a basis helps."""
 BASES = ("cameras", "phones")
 """Those that were learned from measured curves."""
 LEAVE = ("model", "maker")
-SLACK, WIDEST = 1e-3, 10.0
-"""Bounds for eigenvalues of a stored covariance: at least -SLACK (rounding to 32 bits), less than WIDEST."""
+SLACK = 1e-3
+"""Eigenvalues of a stored covariance may be so far outside 0 to 1, because of rounding to 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -72,28 +67,6 @@ class LearnRequest:
     table: Path | None = None
     licence: str = "that of the curves"
     leave: str = "model"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """Cross-validated gain in predictive log-likelihood of the learned basis over the old one.
-
-    Attributes:
-        left_out: what a group is: model, maker or unit.
-        groups: number of groups.
-        nats: gain in log-likelihood a photo, mean over the groups; None for fewer than two groups.
-        error: standard error of `nats`; None for fewer than two groups.
-        low, high: CONFIDENCE interval of `nats`, by Student's t with groups - 1 degrees of freedom; None as `error`.
-        helps: True if the interval lies above 0, False if below; None if it contains 0, or as `error`.
-    """
-
-    left_out: str
-    groups: int
-    nats: float | None
-    error: float | None
-    low: float | None
-    high: float | None
-    helps: bool | None
 
 
 @dataclass(frozen=True)
@@ -170,29 +143,13 @@ class LearnedBasis:
         Raises:
             InvalidArgument: it cannot be written.
         """
-        statistics = self.training.statistics
-        names = [*(statistics.names if statistics else ()), *self.training.curves]
-        content = io.BytesIO()
-        np.savez_compressed(
-            content,
-            mean=self.mean,
-            dictionary=self.dictionary,
-            source=np.array(self.source),
-            files=np.array(self.training.files),
-            sha256=np.array(self.training.sha256),
-            licence=np.array(self.training.licences),
-            papers=np.array(self.training.papers, dtype=np.str_),
-            enlargement=np.array(astuple(self.training.size), dtype=np.float64),
-            noun=np.array(self.training.noun),
-            cameras=np.array([], dtype=np.str_),
-            curves=np.zeros((0, self.mean.shape[1], 3)),
-            known=np.array([*names, *(" ".join(model) for model in self.population.models)]),
-            known_mean=self.mean,
-            known_spread=self.dictionary,
-            registry=np.array(json.dumps(self.document(), ensure_ascii=False)),
-            registry_results=np.array(self.keys),
-        )
-        write_file(path, content.getvalue())
+        known = self.training.statistics
+        models = map(" ".join, self.population.models)
+        names = (*(known.names if known else ()), *self.training.curves, *models)
+        training = replace(self.training, curves={}, statistics=Statistics(self.mean, self.dictionary, names))
+        registry = {"registry": np.array(json.dumps(self.document(), ensure_ascii=False))}
+        registry["registry_results"] = np.array(self.keys)
+        write_basis(path, training, self.mean, self.dictionary, self.source, registry)
 
 
 def learn_basis(
@@ -221,7 +178,7 @@ def learn_basis(
     of = _model_of(results, request)
     tell("learning", 0.0)
     found = populate(results, old, tables)
-    judgement = _judge(results, old, tables, (of, request.leave), tell)
+    judgement = judge(results, old, tables, of=of, leave=request.leave, progress=tell)
     return LearnedBasis(request, found, of, keys, dict(aside), judgement, training, *found.basis(of))
 
 
@@ -229,36 +186,27 @@ def _results(
     registry: Registry, request: LearnRequest, reference: ReferenceBasis
 ) -> tuple[list[PhotoLikelihood], tuple[str, ...], Counter[str]]:
     """Likelihoods of the results that can be used, their keys, and numbers of the others by reason."""
-    values = [list(request.statuses), request.basis]
-    counted = "SELECT count(*) AS n FROM rows WHERE list_contains(?, status) AND basis {} ?"
-    (other,) = registry.query(counted.format("<>"), values)
-    (same,) = registry.query(f"{counted.format('=')} AND len(red) > 0", values)
-    newest = "row_number() OVER (PARTITION BY make, model, camera_id ORDER BY added DESC, key)"
+    size, model = 3 * reference.dictionary.shape[2], load_model(request.basis).sha256
+    of_model = "row_number() OVER (PARTITION BY make, model, camera_id, why ORDER BY added DESC, key)"
+    rows = f"""(SELECT *, {of_model} AS of_model FROM (SELECT *, CASE WHEN NOT list_contains(?, status) THEN status
+        WHEN basis <> ? THEN 'on another basis'
+        WHEN len(code_covariance) <> {size * (size + 1) // 2} THEN 'without a covariance'
+        WHEN prior_scale IS NULL THEN 'two bases mixed, or an unnamed light'
+        WHEN l2 <> {L2} THEN 'another penalty than the usual'
+        WHEN CASE WHEN onnx <> '' THEN onnx <> ? ELSE software <> ? END THEN 'another release''s ' || basis
+        END AS why FROM rows))"""
+    values = [list(request.statuses), request.basis, model, __version__]
     found = registry.query(
-        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, prior_share, "
-        "l2, gamma, onnx, software FROM rows WHERE list_contains(?, status) AND basis = ? AND len(red) > 0 "
-        f"QUALIFY {newest} <= {OF_MODEL} ORDER BY {newest}, added DESC, key LIMIT {MOST}",
+        "SELECT key, make, model, camera_id, serial, red, green, blue, code_covariance, prior_scale, gamma "
+        f"FROM {rows} WHERE why IS NULL AND of_model <= {OF_MODEL} ORDER BY of_model, added DESC, key LIMIT {MOST}",
         values,
     )
-    aside: Counter[str] = Counter(other_statuses(registry, Wanted(), request.statuses))
-    aside["on another basis"] = other["n"]
-    aside[f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"] = same["n"] - len(
-        found
-    )
-    results, keys, size = [], [], 3 * reference.dictionary.shape[2]
-    ours = load_model(request.basis).sha256
-    for each in found:
-        if len(each["code_covariance"] or ()) != size * (size + 1) // 2:
-            aside["without a covariance"] += 1
-        elif not each["prior_scale"]:
-            aside["two bases mixed, or an unnamed light"] += 1
-        elif each["l2"] != L2:
-            aside["another penalty than the usual"] += 1
-        elif each["onnx"] != ours if each["onnx"] else each["software"] != __version__:
-            aside[f"another release's {request.basis}"] += 1
-        else:
-            results.append(_likelihood_of(registry, each, reference, size))
-            keys.append(str(each["key"]))
+    older = f"older than the newest {OF_MODEL} of their model, or than the newest {MOST} of all"
+    counts = registry.query(f"SELECT coalesce(why, ?) AS why, count(*) AS n FROM {rows} GROUP BY 1 ORDER BY 1",
+                            [older, *values])  # fmt: skip
+    aside = Counter({each["why"]: each["n"] for each in counts})
+    aside[older] -= len(found)
+    results = [_likelihood_of(registry, each, reference, size) for each in found]
     if not results:
         why = counts_in_words(+aside) or "there is none"
         raise InvalidArgument(
@@ -266,7 +214,7 @@ def _results(
             f"Add results that {request.basis} answered alone, under named lamps"
             + ("; or name another --basis." if aside["on another basis"] else "."),
         )
-    return results, tuple(sorted(keys)), +aside
+    return results, tuple(sorted(str(each["key"]) for each in found)), +aside
 
 
 def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, size: int) -> PhotoLikelihood:
@@ -275,29 +223,16 @@ def _likelihood_of(registry: Registry, row: Json, reference: ReferenceBasis, siz
     Raises:
         InvalidArgument: the row is damaged.
     """
-    if {len(row[colour] or ()) for colour in CHANNELS} != {len(NM)}:
-        raise registry.damaged(row["key"], "the curves cannot be right")
-    curves = np.array([row[colour] for colour in CHANNELS], dtype=np.float64)
-    covariance = np.zeros((size, size))
+    curves, covariance = curves_in(registry, row), np.zeros((size, size))
     covariance[np.tril_indices(size)] = row["code_covariance"]
     covariance = covariance + np.tril(covariance, -1).T
-    scale, share = (np.array(row[name] or (), dtype=np.float64) for name in ("prior_scale", "prior_share"))
-    if not (np.abs(curves) <= LARGEST).all():
-        raise registry.damaged(row["key"], "the curves cannot be right")
-    if not np.isfinite(covariance).all() or not _posterior(covariance):
+    if not np.isfinite(covariance).all() or np.abs(np.linalg.eigvalsh(covariance) - 0.5).max() > 0.5 + SLACK:
         raise registry.damaged(row["key"], "the covariance cannot be right")
-    if len(scale) != len(share) or not (np.isfinite([scale, share]).all() and (scale > 0).all() and share.sum() > 0):
-        raise registry.damaged(row["key"], "the prior's widths cannot be right")
+    if not 0 < row["prior_scale"] < np.inf:
+        raise registry.damaged(row["key"], "the prior's width cannot be right")
     model = " ".join(filter(None, (row["model"], row["camera_id"])))
     member = (maker_of(row["make"]), model, row["serial"] or row["key"])
-    widths = list(zip(scale.tolist(), share.tolist(), strict=True))
-    return photo_likelihood(member, curves, covariance, reference, widths, row["gamma"] or 0.0)
-
-
-def _posterior(covariance: Floats) -> bool:
-    """Whether it may be (H + I)⁻¹, with eigenvalues from 0 to 1; above 1 for a mixture of several widths."""
-    found = np.linalg.eigvalsh(covariance)
-    return bool(found[0] > -SLACK and found[-1] < WIDEST)
+    return photo_likelihood(member, curves, covariance, reference, row["prior_scale"], row["gamma"] or 0.0)
 
 
 def _model_of(results: Sequence[PhotoLikelihood], request: LearnRequest) -> tuple[str, str] | None:
@@ -313,64 +248,3 @@ def _model_of(results: Sequence[PhotoLikelihood], request: LearnRequest) -> tupl
         models = ", ".join(sorted({" ".join(each.member[:2]) for each in results})[:10])
         raise InvalidArgument(f"No result of {wanted} can be learned from.", f"Those that can are of {models}.")
     return found[0]
-
-
-def _judge(
-    results: Sequence[PhotoLikelihood],
-    reference: ReferenceBasis,
-    tables: Tables,
-    what: tuple[tuple[str, str] | None, str],
-    tell: Callable[[str, float], None],
-) -> Judgement:
-    """Learn without each group, and compute the gain in log-likelihood of its photos."""
-    of, leave = what
-    word = "unit" if of else leave
-    judged = [each for each in results if of is None or each.member[:2] == of]
-
-    def group_of(each: PhotoLikelihood) -> tuple[str, ...]:
-        return each.member if of else each.member[:2] if leave == "model" else each.member[:1]
-
-    groups = list(dict.fromkeys(map(group_of, judged)))
-    if len(groups) < 2:
-        return judge_gains(word, np.zeros(len(groups)))
-    size = 3 * reference.dictionary.shape[2]
-    gains: dict[tuple[str, ...], list[float]] = {each: [] for each in groups}
-    folds = [groups[i::FOLDS] for i in range(min(FOLDS, len(groups)))]
-    for number, fold in enumerate(folds):
-        tell(f"without a {word}", number / len(folds))
-        out = set(fold)
-        rest = [each for each in results if group_of(each) not in out]
-        others = tables if of or leave == "model" else _without(tables, {each[0] for each in out})
-        found = populate(rest, reference, others) if rest else None
-        if found is None:
-            continue
-        mean, covariance = found.prior(of if of in found.models else None)
-        for each in judged:
-            if group_of(each) in out:
-                before = log_predictive(each, np.zeros(size), np.eye(size))
-                gains[group_of(each)].append(log_predictive(each, mean, covariance) - before)
-    means = np.array([np.mean(each) for each in gains.values() if each])
-    return judge_gains(word, means)
-
-
-def judge_gains(left_out: str, gains: Floats) -> Judgement:
-    """The mean gain of the groups with its interval.
-
-    Args:
-        left_out: what a group is.
-        gains: (groups,) nats a photo.
-    """
-    from scipy.special import stdtrit
-
-    n = len(gains)
-    if n < 2:
-        return Judgement(left_out, n, None, None, None, None, None)
-    mean, error = float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(n))
-    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
-    helps = None if mean - half <= 0 <= mean + half else mean > 0
-    return Judgement(left_out, n, mean, error, mean - half, mean + half, helps)
-
-
-def _without(tables: Tables, makers: set[str]) -> Tables:
-    kept = [i for i, name in enumerate(tables.names) if maker_of(name) not in makers]
-    return Tables(tables.curves[kept], tuple(tables.names[i] for i in kept), tables.size)

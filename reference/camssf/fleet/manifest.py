@@ -13,13 +13,12 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import chain, groupby
 from pathlib import Path
-from typing import Any
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.inputs import basis_path, check_manifest, is_file, urls_among
+from camssf.fleet.inputs import basis_path, check_manifest, file_in, is_file, urls_among
 from camssf.libraries import library
 from camssf.photo.read.unit import Unit
-from camssf.places import Place, is_remote, join, local_copy, place
+from camssf.places import Place, absolute, is_remote, join, local_copy, place
 
 COLUMNS = ("name", "photo", "lamp", "white", "dark", "chart")
 """Columns of the manifest; `name`, `photo` and `lamp` are required, but only `name` and `photo` need values."""
@@ -99,17 +98,26 @@ class Manifest:
         self.basis_file = basis_path(basis)
         self.done = 0.0
         """Fraction of the manifest read so far, 0 to 1."""
+        self.jobs = 0
+        """Number of jobs in what was read so far."""
         self._options = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
+
+    def absolute(self) -> Manifest:
+        """The same manifest with absolute paths, for processes with another working folder."""
+        options = self._options | ({} if self.basis_file is None else {"basis": str(self.basis_file.absolute())})
+        return Manifest(absolute(self.path), **options)
 
     def __iter__(self) -> Iterator[Job]:
         """The jobs as they are read: of any number, with any further columns; the rows of a name stand together."""
         names: set[int] = set()
+        self.jobs = 0
         for name, rows in groupby(self._rows(), key=lambda row: row["name"]):
             job = self._job(name, list(rows))
             digest = int.from_bytes(hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:8], "big")
             if digest in names and not job.fault:
                 job = replace(job, fault="the rows of this name do not stand together.")
             names.add(digest)
+            self.jobs += 1
             yield job
 
     def read_all(self) -> tuple[Job, ...]:
@@ -127,7 +135,7 @@ class Manifest:
         rows_of: dict[str, list[dict[str, str]]] = {}
         for row in self._rows(further=False):
             rows_of.setdefault(row["name"], []).append(row)
-        folders = _folders(list(rows_of))
+        folders, self.jobs = _folders(list(rows_of)), len(rows_of)
         return tuple(replace(self._job(name, rows), folder=folders[name]) for name, rows in rows_of.items())
 
     def _rows(self, *, further: bool = True) -> Iterator[dict[str, str]]:
@@ -172,37 +180,25 @@ def _csv(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
     """The fraction of the file read so far, and a row."""
     with _readable(path), path.open("rb") as raw:
         check_manifest(path, raw.peek(16))  # a pipe cannot be rewound
-        size = max(1, os.fstat(raw.fileno()).st_size)
-        lines = _Lines(raw)
-        header = next(lines, "")
+        text, read = io.TextIOWrapper(raw, encoding="utf-8-sig", newline=None), 0
+
+        def lines() -> Iterator[str]:
+            nonlocal read
+            while line := text.readline(LONGEST_ROW):
+                if len(line) == LONGEST_ROW and not line.endswith("\n"):
+                    raise csv.Error("a line is too long")
+                read += len(line) if line.isascii() else len(line.encode())
+                yield line
+
+        size, rest = max(1, os.fstat(raw.fileno()).st_size), lines()
+        header = next(rest, "")
         semicolons = ";" in header and "," not in header
-        reader = csv.reader(chain([header], lines), delimiter=";" if semicolons else ",")
+        reader = csv.reader(chain([header], rest), delimiter=";" if semicolons else ",")
         fields = _columns(path, next(reader, []), further)
-        for values in reader:
-            if not values:
-                continue
+        for values in filter(None, reader):
             long = f"line {reader.line_num} has more fields than the header."
             fault = {"fault": long if len(values) > len(fields) else ""}
-            yield min(1.0, lines.read / size), dict(zip(fields, map(str.strip, values), strict=False)) | fault
-
-
-class _Lines:
-    """Lines of UTF-8 text with any line ending, at most LONGEST_ROW long; `read` counts the bytes approximately."""
-
-    def __init__(self, raw: Any) -> None:
-        self._text, self.read = io.TextIOWrapper(raw, encoding="utf-8-sig", newline=None), 0
-
-    def __iter__(self) -> _Lines:
-        return self
-
-    def __next__(self) -> str:
-        text = self._text.readline(LONGEST_ROW)
-        if not text:
-            raise StopIteration
-        if len(text) == LONGEST_ROW and not text.endswith("\n"):
-            raise csv.Error("a line is too long")
-        self.read += len(text) if text.isascii() else len(text.encode())
-        return text
+            yield min(1.0, read / size), dict(zip(fields, map(str.strip, values), strict=False)) | fault
 
 
 def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
@@ -275,12 +271,8 @@ def _faults(home: Place, name: str, rows: Sequence[dict[str, str]], charts: Sequ
 
 def _specification(home: Place, text: str) -> str:
     """A lamp or chart; the path of a file, also in `layout:file`, is relative to the manifest."""
-    if is_remote(home) or is_remote(text):
-        return text
-    if is_file(home / text):
-        return str(home / text)
-    layout, colon, path = text.partition(":")
-    return f"{layout}:{home / path}" if colon and path and is_file(home / path) else text
+    layout, path = ("", None) if is_remote(home) or is_remote(text) else file_in(text, home)
+    return text if path is None else f"{layout}:{path}" if layout else str(path)
 
 
 def _backslashes(home: Place, rows: Sequence[dict[str, str]]) -> Iterator[str]:

@@ -43,6 +43,11 @@ class Outcome:
         """Whether the result has curves."""
         return self.status in ("accepted", "doubtful")
 
+    @property
+    def camera(self) -> str:
+        """Make and model; "" without a row."""
+        return "" if self.row is None else f"{self.row.make} {self.row.model}".strip()
+
 
 @dataclass
 class Summary:
@@ -78,15 +83,15 @@ class Summary:
 
     def add(self, outcome: Outcome) -> None:
         """Count the outcome of a job."""
-        row = outcome.row
-        self.count(outcome.status, outcome.code, "" if row is None else f"{row.make} {row.model}".strip())
+        self.resumed += outcome.resumed
+        self.count(outcome.status, outcome.code, outcome.camera)
 
-    def count(self, status: str, code: str, model: str) -> None:
+    def count(self, status: str, code: str, camera: str) -> None:
         """Count one job."""
         self.by_status[status] += 1
         if code:
             self.by_code[code] += 1
-        self.by_model.setdefault(model, Counter())[status] += 1
+        self.by_model.setdefault(camera, Counter())[status] += 1
 
     def document(self) -> dict[str, Any]:
         """As plain data, without the outcomes."""

@@ -16,17 +16,15 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import Any, Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.fleet.inputs import basis_path, file_in
 from camssf.fleet.manifest import Job
 from camssf.fleet.outcome import Outcome
 from camssf.libraries import library
-from camssf.places import Place, files_below, is_remote, remove, write_place
+from camssf.places import Place, files_below, remove, write_place
 from camssf.version import __version__
 
 FLUSH = 2.0
@@ -258,24 +256,7 @@ def _outcome_of(future: Any) -> Outcome:
 
 
 def _submit(client: Any, work: Work, job: Job) -> Any:
-    return client.submit(work, _absolute(job), key=f"camssf-{job.task[:24]}-{secrets.token_hex(4)}", pure=False)
-
-
-def _absolute(job: Job) -> Job:
-    """The same job with absolute paths, for a process with another working folder."""
-
-    def absolute(specification: str | None) -> str | None:
-        layout, path = file_in(specification)
-        if path is None or is_remote(path):
-            return specification
-        return f"{layout}:{path.absolute()}" if layout else str(path.absolute())
-
-    basis = basis_path(job.basis)
-    found: dict[str, Any] = {
-        name: tuple(map(absolute, getattr(job, name))) for name in ("photos", "lamps", "white", "dark")
-    }
-    found["basis"] = job.basis if basis is None else str(basis.absolute())
-    return replace(job, **found, chart=absolute(job.chart) or job.chart)
+    return client.submit(work, job, key=f"camssf-{job.task[:24]}-{secrets.token_hex(4)}", pure=False)
 
 
 # In a cluster's worker

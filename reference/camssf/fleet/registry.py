@@ -151,7 +151,7 @@ class Registry:
         identity, stamp, partitions = IDENTITY[table], STAMP[table], PARTITIONS[table]
         names = ", ".join((identity, stamp, "checksum", *partitions))
         sql = f"SELECT {names} FROM rows WHERE {identity} IN (SELECT unnest(?))"
-        stored = {each[identity]: each for each in self._ask(query_of(sql, [list(fresh)]), table, delta)}
+        stored = {each[identity]: each for each in self.ask(query_of(sql, [list(fresh)]), table, delta)}
         write, changed = {}, []
         for key, row in fresh.items():
             old = stored.get(key)
@@ -212,21 +212,18 @@ class Registry:
         """Call `write` with the newest version of a table until no other writer came first; then seal the commit."""
         from deltalake.exceptions import CommitFailedError
 
-        for attempt in range(ATTEMPTS):
-            delta = self.table(table)
-            if delta is None:
-                return False
-            try:
-                written = write(delta)
-            except CommitFailedError:
-                if attempt + 1 == ATTEMPTS:
-                    raise
-                time.sleep(random.uniform(0, 0.05 * min(attempt + 1, 20)))
-                continue
-            if written:
-                seal(self.folder / FOLDERS[table], delta.version())
-            return written
-        raise AssertionError  # the last attempt returns or raises
+        attempt = 0
+        with self.failures():
+            while (delta := self.table(table)) is not None:
+                try:
+                    if written := write(delta):
+                        seal(self.folder / FOLDERS[table], delta.version())
+                    return written
+                except CommitFailedError:
+                    if (attempt := attempt + 1) == ATTEMPTS:
+                        raise
+                    time.sleep(random.uniform(0, 0.05 * min(attempt, 20)))
+        return False
 
     # Reading
 
@@ -235,29 +232,19 @@ class Registry:
         with self.failures():
             return self._sizes(table, self.table(table))
 
-    def version(self) -> int:
-        """The number of the last commit of the results; -1 if there is none."""
-        delta = self.table(Row)
-        return -1 if delta is None else int(delta.version())
-
     def listing(self, wanted: Wanted | None = None, *, limit: int | None = None) -> list[dict[str, Any]]:
         """The results, newest first, in the columns SHORT."""
         where, values = (wanted or Wanted()).where()
         most = "" if limit is None else f" LIMIT {int(limit)}"
         return self.query(f"SELECT {', '.join(SHORT)} FROM rows WHERE {where} ORDER BY added DESC, key{most}", values)
 
-    def count(self) -> dict[str, int]:
-        """Numbers of results by status."""
-        found = self.query("SELECT status, count(*) AS n FROM rows GROUP BY status ORDER BY status")
-        return {each["status"]: each["n"] for each in found}
-
     def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
         """The rows that a query on the view `rows` returns."""
-        return self._ask(query_of(sql, values), table)
+        return self.ask(query_of(sql, values), table)
 
     def arrays(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> dict[str, Any]:
         """As `query`, but returns NumPy columns; times are in UTC."""
-        return self._ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
+        return self.ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
 
     def export(self, path: Path | str) -> None:
         """Write all results to one local file: .parquet with all columns, .csv without curves.
@@ -276,15 +263,15 @@ class Registry:
         sql = f"COPY (SELECT {what} FROM every) TO"
         with write_aside(path) as aside:
             # In any order and by one thread, rows are written as they are read.
-            self._ask(lambda con: con.execute(f"{STREAMED}; {sql} {quoted(str(aside))} ({form})"))
+            self.ask(lambda con: con.execute(f"{STREAMED}; {sql} {quoted(str(aside))} ({form})"))
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
         """The error for a damaged row, with the file that holds it; `what` describes the damage."""
-        found = self._ask(query_of("SELECT filename FROM every WHERE key = ?", [key]))
+        found = self.ask(query_of("SELECT filename FROM every WHERE key = ?", [key]))
         place = found[0]["filename"] if found else self.folder
         return InvalidArgument(f"{place} is damaged: of the result {key[:12]}... {what}.", DAMAGED)
 
-    def _ask(self, ask: Callable[[Any], Answer], table: Table = Row, delta: Any = None) -> Answer:
+    def ask(self, ask: Callable[[Any], Answer], table: Table = Row, delta: Any = None) -> Answer:
         """Call `ask` with a connection that has both views; again if a file was vacuumed meanwhile."""
         import duckdb
 

@@ -50,15 +50,14 @@ class Row:
         inputs: SHA-256 of every input file.
         onnx: SHA-256 of the model.
         made_from: SHA-256 of files, options and version together, if a batch made the result.
-        passport: id of the passport that contained the result.
+        passport, passport_ends: id and end of the result's passport.
         place: path of the result, relative to the registry.
         delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of the three channels.
         channel_gain: red, green, blue.
         red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty if there are none.
         extra: further columns of the manifest, as JSON.
         l2, gamma: penalties of the fit; gamma the largest of the three channels.
-        prior_scale, prior_share: widths of the prior, most probable first, and their weights in the result; empty
-            unless one basis was used alone.
+        prior_scale: width of the prior; None unless one basis was used alone, under named lights.
         odds: of the basis against the others; infinite if their probability is 0, None if the basis was given.
         code_covariance: posterior covariance of the code, as in the result.
     """
@@ -104,10 +103,10 @@ class Row:
     extra: str
     l2: float | None = None
     gamma: float | None = None
-    prior_scale: tuple[float, ...] = ()
-    prior_share: tuple[float, ...] = ()
+    prior_scale: float | None = None
     odds: float | None = None
     code_covariance: Curve = ()
+    passport_ends: datetime | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +121,7 @@ class Task:
         status: accepted, doubtful, refused, failed.
         code, reason: of the first reason.
         key: of its result; "" without one.
+        camera: make and model of the result.
         deaths: number of processes that died during the job.
     """
 
@@ -133,6 +133,7 @@ class Task:
     code: str
     reason: str
     key: str
+    camera: str = ""
     deaths: int = 0
 
 
@@ -181,7 +182,7 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
     for colour in CHANNELS:
         unit_and_curves[colour] = _curve(document.get("ssf"), colour)
         unit_and_curves[f"{colour}_std"] = _curve(document.get("ssf_std"), colour)
-    widths, chosen = widths_of(document), choice_of(document)
+    chosen = choice_of(document)
     return Row(
         key=result if isinstance(result, str) else hashlib.sha256(result).hexdigest(),
         added=utc(now or datetime.now(UTC)),
@@ -211,29 +212,22 @@ def row(result: bytes | str, document: Json, origin: Origin, *, now: datetime | 
         extra=json.dumps(dict(origin.extra), ensure_ascii=False, sort_keys=True) if origin.extra else "",
         l2=document.get("l2"),
         gamma=max(document["gamma"]) if document.get("gamma") else None,
-        prior_scale=tuple(width for width, _ in widths),
-        prior_share=tuple(share for _, share in widths),
+        prior_scale=prior_scale_of(document),
         odds=None if chosen is None else chosen.odds,
         code_covariance=tuple(document.get("code_covariance") or ()),
         **unit_and_curves,
     )
 
 
-def widths_of(document: Json) -> tuple[tuple[float, float], ...]:
-    """(width, weight) of the prior widths mixed in a result, most probable first.
-
-    Empty if bases or kinds of light were mixed: then the result does not belong to one basis.
-    """
+def prior_scale_of(document: Json) -> float | None:
+    """Width of a result's prior; None if bases or kinds of light were mixed: it does not belong to one basis."""
     from camssf.recovery.hypotheses import CLEAR
 
-    if "prior_scale" not in document:
-        return ()
     choice = document.get("choice") or []
-    own = [each for each in choice if each["basis"] == document["basis"]]
-    rest = sum(each["probability"] for each in choice) - sum(each["probability"] for each in own)
-    if any(each.get("kinds") for each in choice) or sum(each["probability"] for each in own) < CLEAR * rest:
-        return ()
-    return ((document["prior_scale"], 1.0),)
+    own = sum(each["probability"] for each in choice if each["basis"] == document["basis"])
+    rest = sum(each["probability"] for each in choice) - own
+    mixed = any(each.get("kinds") for each in choice) or own < CLEAR * rest
+    return None if mixed else document.get("prior_scale")
 
 
 def utc(time: datetime) -> datetime:

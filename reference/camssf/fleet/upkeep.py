@@ -35,14 +35,11 @@ def optimize(registry: Registry, *, least: int = 2) -> None:
                 ).fetchall()  # fmt: skip
             if not found:
                 return False
-            filters = [
-                (name, "in", sorted({each[i] for each in found})) for i, name in enumerate(partitions)
-            ]  # fmt: skip
+            filters = [(name, "in", sorted({each[i] for each in found})) for i, name in enumerate(partitions)]
             done = delta.optimize.compact(filters or None, target_size=LARGE_FILE, writer_properties=zstd())
             return bool(done["numFilesRemoved"])
 
-        with registry.failures():
-            registry.commit(table, compact)
+        registry.commit(table, compact)
 
 
 def vacuum(registry: Registry, days: float = 7.0) -> int:
@@ -84,7 +81,6 @@ def delete(registry: Registry, unit: Unit) -> list[dict[str, Any]]:
             done = delta.delete(condition, commit_properties=transaction(), writer_properties=zstd())
             return bool(done["num_deleted_rows"])
 
-        with registry.failures():
-            registry.commit(table, drop)
+        registry.commit(table, drop)
     vacuum(registry, 0)
     return [{name: each[name] for name in ("key", "place")} for each in found]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -97,7 +98,7 @@ def _row_faults(con: Any, registry: Registry, table: Table, file: str, counts: d
             counts["rows"] += 1
             if checksum(row) != row["checksum"]:
                 yield f"{file}: the row {str(row[identity])[:12]} differs from its checksum"
-            if table is Row and row["place"] and not row["passport"]:
+            if table is Row and row["place"]:
                 yield from _document_faults(registry, row, counts)
     except Exception as error:  # DuckDB raises what a damaged file makes it raise
         yield f"{file} cannot be read ({str(error).partition(chr(10))[0]})"
@@ -108,6 +109,9 @@ def _document_faults(registry: Registry, row: dict[str, Any], counts: dict[str, 
     if not document.is_file():
         counts["documents_missing"] += 1
         return
+    data = document.read_bytes()
+    if row["passport"] and (data.count(b".") == 2 or b'"excerpt"' in data):
+        return
     counts["documents"] += 1
-    if file_hash(document) != row["key"]:
+    if hashlib.sha256(data).hexdigest() != row["key"]:
         yield f"{document} differs from its row"

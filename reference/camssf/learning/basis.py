@@ -19,7 +19,7 @@ import argparse
 import io
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
 from decimal import Decimal, localcontext
 from functools import cache
@@ -167,10 +167,35 @@ def save(training: TrainingSet, components: int, path: Path, *, statistics: bool
         stack, makers=makers, components=components, size=training.size, statistics=training.statistics
     )
     source = training.source(components)
-    known = training.statistics
     if statistics:
-        known = Statistics(mean, dictionary, (*(known.names if known else ()), *names))
-        names, stack = [], stack[:0]
+        known = training.statistics
+        everybody = Statistics(mean, dictionary, (*(known.names if known else ()), *names))
+        training = replace(training, curves={}, statistics=everybody)
+    write_basis(path, training, mean, dictionary, source)
+    return source
+
+
+def write_basis(
+    path: Path | str,
+    training: TrainingSet,
+    mean: Floats,
+    dictionary: Floats,
+    source: str,
+    further: Mapping[str, Any] | None = None,
+) -> None:
+    """Write a basis file atomically.
+
+    Args:
+        path: of the file.
+        training: what it was learned from.
+        mean, dictionary: (3, 69), (3, 69, r).
+        source: what it was learned from, in words.
+        further: arrays by name that the file holds as well.
+
+    Raises:
+        InvalidArgument: it cannot be written.
+    """
+    names, known = list(training.curves), training.statistics
     arrays: dict[str, Any] = {
         "mean": mean,
         "dictionary": dictionary,
@@ -179,7 +204,7 @@ def save(training: TrainingSet, components: int, path: Path, *, statistics: bool
         "sha256": np.array(training.sha256),
         "licence": np.array(training.licences),
         "cameras": np.array(names, dtype=np.str_),
-        "curves": stack,
+        "curves": np.stack(list(training.curves.values())) if names else np.zeros((0, NODES.size, 3)),
     }
     if training.papers or known or training.size != Enlargement():
         arrays |= {
@@ -190,9 +215,8 @@ def save(training: TrainingSet, components: int, path: Path, *, statistics: bool
     if known:
         arrays |= {"known": np.array(known.names), "known_mean": known.mean, "known_spread": known.spread}
     content = io.BytesIO()
-    np.savez_compressed(content, **arrays)
+    np.savez_compressed(content, **arrays, **(further or {}))
     write_file(path, content.getvalue())
-    return source
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -177,7 +177,7 @@ def photo_likelihood(
     curves: Floats,
     covariance: Floats,
     reference: ReferenceBasis,
-    widths: Sequence[tuple[float, float]],
+    prior_scale: float,
     gamma: float,
 ) -> PhotoLikelihood:
     """The likelihood of a result's photo: its posterior without the prior.
@@ -185,18 +185,16 @@ def photo_likelihood(
     Args:
         member: the camera.
         curves: (3, 69).
-        covariance: (3 r, 3 r) C, of the code under the first of `widths`.
+        covariance: (3 r, 3 r) C, of the code.
         reference: the basis.
-        widths: factors on the prior's width, each with the weight of the answer under it, the likeliest first.
-            Answers under several widths are mixed by weight, so x̂ = Σ w (J + I / width²)⁻¹ h.
+        prior_scale: width of the result's prior relative to the learned one.
         gamma: the l1 penalty.
     """
     x = reference.codes(curves)
     spread, axes = np.linalg.eigh(covariance)
-    first = widths[0][0]
-    j = (1.0 / np.clip(spread, LEAST_VARIANCE, 1.0) - 1.0) / first**2
-    gain = sum(weight / (j + width**-2.0) for width, weight in widths) / sum(weight for _, weight in widths)
-    pull = (axes.T @ x) / gain + gamma / first * axes.T @ (np.sign(x) * (np.abs(x) > ZERO_CODE))
+    j = (1.0 / np.clip(spread, LEAST_VARIANCE, 1.0) - 1.0) / prior_scale**2
+    pull = (axes.T @ x) * (j + prior_scale**-2.0)
+    pull += gamma / prior_scale * axes.T @ (np.sign(x) * (np.abs(x) > ZERO_CODE))
     kept = j > LEAST_SAID
     return PhotoLikelihood(member, axes[:, kept] * np.sqrt(j[kept]), pull[kept] / np.sqrt(j[kept]))
 

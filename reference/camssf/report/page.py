@@ -38,7 +38,7 @@ def page(document: Json, previews: Sequence[bytes | None], provenance: Provenanc
     shown: dict[str, Any] = dict.fromkeys(WITH_CURVES) | {
         "document": document,
         "title": f"Spectral sensitivity of {camera_name(document)}",
-        "style": files("camssf").joinpath("data", "report", "report.css").read_text("utf-8"),
+        "style": style(),
         "mark": certificate.MARKS[document["verdict"]["status"]],
         "facts": certificate.facts_of(document, provenance),
         "checks": certificate.checks_of(document),
@@ -76,7 +76,17 @@ def page(document: Json, previews: Sequence[bytes | None], provenance: Provenanc
                 drawings.linearity_plot(shot["patches"], f"linearity-{j}") for j, shot in enumerate(shots, 1)
             ],
         }
-    return str(_environment().get_template("page.html.jinja").render(shown))
+    return render("page.html.jinja", shown)
+
+
+def style() -> str:
+    """The pages' style sheet."""
+    return files("camssf").joinpath("data", "report", "report.css").read_text("utf-8")
+
+
+def render(template: str, shown: dict[str, Any]) -> str:
+    """A page by its template in data/report and the template's variables."""
+    return str(_environment().get_template(template).render(shown))
 
 
 def _values(curves: DrawnCurves) -> list[list[str]]:
