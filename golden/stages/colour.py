@@ -90,11 +90,11 @@ def cases() -> Iterator[Json]:
     yield case("error-auto", "The lamp is unknown.", base, "auto", expect="invalid_argument")
     yield case(
         "error-blind", "A channel that sees nothing.",
-        base | {"but": {"ssf": {name: [0.0] * 681 for name in ("red", "green", "blue")}}}, "D65",
+        base | {"but": {"ssf": {name: [0] * 681 for name in ("red", "green", "blue")}}}, "D65",
         expect="invalid_argument",
     )  # fmt: skip
     refused = {"verdict": {"reasons": [{"advice": "Take it again."}]}}
-    twins = channels(curves()[:, [0, 0, 2]])
+    twins = {"red": [1] * 681, "green": [1] * 681, "blue": [1] * 340 + [0] * 341}
     yield case(
         "error-alike", "Red and green are one curve.", base | {"but": {"ssf": twins}}, "D65",
         signals=[[0.3, 0.3, 0.3]], expect="invalid_argument",
@@ -103,14 +103,24 @@ def cases() -> Iterator[Json]:
 
 
 def case(name: str, comment: str, document: Json, lamp: str, **more: Any) -> Json:
-    """One case of the stage `colour`; its signals are the chart's under the `true` lamp."""
-    light = more.get("true", lamp if lamp != "auto" else FIRST)
-    seen = curves() * read_lamp(light).values[:, None]
-    y = more.get("signals", plain(chart("babelcolor")[list(PATCHES)] @ seen / seen.sum(axis=0)))
-    first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
-    noise = more.get("noise", 0.005)
+    """One case of the stage `colour`."""
     inputs = {
         "result": document,
+        **photo(lamp, **more),
+        "view": {name: more.get(name, usual) for name, usual in VIEW.items()},
+    }
+    return contract.case(f"colour/{name}", comment, inputs, expect=more.get("expect", "success"))
+
+
+def photo(lamp: str, **more: Any) -> Json:
+    """Lamp, signals and reference of a photo; its signals are the chart's under the `true` lamp."""
+    light = more.get("true", lamp if lamp != "auto" else FIRST)
+    seen = curves() * read_lamp(light).values[:, None]
+    patches = chart("babelcolor")[list(more.get("patches", PATCHES))]
+    y = more.get("signals", plain(patches @ seen / seen.sum(axis=0)))
+    first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
+    noise = more.get("noise", 0.005)
+    return {
         "lamp": lamp,
         "signals": y,
         "standard_error": plain(np.hypot(noise * np.array(y), 0.1 * noise)),
@@ -119,9 +129,7 @@ def case(name: str, comment: str, document: Json, lamp: str, **more: Any) -> Jso
             "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if more.get("asked") else None,
             "error": 0.002,
         },
-        "view": {name: more.get(name, usual) for name, usual in VIEW.items()},
     }
-    return contract.case(f"colour/{name}", comment, inputs, expect=more.get("expect", "success"))
 
 
 VIEW = {"observer": "1931", "white": "lamp", "kind": None}
@@ -144,7 +152,7 @@ def result(basis: str = "phones", scale: float = 1.0) -> Json:
         "basis": basis,
         "prior_scale": scale,
         "ssf": channels(values),
-        "ssf_std": channels(np.sqrt(np.sum(modes**2, axis=0))),
+        "ssf_std": channels(np.round(np.sqrt(np.sum(modes**2, axis=0)), 4)),
         "channel_gain": list(GAINS),
         "code_covariance": plain(covariance[np.tril_indices(len(covariance))]),
     }
@@ -170,7 +178,7 @@ def plain(values: Any) -> Any:
 def run(call: Call) -> dict[str, Any]:
     """The stage `colour`: `camssf.colour.standard_colour` of a result; `reach` has only distances above REACH."""
     given = call.given
-    camera = camera_of_result(_result(given["result"]))
+    camera = camera_of_result(result_of(given["result"]))
     told = given["reference"]
     raw = None if told["raw"] is None else np.array(told["raw"])
     reference = Reference(tolerance=told["tolerance"], raw=raw, error=told["error"])
@@ -195,7 +203,7 @@ def run(call: Call) -> dict[str, Any]:
     }
 
 
-def _result(given: Json) -> Json:
+def result_of(given: Json) -> Json:
     """A result, or that of another case with some fields replaced."""
     return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
 
