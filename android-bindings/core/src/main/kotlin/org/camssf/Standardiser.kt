@@ -2,9 +2,9 @@ package org.camssf
 
 import org.camssf.colour.ColourCamera
 import org.camssf.colour.Kind
-import org.camssf.colour.Light
 import org.camssf.colour.Lit
 import org.camssf.colour.NoColour
+import org.camssf.colour.PhotoLight
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
@@ -14,9 +14,7 @@ import org.camssf.colour.StandardColour
 import org.camssf.colour.View
 import org.camssf.colour.WeighedLamp
 import org.camssf.spectra.Lamp
-import kotlin.math.exp
 import kotlin.math.hypot
-import kotlin.math.ln
 
 /** The colour space that [Standardiser.standardise] writes. */
 public enum class Space {
@@ -305,52 +303,10 @@ public class Standardiser private constructor(
             raw: DoubleArray?,
             error: Double,
         ): Standardiser {
-            val ratios = if (raw == null || camera.own == null) {
-                null
-            } else {
-                doubleArrayOf(ln(raw[0] / raw[1]), ln(raw[2] / raw[1]))
-            }
-            val noise = hypot(error, reference.tolerance / 2)
-            val lights = if (lamp != null) {
-                listOf(checked(Light.see(camera, lamp, ratios, noise)))
-            } else {
-                if (ratios == null) {
-                    throw InvalidArgument(
-                        "The lamp is unknown.",
-                        "Take a result whose first lamp goes by name; or name the lamp.",
-                    )
-                }
-                KINDS.map { Light.see(camera, Lamp.read(it), ratios, noise) }
-            }
-            val most = lights.maxOf { it.logEvidence }
-            val odds = DoubleArray(lights.size) { exp(lights[it].logEvidence - most) }
-            val whole = odds.sum()
-            val weights = DoubleArray(odds.size) { odds[it] / whole }
-            if (!weights.all { it.isFinite() }) throw NoColour.error()
-            return Standardiser(lights.map { Lit(it, view, reference.tolerance) }, weights, reference, view)
+            val (lights, weights) = PhotoLight.lights(camera, listOf(PhotoLight(lamp, reference, raw, error)))
+            return Standardiser(lights.map { Lit(it[0], view, reference.tolerance) }, weights, reference, view)
         }
 
-        private fun checked(light: Light): Light {
-            val chiSquared = light.chiSquared
-            if (chiSquared != null && chiSquared > CONTRADICTED) {
-                throw LampUnfit(
-                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
-                        "${fixed(chiSquared, 0)}.",
-                    "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
-                    chiSquared,
-                    CONTRADICTED,
-                )
-            }
-            return light
-        }
-
-        /** Kinds that are compared for an unknown lamp, in the order of `camssf.spectra.families`. */
-        private val KINDS = listOf("daylight", "bulb", "white-led", "fluorescent")
-
-        /**
-         * χ² of the reference's two ratios above which the named lamp is rejected; its probability is 1 in 10,000.
-         */
-        private const val CONTRADICTED = 18.4
         private const val LAMP = 1
     }
 }
