@@ -49,7 +49,6 @@ def cases() -> Iterator[Json]:
     )
     yield case("adapted-d50", "The observer of 1964, adapted to D50.", base, "A", observer="1964", white="D50")
     yield case("adapted-d65", "The observer of 1931, adapted to D65.", base, "FL2", white="D65")
-    yield case("matrix", "A matrix, though the root-polynomial misses less.", base, "D65", kind="matrix")
     yield case(
         "loose-reference", "A reference known to 5 %, which reflects 18 %, and no noise.", base, "D50",
         tolerance=0.05, noise=0.0,
@@ -94,11 +93,6 @@ def cases() -> Iterator[Json]:
         expect="invalid_argument",
     )  # fmt: skip
     refused = {"verdict": {"reasons": [{"advice": "Take it again."}]}}
-    twins = {"red": [1] * 681, "green": [1] * 681, "blue": [1] * 340 + [0] * 341}
-    yield case(
-        "error-alike", "Red and green are one curve.", base | {"but": {"ssf": twins}}, "D65",
-        signals=[[0.3, 0.3, 0.3]], expect="invalid_argument",
-    )  # fmt: skip
     yield case("error-refused", "A result that was refused.", refused, "D65", expect="invalid_argument")
 
 
@@ -132,7 +126,7 @@ def photo(lamp: str, **more: Any) -> Json:
     }
 
 
-VIEW = {"observer": "1931", "white": "lamp", "kind": None}
+VIEW = {"observer": "1931", "white": "lamp"}
 
 
 def curves() -> Floats:
@@ -196,7 +190,6 @@ def run(call: Call) -> dict[str, Any]:
         "parts": np.stack([np.sqrt(np.diagonal(found.parts[name][1], axis1=1, axis2=2)) for name in PARTS]),
         "lamps": [name for name, _ in found.lamps],
         "weights": np.array([weight for _, weight in found.lamps]),
-        "kinds": [transform.kind for transform in found.transforms],
         "chi_squared": found.chi_squared,
         "far": far.tolist(),
         "reach": found.reach[far] if far.any() else None,
@@ -213,7 +206,6 @@ LIMITS = (
     *each("norm", 1e-14, "white"),
     *each("exact", 0.0, "lamps"),
     *each("norm", 1e-12, "weights"),
-    *each("exact", 0.0, "kinds"),
     *each("relative", 1e-12, "chi_squared"),
     *each("exact", 0.0, "far"),
     *each("norm", 1e-9, "reach"),
@@ -224,7 +216,7 @@ STAGE = Stage(
     name="colour",
     keys=Keys(
         words("result lamp signals standard_error reference view"),
-        words("white weights kinds xyz lab xyz_covariance lab_covariance parts lamps chi_squared far reach"),
+        words("white weights xyz lab xyz_covariance lab_covariance parts lamps chi_squared far reach"),
         arrays=words("signals standard_error"),
     ),
     requires=always("colour"),

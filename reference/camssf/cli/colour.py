@@ -86,7 +86,8 @@ def _standard(document: str, request: RegionRequest, lamp: str | None, observer:
     from camssf.colour.camera import camera_of_result
     from camssf.colour.document import colour_document
     from camssf.colour.reach import REACH, check_reach
-    from camssf.colour.standard import View, standard_colour
+    from camssf.colour.standard import standard_colour
+    from camssf.colour.view import View
     from camssf.exports import read_result as read_curves
 
     if not request.regions or request.white_region is None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class SurfacePosterior:
             give equal signals.
         prior_variance: (m, p) of a surface of that level, without a photo.
         distance: (m,) from the nearest surface of the prior, in standard deviations.
+        signal_covariance: (m, c, c) of the signals by all errors.
     """
 
     mean: Floats
@@ -58,6 +60,7 @@ class SurfacePosterior:
     parts: dict[str, Floats]
     prior_variance: Floats
     distance: Floats
+    signal_covariance: Floats
 
 
 def surface_posterior(prior: SurfacePrior, response: LinearResponse, y: Floats, error: Floats) -> SurfacePosterior:
@@ -81,15 +84,26 @@ def surface_posterior(prior: SurfacePrior, response: LinearResponse, y: Floats, 
     components = _Components.of(prior, response)
     found = [components.given(y[i] / level[i], (error[i] / level[i]) ** 2, level[i]) for i in range(len(y))]
     p = len(response.outputs)
+    c = y.shape[1]
     names = (*response.sources, NOISE, METAMERS)
-    parts = {name: np.array([each[1][name] for each in found], dtype=np.float64).reshape(-1, p, p) for name in names}
+    parts = {name: np.array([each.parts[name] for each in found]).reshape(-1, p, p) for name in names}
     return SurfacePosterior(
-        np.array([each[0] for each in found]).reshape(-1, p),
+        np.array([each.mean for each in found]).reshape(-1, p),
         np.sum([parts[name] for name in names], axis=0),
         parts,
         level[:, None] ** 2 * components.prior_variance(),
-        np.array([each[2] for each in found]),
+        np.array([each.distance for each in found]),
+        np.array([each.signal_covariance for each in found]).reshape(-1, c, c),
     )
+
+
+class _Given(NamedTuple):
+    """Mean (p,), parts of the covariance, (p, p) each, distance, and covariance of the signals (c, c)."""
+
+    mean: Floats
+    parts: dict[str, Floats]
+    distance: float
+    signal_covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -145,8 +159,8 @@ class _Components:
         own = np.einsum("cj,njd->ncd", a, crossed, optimize=True)
         return cls(response, prior.log_weights, shapes, covariances, expected, crossed, own, errors)
 
-    def given(self, z: Floats, noise: Floats, level: float) -> tuple[Floats, dict[str, Floats], float]:
-        """Mean (p,), parts of the covariance, (p, p) each, and distance, for signals z (c,) over a level.
+    def given(self, z: Floats, noise: Floats, level: float) -> _Given:
+        """The posterior for signals z (c,) over a level.
 
         Args:
             z: signals over their level.
@@ -189,7 +203,11 @@ class _Components:
         parts[METAMERS] = (
             m @ direct @ m.T - both - both.T + summed(gain @ self.own[kept], gain) + summed(apart, apart)
         )
-        return level * mean, {name: level**2 * each for name, each in parts.items()}, float(np.sqrt(squares.min()))
+        scaled = {name: level**2 * each for name, each in parts.items()}
+        # A change of the level moves all signals.
+        signals = np.concatenate([np.tile(np.eye(c), (len(kept), 1, 1)), self.expected[kept][:, :, None]], axis=2)
+        moved_signals = level**2 * summed(signals @ total[:, : c + 1, : c + 1], signals)
+        return _Given(level * mean, scaled, float(np.sqrt(squares.min())), moved_signals)
 
     def _of_noise(self, variances: Floats) -> Floats:
         """(N, c + 1 + u, c + 1 + u) as in `errors`, of independent errors of z with these variances (c,)."""

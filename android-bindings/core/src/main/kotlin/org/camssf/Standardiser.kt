@@ -1,10 +1,10 @@
 package org.camssf
 
 import org.camssf.colour.ColourCamera
-import org.camssf.colour.Kind
 import org.camssf.colour.Lit
 import org.camssf.colour.NoColour
 import org.camssf.colour.PhotoLight
+import org.camssf.colour.PixelTable
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
@@ -29,10 +29,8 @@ public enum class Space {
  * Converts raw signals of this camera under a lamp to CIE XYZ and Lab, with their covariance; the numbers equal those
  * of Python's `camssf.colour.standard_colour`.
  *
- * For 190 real surfaces of reflectance R the curves s and the lamp L give the signals y = Σ R L s / Σ L s, and an
- * observer x̄ gives XYZ = Σ R L x̄ / Σ L ȳ. The transform is XYZ = Cᵀ t(y) with t = (r, g, b, √(r g), √(g b), √(r b))
- * or t = (r, g, b), whichever has the smaller error on left-out surfaces; C is fitted by least squares with white
- * kept. The raw ratios of the reference constrain the lamp.
+ * A colour is the posterior of XYZ given the signals, with measured surfaces as the prior of reflectance
+ * (docs/spectrum.md). The raw ratios of the reference constrain the lamp.
  *
  * ```
  * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
@@ -41,8 +39,8 @@ public enum class Space {
  * standardiser.standardise(preview, into = pixels)       // any number of pixels, no allocation for each
  * ```
  *
- * Creating one fits a transform for each lamp, four if the lamp is unknown: create it again if light or reference
- * change, not for each picture. It holds no native memory and no files and is immutable; safe to share between
+ * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
+ * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
  * threads.
  */
 public class Standardiser private constructor(
@@ -54,12 +52,10 @@ public class Standardiser private constructor(
     public val view: View,
 ) {
     private val scale = DoubleArray(3) { reference.reflectance / reference.sharedRaw[it] }
-    private val kinds = lit.map { it.kind }
-    private val most = if (Kind.ROOT_POLYNOMIAL in kinds) Kind.ROOT_POLYNOMIAL else Kind.MATRIX
 
     /** The compared lamps with their weights; a given lamp is the only one. */
     public val lamps: List<WeighedLamp> =
-        lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i], each.kind) }.frozen()
+        lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i]) }.frozen()
 
     /**
      * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
@@ -170,7 +166,8 @@ public class Standardiser private constructor(
     }
 
     /**
-     * Converts pixels, for a live preview: without covariance and without an allocation for each pixel.
+     * Converts pixels, for a live preview: without covariance and without an allocation for each pixel, by a table of
+     * colours of exact signals; docs/spectrum.md states its error.
      *
      * @param raw R, G, B of each pixel in turn, black subtracted, in the reference's unit. Values below black count
      *   as black; NaN gives NaN.
@@ -224,26 +221,15 @@ public class Standardiser private constructor(
     /** Work arrays of one pixel, reused by one call. */
     private inner class Pixel(private val space: Space) {
         val found = DoubleArray(3)
-        private val y = DoubleArray(3)
         private val xyz = DoubleArray(3)
-        private val terms = DoubleArray(most.terms)
+        private val place = PixelTable.Place()
+        private val tables = lit.map { it.table }
 
         fun see(r: Double, g: Double, b: Double) {
-            y[0] = r * scale[0]
-            y[1] = g * scale[1]
-            y[2] = b * scale[2]
-            most.terms(y, 0, terms)
             found.fill(0.0)
+            place.move(r * scale[0], g * scale[1], b * scale[2])
             for (i in weights.indices) {
-                val coefficients = lit[i].coefficients
-                xyz.fill(0.0)
-                // Kind.MATRIX has only the first three terms.
-                for (t in 0 until coefficients.size / 3) {
-                    val term = terms[t]
-                    xyz[0] += term * coefficients[3 * t]
-                    xyz[1] += term * coefficients[3 * t + 1]
-                    xyz[2] += term * coefficients[3 * t + 2]
-                }
+                tables[i].xyz(place, xyz)
                 if (space == Space.LAB) Spaces.lab(xyz, lit[i].white, xyz)
                 for (c in 0..2) found[c] += weights[i] * xyz[c]
             }

@@ -26,8 +26,15 @@ internal class LinearResponse(
  * @property parts terms of the covariance in the order of [Part], (p, p) each, row-major.
  * @property distance from the nearest surface of the prior, in standard deviations.
  * @property level that the signals were divided by.
+ * @property signalCovariance (c, c) of the signals by all errors, row-major.
  */
-internal class Given(val mean: DoubleArray, val parts: List<DoubleArray>, val distance: Double, val level: Double)
+internal class Given(
+    val mean: DoubleArray,
+    val parts: List<DoubleArray>,
+    val distance: Double,
+    val level: Double,
+    val signalCovariance: DoubleArray,
+)
 
 /**
  * The posterior of outputs given signals, for a prior of measured surfaces; the formulas are those of Python's
@@ -199,6 +206,7 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
         val parts = Part.values().associateWith { DoubleArray(p * p) }
         val metamers = parts.getValue(Part.METAMERS)
         val mean = DoubleArray(p)
+        val ofSignals = DoubleArray(c * c)
         val means = kept.map { i ->
             val weight = exp(log[i] - most) / whole
             val full = covariance(i, rows.size)
@@ -206,6 +214,7 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
             val slopes = slopes(i, gain)
             for ((part, own) in sources) addThrough(parts.getValue(part), weight, slopes, own[i], errors)
             addLeft(metamers, weight, full, gain, crossed)
+            addSignals(ofSignals, weight, i, weighing)
             val found = DoubleArray(p) { row ->
                 bright * centres[i][c + row] + (0 until c).sumOf { gain[row * c + it] * off[i][it] }
             }
@@ -222,7 +231,49 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
             Part.values().map { part -> parts.getValue(part).also { own -> scaled(own, level * level) } },
             sqrt(squares.minOrNull()!!),
             level,
+            ofSignals.also { scaled(it, level * level) },
         )
+    }
+
+    /** into += weight B E Bᵀ with E of all errors and B = (1, A s_i): a change of the level moves all signals. */
+    private fun addSignals(into: DoubleArray, weight: Double, i: Int, weighing: Weighing) {
+        val centre = centres[i]
+        val last = weighing.total(i, c * errors + c)
+        for (at in into.indices) {
+            val (a, b) = at / c to at % c
+            val crossed = centre[a] * weighing.total(i, c * errors + b) + centre[b] * weighing.total(i, c * errors + a)
+            into[at] += weight * (weighing.total(i, a * errors + b) + crossed + centre[a] * centre[b] * last)
+        }
+    }
+
+    /**
+     * What the means of the first outputs need for any z of mean 1 without noise, of each surface of the prior: ln of
+     * its weight is log - ½ zᵀ Q z, and the outputs are K z.
+     *
+     * @property log (N).
+     * @property forms (N) of (6): Q₀₀, Q₁₁, Q₂₂, 2 Q₀₁, 2 Q₀₂, 2 Q₁₂.
+     * @property maps (N) of (outputs, 3), row-major.
+     */
+    class Exact(val log: DoubleArray, val forms: List<DoubleArray>, val maps: List<DoubleArray>)
+
+    /** For one photo, and so many outputs. */
+    fun exact(outputs: Int): Exact {
+        val weighing = Weighing(null)
+        val free = List(count) { i ->
+            DoubleArray(9) { (if (it / 3 == it % 3) 1.0 else 0.0) - centres[i][it / 3] / 3 } // d = free z
+        }
+        val forms = List(count) { i ->
+            val q = Spaces.product(Spaces.product(transposed(free[i]), weighing.inverse[i]), free[i])
+            doubleArrayOf(q[0], q[4], q[8], q[1] + q[3], q[2] + q[6], q[5] + q[7])
+        }
+        val maps = List(count) { i ->
+            val gain = gain(i, weighing, covariance(i, rows.size)).first
+            DoubleArray(3 * outputs) { at ->
+                val row = at / 3
+                centres[i][3 + row] / 3 + (0..2).sumOf { gain[3 * row + it] * free[i][3 * it + at % 3] }
+            }
+        }
+        return Exact(weighing.log, forms, maps)
     }
 
     /** Changes (p, errors) of the outputs by the errors that are joint in `ofErrors`. */
@@ -292,6 +343,8 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
 
         /** Least level that signals are divided by. */
         const val DARKEST = 1e-6
+
+        fun transposed(m: DoubleArray) = DoubleArray(9) { m[it % 3 * 3 + it / 3] }
 
         fun scaled(values: DoubleArray, factor: Double) {
             for (at in values.indices) values[at] *= factor

@@ -14,7 +14,6 @@ import org.camssf.SpectrumEstimator
 import org.camssf.Standardiser
 import org.camssf.colour.Adapted
 import org.camssf.colour.ColourCamera
-import org.camssf.colour.Kind
 import org.camssf.colour.Observer
 import org.camssf.colour.Part
 import org.camssf.colour.PhotoLight
@@ -69,7 +68,6 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             "white" to Tensor(standardiser.white, 3),
             "lamps" to words(standardiser.lamps.map { it.name }),
             "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
-            "kinds" to words(standardiser.lamps.map { it.kind.word }),
             "chi_squared" to standardiser.chiSquared?.let { Tensor.scalar(it) },
             "far" to JsonArray(far.map { JsonPrimitive(it) }),
             "reach" to if (distances.isEmpty()) null else Tensor(distances, distances.size),
@@ -125,11 +123,9 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
 
     private fun view(case: GoldenCase): View {
         val told = case.inputs.getValue("view").jsonObject
-        val kind = told["kind"]?.jsonPrimitive?.contentOrNull
         return View(
             Observer.values().single { it.word == told.text("observer") },
             Adapted.values().single { it.word == told.text("white") },
-            kind?.let { word -> Kind.values().single { it.word == word } },
         )
     }
 

@@ -216,7 +216,7 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "checked",
             ),
             "colour" to setOf(
-                "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights", "kinds",
+                "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights",
                 "chi_squared", "far", "reach",
             ),
             "spectrum" to setOf(
