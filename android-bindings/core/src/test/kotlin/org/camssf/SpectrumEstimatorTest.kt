@@ -118,7 +118,8 @@ class SpectrumEstimatorTest {
         )) {
             assertThrows(InvalidArgument::class.java) { wrong() }
         }
-        assertThrows(LampUnfit::class.java) { SpectrumEstimator.read(text, listOf(PhotoLight(Lamp.read("A"), white))) }
+        val bulb = PhotoLight(Lamp.read("A"), white)
+        assertThrows(LampUnfit::class.java) { SpectrumEstimator.read(text, listOf(bulb)) }
     }
 
     @Test

@@ -168,7 +168,7 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
         }
     }
 
-    /** G_i (p, c), with the errors' own changes of the outputs; and M C_i Aᵀ (p, c) of `full`, the covariance of all. */
+    /** G_i (p, c), with the errors' own changes of the outputs; and M C_i Aᵀ (p, c) of the covariance of all rows. */
     private fun gain(i: Int, weighing: Weighing, full: DoubleArray): Pair<DoubleArray, DoubleArray> {
         val n = rows.size
         val crossed = DoubleArray(p * c) { full[(c + it / c) * n + it % c] }
@@ -241,7 +241,8 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
         val last = weighing.total(i, c * errors + c)
         for (at in into.indices) {
             val (a, b) = at / c to at % c
-            val crossed = centre[a] * weighing.total(i, c * errors + b) + centre[b] * weighing.total(i, c * errors + a)
+            val (left, right) = listOf(a, b).map { weighing.total(i, c * errors + it) }
+            val crossed = centre[a] * right + centre[b] * left
             into[at] += weight * (weighing.total(i, a * errors + b) + crossed + centre[a] * centre[b] * last)
         }
     }
@@ -289,14 +290,22 @@ internal class SurfacePosterior(private val prior: SurfacePrior, private val res
     }
 
     /** into += weight (M C Mᵀ - G A C Mᵀ - (G A C Mᵀ)ᵀ + G A C Aᵀ Gᵀ). */
-    private fun addLeft(into: DoubleArray, weight: Double, full: DoubleArray, gain: DoubleArray, crossed: DoubleArray) {
+    private fun addLeft(
+        into: DoubleArray,
+        weight: Double,
+        full: DoubleArray,
+        gain: DoubleArray,
+        crossed: DoubleArray,
+    ) {
         val n = rows.size
         val inner = DoubleArray(c * c) { full[it / c * n + it % c] }
         addThrough(into, weight, gain, inner, c)
         for (a in 0 until p) {
             for (b in 0 until p) {
                 var both = 0.0
-                for (k in 0 until c) both += gain[a * c + k] * crossed[b * c + k] + gain[b * c + k] * crossed[a * c + k]
+                for (k in 0 until c) {
+                    both += gain[a * c + k] * crossed[b * c + k] + gain[b * c + k] * crossed[a * c + k]
+                }
                 into[a * p + b] += weight * (full[(c + a) * n + c + b] - both)
             }
         }

@@ -92,12 +92,12 @@ internal class SurfaceResponse private constructor(val linear: LinearResponse, v
                     DoubleArray(Grid.SIZE) { light.power[it] * light.curves[c][it] / whole }
                 }
             }
-            val ofObject = smooth.map { own ->
-                signals.indices.flatMap { j -> List(3) { times(signals[j][it], tolerances[j] * dot(own, seen[j][it])) } }
+
+            fun each(size: (Int, Int) -> Double) = signals.flatMapIndexed { j, rows ->
+                List(3) { times(rows[it], tolerances[j] * size(j, it)) }
             }
-            return ofObject + lights.indices.map { place ->
-                signals.indices.flatMap { j -> List(3) { times(signals[j][it], if (j == place) tolerances[j] else 0.0) } }
-            }
+            return smooth.map { own -> each { j, c -> dot(own, seen[j][c]) } } +
+                lights.indices.map { place -> each { j, _ -> if (j == place) 1.0 else 0.0 } }
         }
 
         /** Changes (6) of (35) of the colorimetric outputs by an error of the lamp. */
@@ -128,7 +128,8 @@ internal class SurfaceResponse private constructor(val linear: LinearResponse, v
                 }
             }
             val white = aim ?: white(power, functions)
-            return stated + List(3) { row -> DoubleArray(SurfaceNodes.SIZE) { stated[row][it] / white[row] } } to white
+            val relative = List(3) { row -> DoubleArray(SurfaceNodes.SIZE) { stated[row][it] / white[row] } }
+            return stated + relative to white
         }
 
         /** Errors of so many rows each as fewer independent ones of the same covariance, but for LEAST of its trace. */

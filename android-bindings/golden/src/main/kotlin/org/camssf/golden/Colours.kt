@@ -94,7 +94,10 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
         fun each(size: Int, of: (SurfaceSpectrum) -> DoubleArray) =
             DoubleArray(m * size) { of(found[it / size])[it % size] }
         val n = SurfaceNodes.SIZE
-        val sums = each(n) { one -> DoubleArray(n) { row -> one.covariance.copyOfRange(n * row, n * row + n).sum() } }
+        val sums = each(n) { one ->
+            val covariance = one.covariance
+            DoubleArray(n) { row -> covariance.copyOfRange(n * row, n * row + n).sum() }
+        }
         val parts = Part.values().flatMap { part ->
             found.map { one -> sqrt(one.deviation(part).sumOf { it * it }) }
         }
