@@ -87,8 +87,9 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
         val camera = ColourCamera.parse(result(case.inputs.getValue("result").jsonObject).toString())
         val prior = SurfacePrior.read(case.inputs.text("prior"))
         val estimator = SpectrumEstimator.of(camera, photos, prior, view(case))
-        fun given(name: String, i: Int): DoubleArray =
-            told.flatMap { forms.resolve(it.getValue(name)).values.asList().subList(3 * i, 3 * i + 3) }.toDoubleArray()
+        fun given(name: String, i: Int): DoubleArray = told.flatMap { photo ->
+            forms.resolve(photo.getValue(name)).values.asList().subList(3 * i, 3 * i + 3)
+        }.toDoubleArray()
         val m = told[0].getValue("signals").jsonArray.size
         val found = List(m) { estimator.seen(given("signals", it), given("standard_error", it)) }
         fun each(size: Int, of: (SurfaceSpectrum) -> DoubleArray) =
