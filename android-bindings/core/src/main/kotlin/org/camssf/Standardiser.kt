@@ -8,7 +8,6 @@ import org.camssf.colour.PixelTable
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
-import org.camssf.colour.Spaces
 import org.camssf.colour.Spread
 import org.camssf.colour.StandardColour
 import org.camssf.colour.View
@@ -221,7 +220,7 @@ public class Standardiser private constructor(
     /** Work arrays of one pixel, reused by one call. */
     private inner class Pixel(private val space: Space) {
         val found = DoubleArray(3)
-        private val xyz = DoubleArray(3)
+        private val own = DoubleArray(3)
         private val place = PixelTable.Place()
         private val tables = lit.map { it.table }
 
@@ -229,9 +228,8 @@ public class Standardiser private constructor(
             found.fill(0.0)
             place.move(r * scale[0], g * scale[1], b * scale[2])
             for (i in weights.indices) {
-                tables[i].xyz(place, xyz)
-                if (space == Space.LAB) Spaces.lab(xyz, lit[i].white, xyz)
-                for (c in 0..2) found[c] += weights[i] * xyz[c]
+                tables[i].colour(place, space == Space.LAB, own)
+                for (c in 0..2) found[c] += weights[i] * own[c]
             }
         }
     }

@@ -21,7 +21,7 @@ internal class Lit(val light: Light, view: View, tolerance: Double) {
     val white: DoubleArray get() = response.white
 
     /** For pixels; made when it is first needed. */
-    val table: PixelTable by lazy { PixelTable(posterior) }
+    val table: PixelTable by lazy { PixelTable(posterior, response.white) }
 
     /** Computes the colour of signals (3) with standard errors (3), in units of a perfect white diffuser. */
     fun colour(y: DoubleArray, error: DoubleArray): StandardColour {

@@ -1,15 +1,18 @@
 package org.camssf.colour
 
+import kotlin.math.cbrt
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
 
 /**
- * XYZ of pixels of one light: the posterior's means without noise at nodes of ln r/g and ln b/g, bilinear between them.
- * Ratios beyond e³ count as e³.
+ * XYZ of pixels of one light: the posterior's means without noise at nodes of ln r/g and ln b/g. Cube roots, of which
+ * Lab consists, are bilinear between them. Ratios beyond e³ count as e³.
+ *
+ * @property white (3) XYZ of the white that Lab is relative to.
  */
-internal class PixelTable(posterior: SurfacePosterior) {
-    /** (NODES, NODES, 3) XYZ over the mean of the signals; ln b/g varies faster. */
+internal class PixelTable(posterior: SurfacePosterior, private val white: DoubleArray) {
+    /** (NODES, NODES, 3) cube roots of XYZ over white and over the mean of the signals; ln b/g varies faster. */
     private val values = DoubleArray(NODES * NODES * 3)
 
     init {
@@ -43,25 +46,30 @@ internal class PixelTable(posterior: SurfacePosterior) {
             whole += weight
             for (c in 0..2) values[into + c] += weight * (map[3 * c] * r + map[3 * c + 1] * g + map[3 * c + 2] * b)
         }
-        for (c in 0..2) values[into + c] /= whole
+        for (c in 0..2) values[into + c] = cbrt(values[into + c] / whole / white[c])
     }
 
-    /** XYZ (3) of the signals at a place. */
-    fun xyz(place: Place, into: DoubleArray) {
+    /** XYZ (3) of the signals at a place, or L*, a*, b*. */
+    fun colour(place: Place, lab: Boolean, into: DoubleArray) {
         val at = place.at
         val u = place.u
         val v = place.v
         for (c in 0..2) {
             val left = (1 - v) * values[at + c] + v * values[at + 3 + c]
             val right = (1 - v) * values[at + 3 * NODES + c] + v * values[at + 3 * NODES + 3 + c]
-            into[c] = place.level * ((1 - u) * left + u * right)
+            into[c] = place.root * ((1 - u) * left + u * right)
+        }
+        if (lab) {
+            Spaces.labOfRoots(into)
+        } else {
+            for (c in 0..2) into[c] = white[c] * into[c] * into[c] * into[c]
         }
     }
 
     /** Where signals lie in the tables of all lights; reused from pixel to pixel. */
     class Place {
-        /** The mean of the signals. */
-        var level = 0.0
+        /** Cube root of the mean of the signals. */
+        var root = 0.0
             private set
 
         /** Index of the node below, and the shares of the next ones. */
@@ -72,13 +80,14 @@ internal class PixelTable(posterior: SurfacePosterior) {
         var v = 0.0
             private set
 
-        /** Moves to signals; those below black count as black, and NaN gives a level of NaN. */
+        /** Moves to signals; those below black count as black, and NaN gives a root of NaN. */
         fun move(red: Double, green: Double, blue: Double) {
             val r = max(red, 0.0)
             val g = max(green, 0.0)
             val b = max(blue, 0.0)
-            level = (r + g + b) / 3
-            if (!(level > 0)) return // black and NaN are so by their level
+            val level = (r + g + b) / 3
+            root = cbrt(level)
+            if (!(level > 0)) return // black and NaN are so by their root
             val least = SMALL * level
             val middle = ln(max(g, least))
             val x = along(ln(max(r, least)) - middle)
