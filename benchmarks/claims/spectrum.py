@@ -6,7 +6,7 @@ prior "general" sees surfaces that its prior does not hold: each set of the libr
 the skins those of the other laboratory stay, counted eight times. Lights: D55, D65, A, LED-B3, FL2 and an LED of our
 own (`MADE`).
 
-- Colour: ΔE00 without noise, by curves (true, one, two, unnamed); today: the transform of `camssf colour`, curves of
+- Colour: ΔE00 without noise, by curves (true, one, two, unnamed); transform: the root-polynomial, curves of
   one shot. The set `rawtoaces` is what that transform is fitted to, so it is left out of this column.
 - Between: median ΔE00 of two cameras' colours of the same skin, curves of one shot.
 - Region: share of Lab within its 95 % region; lamp off by 2 % in calibration and in use, noise .5 %, the reference
@@ -165,7 +165,7 @@ def colours(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[
                 yield name, word, way, truth, found.lab
             if name != "rawtoaces":
                 fitted = choose(known["one"].values, source.values)
-                yield name, word, "today", truth, lab(fitted.apply(y), white_of(source.values))
+                yield name, word, "transform", truth, lab(fitted.apply(y), white_of(source.values))
 
 
 def regions(case: Case, rng: np.random.Generator, every: int) -> Iterator[tuple[str, str, Floats]]:
@@ -310,7 +310,7 @@ def show(
     answered: dict[tuple[str, str, str], list[float]],
 ) -> int:
     """Tables, bars and the result's file; the exit status."""
-    ways = (*CURVES, "today")
+    ways = (*CURVES, "transform")
     general = [name for name in GROUPS if not group(name)[2]]
     skin = [name for name in GROUPS if group(name)[2]]
     every: dict[tuple[str, str], Floats] = {key: np.concatenate(each) for key, each in delta.items()}

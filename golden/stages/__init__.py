@@ -16,6 +16,7 @@ from golden.stages import (
     sensing,
     signals,
     solve,
+    spectrum,
     ssf,
     verdict,
     weights,
@@ -39,6 +40,7 @@ STAGES: dict[str, Stage] = {
         rivals,
         verdict,
         colour,
+        spectrum,
         regions,
         finder,
     )

@@ -101,7 +101,8 @@ def _standard(result: dict[str, Any], request: RegionRequest, lamp: str | None, 
     from camssf.colour.camera import camera_of_result
     from camssf.colour.document import colour_document
     from camssf.colour.reach import REACH, check_reach
-    from camssf.colour.standard import View, standard_colour
+    from camssf.colour.standard import standard_colour
+    from camssf.colour.view import View
     from camssf.exports import read_result as read_curves
 
     if not request.regions or request.white_region is None:

@@ -72,8 +72,8 @@ def spectrum(
     from camssf.colour.reflectance import FAR, LitSurfaces
     from camssf.colour.reflectance import spectrum as spectrum_of
     from camssf.colour.spectrum_document import spectrum_csv, spectrum_document
-    from camssf.colour.standard import View
     from camssf.colour.surface_prior import read_prior
+    from camssf.colour.view import View
     from camssf.exports import read_result as read_curves
     from camssf.files import write_file
     from camssf.report.spectrum_plot import check_picture, spectrum_picture

@@ -8,9 +8,10 @@ from camssf.colour.indices import Quality, quality_of
 from camssf.colour.reflectance import LitSurfaces, SurfaceSpectra, spectrum
 from camssf.colour.spaces import adapt, white_of
 from camssf.colour.spread import Reference
-from camssf.colour.standard import PARTS, Colours, View, standard_colour
+from camssf.colour.standard import PARTS, Colours, standard_colour
 from camssf.colour.surface_prior import SurfacePrior, prior_of, read_prior
 from camssf.colour.transforms import KINDS, Transform, choose, fit
+from camssf.colour.view import View
 from camssf.spectra.appearance import lab
 
 __all__ = [

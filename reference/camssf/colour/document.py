@@ -47,15 +47,6 @@ def colour_document(
             "chi_squared": colours.chi_squared,
         },
         "reference": about["reference"] | {"rectangle": list(white.rectangle), "raw": white.raw.tolist()},
-        "transforms": [
-            {
-                "lamp": name,
-                "kind": transform.kind,
-                "coefficients": transform.coefficients.tolist(),
-                "delta_e00": transform.delta_e00,
-            }
-            for (name, _), transform in zip(colours.lamps, colours.transforms, strict=True)
-        ],
         "regions": [_region(colours, signals, errors, region, i) for i, region in enumerate(regions)],
     }
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import product
 from typing import Any
 
@@ -13,22 +12,21 @@ from numpy.typing import ArrayLike
 
 from camssf.colour.camera import Camera, ColourCamera, as_camera
 from camssf.colour.light import Light, see, see_together
-from camssf.colour.posterior import LinearResponse, SurfacePosterior, surface_posterior
-from camssf.colour.spaces import adaptation, lab_slopes, white_of
-from camssf.colour.spread import Reference, checked_signals, of_reference
-from camssf.colour.standard import View, check_light, lamps_of, ratio_error, ratios_of
+from camssf.colour.posterior import SurfacePosterior, surface_posterior
+from camssf.colour.response import NODES, surface_response
+from camssf.colour.spaces import lab_slopes
+from camssf.colour.spread import Reference, checked_signals
+from camssf.colour.standard import check_light, lamps_of, ratio_error, ratios_of
 from camssf.colour.surface_prior import PriorLike, read_prior
+from camssf.colour.view import View
 from camssf.errors import InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import LampLike, colour_science, read_lamp
+from camssf.grid import Floats
+from camssf.spectra import LampLike, colour_science
 from camssf.spectra.appearance import lab
-from camssf.spectra.surfaces import SURFACE_NODES, observer
+from camssf.spectra.surfaces import SURFACE_NODES
 
 FAR = 4.0
 """Distance from the prior, in standard deviations, above which the spectrum counts as outside of it."""
-LEAST = 1e-4
-"""The smallest errors are left out up to this share of the variance of all."""
-NODES = SURFACE_NODES.size
 
 
 @dataclass(frozen=True)
@@ -113,7 +111,7 @@ def spectrum(
         photos: one, or two of the same surfaces under different lights. XYZ and Lab are under the first light. The
             reference is assumed to be the same object in both.
         prior: "general", "skin", a file of reflectances, or a SurfacePrior (`camssf.colour.read_prior`).
-        view: how to state XYZ and Lab; its `kind` is not used.
+        view: how to state XYZ and Lab.
 
     Raises:
         InvalidArgument: invalid values; no photo or more than two; "auto" without a reference, or a camera without
@@ -129,11 +127,11 @@ def spectrum(
     if len({len(y) for y, _ in pairs}) != 1:
         raise InvalidArgument("The photos hold different numbers of surfaces.", "Measure the same regions in both.")
     y, error = (np.concatenate([pair[i] for pair in pairs], axis=1) for i in (0, 1))
-    found, evidence = [], []
+    references, found, evidence = [each.reference for each in photos], [], []
     try:
         with np.errstate(all="ignore"):  # the results are checked below
             for lights in _lights(known, photos):
-                response, white = _response(lights, [each.reference for each in photos], view)
+                response, white = surface_response(lights, references, view, reflectance=True)
                 given = surface_posterior(surfaces, response, y, error)
                 found.append(_stated(given, white, surfaces.name, view, lights))
                 evidence.append(lights[0].log_evidence)
@@ -167,83 +165,6 @@ def _lights(camera: Camera, photos: Sequence[LitSurfaces]) -> list[list[Light]]:
         if len(lamps) == 1:
             check_light(see(camera, lamps[0], ratio, error))
     return [see_together(camera, combined, ratios, errors) for combined in product(*choices)]
-
-
-@cache
-def _hats() -> Floats:
-    """(681, 35) values on the grid of the functions that are 1 at one node and linear between the nodes."""
-    return np.stack([np.interp(WAVELENGTHS, SURFACE_NODES, row) for row in np.eye(NODES)], axis=1)
-
-
-def _response(lights: Sequence[Light], references: Sequence[Reference], view: View) -> tuple[LinearResponse, Floats]:
-    """Signals, and reflectance, XYZ and XYZ over its white, as functions of reflectance; and the white's XYZ.
-
-    Raises:
-        InvalidArgument: a curve without a response to a lamp.
-    """
-    signals, moves = _signals(lights, references)
-    first, functions = lights[0], observer(view.observer)
-    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
-    outputs, white = _colorimetry(first.power, functions, aim)
-    output_moves = np.zeros((len(moves), *outputs.shape))
-    for k, step in enumerate(first.power_modes[: first.of_lamp]):
-        sides = [_colorimetry(np.maximum(first.power + each, 0.0), functions, aim)[0] for each in (step, -step)]
-        output_moves[k] = 0.5 * (sides[0] - sides[1])
-    p, known = first.of_lamp, len(first.power_modes)
-    joint = np.concatenate([moves, output_moves], axis=1)
-    errors = {"curves": joint[p:known], "lamp": joint[:p], "reference": joint[known:]}
-    reduced = {name: _principal(each) for name, each in errors.items()}
-    ends = np.cumsum([0, *(len(each) for each in reduced.values())])
-    sources = {name: slice(int(ends[i]), int(ends[i + 1])) for i, name in enumerate(reduced)}
-    joint, c = np.concatenate(list(reduced.values())), len(signals)
-    return LinearResponse(
-        signals, joint[:, :c], np.concatenate([np.eye(NODES), outputs]), joint[:, c:], sources
-    ), white
-
-
-def _signals(lights: Sequence[Light], references: Sequence[Reference]) -> tuple[Floats, Floats]:
-    """White-balanced signals (c, 35) as functions of reflectance, and their changes (K, c, 35) by each error.
-
-    Errors of lamps and curves come first, then those of the reference, which is the same object in all photos, then
-    for each photo the difference of the light between the two places.
-    """
-    of_object = [of_reference(light, given)[:-1] for light, given in zip(lights, references, strict=True)]
-    known, smooth = len(lights[0].power_modes), len(of_object[0])
-    rows, moves = [], np.zeros((known + smooth + len(lights), 3 * len(lights), NODES))
-    for j, (light, relative) in enumerate(zip(lights, of_object, strict=True)):
-        seen = light.power[:, None] * light.curves
-        total = seen.sum(axis=0)
-        if not (np.isfinite(total).all() and (total > 0).all()):
-            raise InvalidArgument(
-                "A curve has no response to this lamp.", "Check the lamp's spectrum, and the curves."
-            )
-        row = (seen / total).T @ _hats()
-        moved = light.power_modes[:, :, None] * light.curves + light.power[:, None] * light.curve_modes
-        own = slice(3 * j, 3 * j + 3)
-        share = np.swapaxes(moved, 1, 2) @ _hats() / total[:, None]
-        moves[:known, own] = share - (moved.sum(axis=1) / total)[:, :, None] * row
-        moves[known : known + smooth, own] = relative[:, :, None] * row
-        moves[known + smooth + j, own] = references[j].tolerance * row
-        rows.append(row)
-    return np.concatenate(rows), moves
-
-
-def _principal(moves: Floats) -> Floats:
-    """Errors (K, r, 35) as fewer independent ones of the same covariance, but for LEAST of its trace."""
-    _, size, axes = np.linalg.svd(moves.reshape(len(moves), int(np.prod(moves.shape[1:]))), full_matrices=False)
-    rest = np.cumsum(size[::-1] ** 2)[::-1]  # the variance of each and of all smaller ones
-    kept = rest > LEAST * rest.max(initial=0.0)
-    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *moves.shape[1:]))
-
-
-def _colorimetry(power: Floats, functions: Floats, aim: Floats | None) -> tuple[Floats, Floats]:
-    """(6, 35) XYZ as stated and XYZ over its white, as functions of reflectance; and that white's XYZ (3,)."""
-    lit = power[:, None] * functions
-    xyz = (lit / lit[:, 1].sum()).T
-    white = xyz.sum(axis=1)
-    if aim is not None:
-        xyz, white = adaptation(white, aim) @ xyz, aim
-    return np.concatenate([xyz, xyz / white[:, None]]) @ _hats(), white
 
 
 def _stated(

@@ -1,4 +1,4 @@
-"""Converts signals to XYZ and Lab under a stated observer and white, with a covariance and its parts."""
+"""XYZ and Lab of surfaces from their signals, under a stated observer and white, with a covariance and its parts."""
 
 from __future__ import annotations
 
@@ -10,47 +10,27 @@ from numpy.typing import ArrayLike
 
 from camssf.colour.camera import Camera, ColourCamera, as_camera
 from camssf.colour.light import Light, see
+from camssf.colour.posterior import surface_posterior
 from camssf.colour.reach import distances
+from camssf.colour.response import surface_response
 from camssf.colour.spaces import adaptation, lab_slopes, white_of, xyz_of
-from camssf.colour.spread import Reference, checked_signals, metamers, of_reference, outer, signal_moves
-from camssf.colour.transforms import KINDS, Transform, choose, fit, terms
+from camssf.colour.spread import Reference, checked_signals, outer
+from camssf.colour.surface_prior import read_prior
+from camssf.colour.view import View
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import Floats
 from camssf.spectra import Lamp, LampLike, read_lamp
 from camssf.spectra.appearance import lab
 from camssf.spectra.families import FAMILIES
-from camssf.spectra.surfaces import observer, surfaces
+from camssf.spectra.surfaces import observer
 
 PARTS = ("curves", "lamp", "noise", "reference", "metamers")
 """Sources of a colour's covariance."""
 AUTO = "auto"
-ADAPTED = ("lamp", "D50", "D65")
+PRIOR = "general"
+"""Prior of the surfaces' reflectance."""
 CONTRADICTED = 18.4
 """χ² of the reference's two ratios above which the named lamp is rejected; chance exceeds it once in 10,000."""
-
-
-@dataclass(frozen=True)
-class View:
-    """How colours are stated.
-
-    Attributes:
-        observer: "1931" (2°) or "1964" (10°).
-        white: "lamp", the light itself; or "D50", "D65", to which colours are adapted by CAT16.
-        kind: of transform, one of `camssf.colour.KINDS`; chosen by cross-validation unless given.
-    """
-
-    observer: str = "1931"
-    white: str = "lamp"
-    kind: str | None = None
-
-    def __post_init__(self) -> None:
-        observer(self.observer)
-        if self.white not in ADAPTED:
-            raise InvalidArgument(
-                f"Colour cannot be computed for the white {self.white!r}.", f"Take one of {', '.join(ADAPTED)}."
-            )
-        if self.kind is not None and self.kind not in KINDS:
-            raise InvalidArgument(f"There is no transform {self.kind!r}.", f"Take one of {', '.join(KINDS)}.")
 
 
 @dataclass(frozen=True)
@@ -64,7 +44,6 @@ class Colours:
         white: (3,) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it.
         view: how they are stated.
         lamps: names of the lamps that were compared, and their weights.
-        transforms: for each lamp, in that order.
         reach: (m,) distance of the signals from those that any surface can give, in standard deviations.
         chi_squared: χ² of the reference's ratios under the likeliest lamp; None if they were not used.
     """
@@ -77,7 +56,6 @@ class Colours:
     white: Floats
     view: View
     lamps: tuple[tuple[str, float], ...]
-    transforms: tuple[Transform, ...]
     reach: Floats
     chi_squared: float | None
 
@@ -91,7 +69,7 @@ def standard_colour(
     reference: Reference | None = None,
     view: View | None = None,
 ) -> Colours:
-    """Compute colours of surfaces from their signals.
+    """Compute colours of surfaces from their signals: their posterior given the prior "general" of reflectance.
 
     Args:
         camera: a result, its document, or a Camera.
@@ -195,68 +173,21 @@ def check_light(light: Light) -> None:
 
 def _colours(light: Light, y: Floats, error: Floats, given: Reference, view: View) -> Colours:
     """The colours under one lamp."""
-    transform = choose(light.curves, light.power, view.observer, view.kind)
-    functions = observer(view.observer)
-    aim = None if view.white == "lamp" else white_of(read_lamp(view.white).values, view.observer)
-    turn = np.eye(3) if aim is None else adaptation(transform.white, aim)
-    white = transform.white if aim is None else aim
-    xyz = transform.apply(y) @ turn.T
-    slopes = lab_slopes(xyz, white)
+    response, white = surface_response([light], [given], view, reflectance=False)
+    found = surface_posterior(read_prior(PRIOR), response, y, error)
+    relative, ones = found.mean[:, 3:], np.ones(3)
+    slopes = lab_slopes(relative, ones)
 
-    def of_xyz(covariance: Floats) -> tuple[Floats, Floats]:
-        """Transform a covariance of XYZ under the lamp to the stated XYZ and to Lab."""
-        stated = turn @ covariance @ turn.T
-        return stated, slopes @ stated @ np.swapaxes(slopes, -1, -2)
+    def stated(covariance: Floats) -> tuple[Floats, Floats]:
+        """Covariances of XYZ, and of Lab by that of XYZ over its white, whose errors are those of the lamp, too."""
+        return covariance[:, :3, :3], slopes @ covariance[:, 3:, 3:] @ np.swapaxes(slopes, 1, 2)
 
-    steps_xyz, steps_lab = _steps(light, y, transform.kind, functions, aim)
-    p = light.of_lamp
-    parts = {
-        "curves": (outer(steps_xyz[p:]), outer(steps_lab[p:])),
-        "lamp": (outer(steps_xyz[:p]), outer(steps_lab[:p])),
-        "noise": of_xyz(outer(_by_signal(transform, y, error[None] * np.eye(3)[:, None]))),
-        "reference": of_xyz(outer(_by_signal(transform, y, y * of_reference(light, given)[:, None]))),
-        "metamers": of_xyz(metamers(transform.signals, transform.residual, y)),
-    }
-    total = [np.sum([part[i] for part in parts.values()], axis=0) for i in (0, 1)]
-    spread = np.einsum("kmc,kmd->mcd", *[signal_moves(y, error, light, given)] * 2)
+    total = stated(found.covariance)
     return Colours(
-        xyz, lab(xyz, white), total[0], total[1], parts, white, view, ((light.name, 1.0),), (transform,),
-        distances(y, spread, light), light.chi_squared,
+        found.mean[:, :3], lab(relative, ones), total[0], total[1],
+        {name: stated(found.parts[name]) for name in PARTS}, white, view, ((light.name, 1.0),),
+        distances(y, found.signal_covariance, light), light.chi_squared,
     )  # fmt: skip
-
-
-def _steps(light: Light, y: Floats, kind: str, functions: Floats, aim: Floats | None) -> tuple[Floats, Floats]:
-    """Changes of XYZ and Lab (K, m, 3) by one standard deviation of each joint error of lamp and curves."""
-    if not len(light.power_modes):
-        return np.zeros((0, *y.shape)), np.zeros((0, *y.shape))
-    sides = [_at(light, sign, y, kind, functions, aim) for sign in (1.0, -1.0)]
-    xyz, colour = (0.5 * (plus - minus) for plus, minus in zip(*sides, strict=True))
-    return xyz, colour
-
-
-def _at(
-    light: Light, sign: float, y: Floats, kind: str, functions: Floats, aim: Floats | None
-) -> tuple[Floats, Floats]:
-    """XYZ and Lab (K, m, 3) with each of the K errors in turn; the transform is fitted again for each."""
-    table = surfaces()
-    power = np.maximum(light.power + sign * light.power_modes, 0.0)  # (K, m)
-    curves = light.curves + sign * light.curve_modes
-    seen = power[:, :, None] * curves
-    sensed = np.einsum("nm,kmc->knc", table, seen, optimize=True) / seen.sum(axis=1)[:, None]
-    lit = power[:, :, None] * functions
-    scale = lit[:, :, 1].sum(axis=1)[:, None]
-    target = np.einsum("nm,kmc->knc", table, lit, optimize=True) / scale[:, None]
-    whites = lit.sum(axis=1) / scale
-    found = terms(y, kind) @ fit(sensed, target, whites, kind)  # (K, m, 3)
-    if aim is None:
-        return found, lab(found, whites[:, None])
-    turned = found @ np.swapaxes(adaptation(whites, aim), -1, -2)
-    return turned, lab(turned, aim)
-
-
-def _by_signal(transform: Transform, y: Floats, moves: Floats) -> Floats:
-    """Changes of XYZ (K, m, 3) by changes (K, m, 3) of the signals."""
-    return 0.5 * (transform.apply(y + moves) - transform.apply(y - moves))
 
 
 def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
@@ -283,7 +214,6 @@ def _mixed(answers: Sequence[Colours], weights: Floats) -> Colours:
         lab_covariance=np.sum([part[1] for part in parts.values()], axis=0),
         white=mean([a.white for a in answers]),
         lamps=tuple((a.lamps[0][0], float(w)) for a, w in zip(answers, weights, strict=True)),
-        transforms=tuple(a.transforms[0] for a in answers),
         reach=np.min([a.reach for a in answers], axis=0),
     )  # fmt: skip
 

@@ -1,22 +1,19 @@
 package org.camssf
 
 import org.camssf.colour.ColourCamera
-import org.camssf.colour.Kind
-import org.camssf.colour.Light
 import org.camssf.colour.Lit
 import org.camssf.colour.NoColour
+import org.camssf.colour.PhotoLight
+import org.camssf.colour.PixelTable
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
-import org.camssf.colour.Spaces
 import org.camssf.colour.Spread
 import org.camssf.colour.StandardColour
 import org.camssf.colour.View
 import org.camssf.colour.WeighedLamp
 import org.camssf.spectra.Lamp
-import kotlin.math.exp
 import kotlin.math.hypot
-import kotlin.math.ln
 
 /** The colour space that [Standardiser.standardise] writes. */
 public enum class Space {
@@ -31,10 +28,8 @@ public enum class Space {
  * Converts raw signals of this camera under a lamp to CIE XYZ and Lab, with their covariance; the numbers equal those
  * of Python's `camssf.colour.standard_colour`.
  *
- * For 190 real surfaces of reflectance R the curves s and the lamp L give the signals y = Σ R L s / Σ L s, and an
- * observer x̄ gives XYZ = Σ R L x̄ / Σ L ȳ. The transform is XYZ = Cᵀ t(y) with t = (r, g, b, √(r g), √(g b), √(r b))
- * or t = (r, g, b), whichever has the smaller error on left-out surfaces; C is fitted by least squares with white
- * kept. The raw ratios of the reference constrain the lamp.
+ * A colour is the posterior of XYZ given the signals, with measured surfaces as the prior of reflectance
+ * (docs/spectrum.md). The raw ratios of the reference constrain the lamp.
  *
  * ```
  * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
@@ -43,8 +38,8 @@ public enum class Space {
  * standardiser.standardise(preview, into = pixels)       // any number of pixels, no allocation for each
  * ```
  *
- * Creating one fits a transform for each lamp, four if the lamp is unknown: create it again if light or reference
- * change, not for each picture. It holds no native memory and no files and is immutable; safe to share between
+ * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
+ * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
  * threads.
  */
 public class Standardiser private constructor(
@@ -56,12 +51,10 @@ public class Standardiser private constructor(
     public val view: View,
 ) {
     private val scale = DoubleArray(3) { reference.reflectance / reference.sharedRaw[it] }
-    private val kinds = lit.map { it.kind }
-    private val most = if (Kind.ROOT_POLYNOMIAL in kinds) Kind.ROOT_POLYNOMIAL else Kind.MATRIX
 
     /** The compared lamps with their weights; a given lamp is the only one. */
     public val lamps: List<WeighedLamp> =
-        lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i], each.kind) }.frozen()
+        lit.mapIndexed { i, each -> WeighedLamp(each.light.name, weights[i]) }.frozen()
 
     /**
      * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
@@ -172,7 +165,8 @@ public class Standardiser private constructor(
     }
 
     /**
-     * Converts pixels, for a live preview: without covariance and without an allocation for each pixel.
+     * Converts pixels, for a live preview: without covariance and without an allocation for each pixel, by a table of
+     * colours of exact signals; docs/spectrum.md states its error.
      *
      * @param raw R, G, B of each pixel in turn, black subtracted, in the reference's unit. Values below black count
      *   as black; NaN gives NaN.
@@ -226,28 +220,16 @@ public class Standardiser private constructor(
     /** Work arrays of one pixel, reused by one call. */
     private inner class Pixel(private val space: Space) {
         val found = DoubleArray(3)
-        private val y = DoubleArray(3)
-        private val xyz = DoubleArray(3)
-        private val terms = DoubleArray(most.terms)
+        private val own = DoubleArray(3)
+        private val place = PixelTable.Place()
+        private val tables = lit.map { it.table }
 
         fun see(r: Double, g: Double, b: Double) {
-            y[0] = r * scale[0]
-            y[1] = g * scale[1]
-            y[2] = b * scale[2]
-            most.terms(y, 0, terms)
             found.fill(0.0)
+            place.move(r * scale[0], g * scale[1], b * scale[2])
             for (i in weights.indices) {
-                val coefficients = lit[i].coefficients
-                xyz.fill(0.0)
-                // Kind.MATRIX has only the first three terms.
-                for (t in 0 until coefficients.size / 3) {
-                    val term = terms[t]
-                    xyz[0] += term * coefficients[3 * t]
-                    xyz[1] += term * coefficients[3 * t + 1]
-                    xyz[2] += term * coefficients[3 * t + 2]
-                }
-                if (space == Space.LAB) Spaces.lab(xyz, lit[i].white, xyz)
-                for (c in 0..2) found[c] += weights[i] * xyz[c]
+                tables[i].colour(place, space == Space.LAB, own)
+                for (c in 0..2) found[c] += weights[i] * own[c]
             }
         }
     }
@@ -305,52 +287,10 @@ public class Standardiser private constructor(
             raw: DoubleArray?,
             error: Double,
         ): Standardiser {
-            val ratios = if (raw == null || camera.own == null) {
-                null
-            } else {
-                doubleArrayOf(ln(raw[0] / raw[1]), ln(raw[2] / raw[1]))
-            }
-            val noise = hypot(error, reference.tolerance / 2)
-            val lights = if (lamp != null) {
-                listOf(checked(Light.see(camera, lamp, ratios, noise)))
-            } else {
-                if (ratios == null) {
-                    throw InvalidArgument(
-                        "The lamp is unknown.",
-                        "Take a result whose first lamp goes by name; or name the lamp.",
-                    )
-                }
-                KINDS.map { Light.see(camera, Lamp.read(it), ratios, noise) }
-            }
-            val most = lights.maxOf { it.logEvidence }
-            val odds = DoubleArray(lights.size) { exp(lights[it].logEvidence - most) }
-            val whole = odds.sum()
-            val weights = DoubleArray(odds.size) { odds[it] / whole }
-            if (!weights.all { it.isFinite() }) throw NoColour.error()
-            return Standardiser(lights.map { Lit(it, view, reference.tolerance) }, weights, reference, view)
+            val (lights, weights) = PhotoLight.lights(camera, listOf(PhotoLight(lamp, reference, raw, error)))
+            return Standardiser(lights.map { Lit(it[0], view, reference.tolerance) }, weights, reference, view)
         }
 
-        private fun checked(light: Light): Light {
-            val chiSquared = light.chiSquared
-            if (chiSquared != null && chiSquared > CONTRADICTED) {
-                throw LampUnfit(
-                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
-                        "${fixed(chiSquared, 0)}.",
-                    "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
-                    chiSquared,
-                    CONTRADICTED,
-                )
-            }
-            return light
-        }
-
-        /** Kinds that are compared for an unknown lamp, in the order of `camssf.spectra.families`. */
-        private val KINDS = listOf("daylight", "bulb", "white-led", "fluorescent")
-
-        /**
-         * χ² of the reference's two ratios above which the named lamp is rejected; its probability is 1 in 10,000.
-         */
-        private const val CONTRADICTED = 18.4
         private const val LAMP = 1
     }
 }

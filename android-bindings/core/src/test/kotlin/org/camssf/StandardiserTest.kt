@@ -7,13 +7,18 @@ import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.jsonObject
 import org.camssf.colour.Adapted
-import org.camssf.colour.Kind
+import org.camssf.colour.ColourCamera
+import org.camssf.colour.Light
+import org.camssf.colour.LitReference
 import org.camssf.colour.Observer
 import org.camssf.colour.Part
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
+import org.camssf.colour.SurfaceResponse
 import org.camssf.colour.Tables
 import org.camssf.colour.View
+import org.camssf.colour.dot
+import org.camssf.fit.Colour
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
@@ -50,10 +55,9 @@ class StandardiserTest {
     @Test
     fun `white is white, and grey has its lightness`() {
         val found = Standardiser.read(text, d55, white)
-        assertArrayEquals(doubleArrayOf(100.0, 0.0, 0.0), found.colourOf(white.raw).lab, 1e-9)
+        assertArrayEquals(doubleArrayOf(100.0, 0.0, 0.0), found.colourOf(white.raw).lab, 0.25)
         val grey = found.colourOf(raw(0.18, 1.0, 1.0, 1.0))
-        assertEquals(116 * Math.cbrt(0.18) - 16, grey.lab[0], 1e-9)
-        assertArrayEquals(found.white, found.colourOf(white.raw).xyz, 1e-12)
+        assertEquals(116 * Math.cbrt(0.18) - 16, grey.lab[0], 0.05)
         assertEquals("D55", found.lamps.single().name)
         assertEquals(1.0, found.lamps.single().weight)
         assertTrue(found.chiSquared!! < 0.1)
@@ -68,22 +72,30 @@ class StandardiserTest {
     }
 
     @Test
-    fun `pixels are the regions' colours, whatever the view`() {
-        val pixels = List(40) { raw(0.02 + 0.02 * it, 0.8 + 0.01 * it, 1.0, 1.2 - 0.02 * it) }
+    fun `pixels are the colours of exact signals, whatever the view`() {
+        val exact = Reference(white.raw)
+        val still = DoubleArray(3)
+        // Surfaces of the library under D55, whose signals lie between the table's nodes.
+        val light = Light.see(ColourCamera.parse(text), listOf(LitReference(d55, null, 0.0))).single()
+        val response = SurfaceResponse.of(listOf(light), listOf(0.0), View(), reflectance = false).linear
+        val pixels = (Tables.library("general").filterIndexed { i, _ -> i % 7 == 0 } + Tables.library("skin"))
+            .map { row -> DoubleArray(3) { 8000 * gains[it] * dot(response.signals[it], row) } }
         val all = pixels.flatten()
-        for (view in listOf(View(), View(Observer.CIE_1964, Adapted.D50), View(kind = Kind.MATRIX))) {
+        for (view in listOf(View(), View(Observer.CIE_1964, Adapted.D50))) {
             for (lamp in listOf(d55, null)) {
-                val found = Standardiser.read(text, lamp, white, view)
+                val found = Standardiser.read(text, lamp, exact, view)
                 val lab = found.standardise(all)
                 val xyz = found.standardise(all, space = Space.XYZ)
-                pixels.forEachIndexed { i, each ->
-                    val one = found.colourOf(each)
-                    assertArrayEquals(one.lab, lab.copyOfRange(3 * i, 3 * i + 3), 1e-11)
-                    assertArrayEquals(one.xyz, xyz.copyOfRange(3 * i, 3 * i + 3), 1e-13)
+                val differences = pixels.mapIndexed { i, each ->
+                    val one = found.colourOf(each, still)
+                    val own = xyz.copyOfRange(3 * i, 3 * i + 3)
+                    assertArrayEquals(one.xyz, own, 0.01 * one.xyz.maxOrNull()!!)
+                    Colour.difference(one.lab, lab.copyOfRange(3 * i, 3 * i + 3))
                 }
+                assertTrue(differences.average() < 0.04, "mean ${differences.average()}, ${differences.maxOrNull()}")
                 val single = FloatArray(all.size) { all[it].toFloat() }
                 found.standardise(single, single) // in place
-                for (i in lab.indices) assertEquals(lab[i], single[i].toDouble(), 1e-4)
+                for (i in lab.indices) assertEquals(lab[i], single[i].toDouble(), 1e-3)
             }
         }
     }
@@ -110,17 +122,7 @@ class StandardiserTest {
             }
         }
         assertTrue(noisy.deviation(Part.NOISE)[0] > 3 * still.deviation(Part.NOISE)[0])
-        assertArrayEquals(still.deviation(Part.METAMERS), noisy.deviation(Part.METAMERS))
-        // L* alone answers to the noise of all three, by its slopes
-        val step = 1e-3
-        val variance = (0..2).sumOf { c ->
-            val (up, down) = listOf(step, -step).map { by ->
-                found.colourOf(DoubleArray(3) { strip[it] + if (it == c) by else 0.0 }).lab[0]
-            }
-            val slope = (up - down) / (2 * step)
-            slope * slope * (40.0 * 40 + (strip[c] / white.raw[c] * 4).let { it * it })
-        }
-        assertEquals(sqrt(variance), noisy.deviation(Part.NOISE)[0], 1e-3 * sqrt(variance))
+        assertTrue((0..2).all { noisy.deviation(Part.METAMERS)[it] > 0.9 * still.deviation(Part.METAMERS)[it] })
     }
 
     @Test
@@ -228,14 +230,13 @@ class StandardiserTest {
         val means = found.capture.shots[0].means
         val black = means.black
         fun patch(i: Int) = DoubleArray(3) { means.chart.mean[3 * i + it] - black[it] }
-        val paper = chart.values.copyOfRange(18 * Grid.SIZE, 19 * Grid.SIZE).average()
-        val reference = Reference(patch(18), reflectance = paper)
+        val reference = Reference(patch(18), reflectance = luminance(chart, 18))
         val own = Standardiser.of(found, lamp, reference)
         val read = Standardiser.read(found.toJson(), lamp, reference)
         for (i in listOf(0, 5, 12, 20)) {
             val colour = own.colourOf(patch(i))
             assertArrayEquals(colour.lab, read.colourOf(patch(i)).lab)
-            val truth = lightness(chart, i)
+            val truth = 116 * Math.cbrt(luminance(chart, i)) - 16
             val off = abs(colour.lab[0] - truth) / sqrt(colour.labCovariance[0])
             assertTrue(off < 4, "patch ${i + 1}: L* ${colour.lab[0]}, true $truth")
         }
@@ -244,10 +245,9 @@ class StandardiserTest {
         assertTrue(own.colourOf(regions.single()).lab[0] in 1.0..99.0)
     }
 
-    /** L* of a patch under equal energy. */
-    private fun lightness(chart: ChartTable, patch: Int): Double {
-        val luminosity = Tables.observer(Observer.CIE_1931)[1]
-        val y = (0 until Grid.SIZE).sumOf { chart.values[patch * Grid.SIZE + it] * luminosity[it] } / luminosity.sum()
-        return 116 * Math.cbrt(y) - 16
+    /** Y of a patch under equal energy. */
+    private fun luminance(chart: ChartTable, patch: Int): Double {
+        val weights = Tables.observer(Observer.CIE_1931)[1]
+        return (0 until Grid.SIZE).sumOf { chart.values[patch * Grid.SIZE + it] * weights[it] } / weights.sum()
     }
 }

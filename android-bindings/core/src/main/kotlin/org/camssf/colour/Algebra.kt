@@ -30,6 +30,17 @@ internal object Symmetric {
         }
     }
 
+    /** A⁻¹ B (n, m) by the Cholesky factor of A. */
+    fun solve(root: Array<DoubleArray>, right: Array<DoubleArray>): Array<DoubleArray> {
+        val found = Array(right.size) { right[it].copyOf() }
+        forward(root, found)
+        for (i in root.indices.reversed()) {
+            for (j in i + 1 until root.size) add(found[i], -root[j][i], found[j])
+            for (q in found[i].indices) found[i][q] /= root[i][i]
+        }
+        return found
+    }
+
     /**
      * Eigenvalues in descending order, each with its unit eigenvector, by Jacobi rotations, which keep the relative
      * accuracy of small eigenvalues.

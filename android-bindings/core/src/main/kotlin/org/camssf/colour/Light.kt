@@ -31,22 +31,20 @@ internal class Light private constructor(
 ) {
     companion object {
         /**
-         * Conditions lamp and curves on the raw ratios of a reference by Gauss-Newton steps, as in Python's
-         * `camssf.colour.light`.
+         * Conditions the lamps of one or two photos and the curves, which are the same in both, on the raw ratios of
+         * the references by Gauss-Newton steps, as in Python's `camssf.colour.light`.
          *
-         * @param ratios (2) ln of the reference's raw red and blue over its green; null without a usable reference.
-         *   Ignored if the camera's own white is not known.
-         * @param error one standard deviation of them.
+         * @param photos of each a lamp, and ratios of a reference; they are ignored if the camera's own white is not
+         *   known.
+         * @return one light for each photo; they have the same errors, evidence and χ².
          */
-        fun see(camera: ColourCamera, lamp: Lamp, ratios: DoubleArray?, error: Double): Light {
-            val modes = modes(lamp)
-            val p = modes.size
+        fun see(camera: ColourCamera, photos: List<LitReference>): List<Light> {
+            val modes = photos.map { modes(it.lamp) }
+            val ends = modes.runningFold(0) { end, own -> end + own.size }
+            val p = ends.last()
             val size = p + camera.modes.size
-            val update = if (ratios == null || camera.own == null) {
-                null
-            } else {
-                Told(camera, camera.own, lamp, modes, ratios, error)
-            }
+            val seen = if (camera.own == null) emptyList() else photos.indices.filter { photos[it].ratios != null }
+            val update = if (seen.isEmpty()) null else Told(camera, camera.own!!, photos, modes, ends, seen)
             val mean = update?.mean ?: DoubleArray(size)
             val covariance = Array(size) { a ->
                 DoubleArray(size) { b ->
@@ -54,30 +52,35 @@ internal class Light private constructor(
                     (if (a == b) 1.0 else 0.0) - reduced
                 }
             }
-            // The lamp's errors come first, so later columns of the Cholesky factor do not change the lamp.
+            // The lamps' errors come first, so later columns of the Cholesky factor do not change a lamp.
             val root = Symmetric.root(covariance) ?: throw NoColour.error()
-            val bend = bend(modes, mean)
-            return Light(
-                lamp.name,
-                DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * bend[it] },
-                moved(camera, mean, p),
-                List(size) { k ->
-                    val found = DoubleArray(Grid.SIZE)
-                    for (i in k until p) add(found, root[i][k], modes[i])
-                    for (m in found.indices) found[m] *= lamp.sharedValues[m]
-                    found
-                },
-                List(size) { k ->
-                    val found = Array(3) { DoubleArray(Grid.SIZE) }
-                    for (q in max(k - p, 0) until camera.modes.size) {
-                        for (c in 0..2) add(found[c], root[p + q][k], camera.modes[q][c])
-                    }
-                    found
-                },
-                p,
-                update?.logEvidence ?: 0.0,
-                update?.chiSquared,
-            )
+            val curves = moved(camera, mean, p)
+            val curveModes = List(size) { k ->
+                val found = Array(3) { DoubleArray(Grid.SIZE) }
+                for (q in max(k - p, 0) until camera.modes.size) {
+                    for (c in 0..2) add(found[c], root[p + q][k], camera.modes[q][c])
+                }
+                found
+            }
+            return photos.mapIndexed { j, photo ->
+                val power = photo.lamp.sharedValues
+                val bend = bend(modes[j], mean, ends[j])
+                Light(
+                    photo.lamp.name,
+                    DoubleArray(Grid.SIZE) { power[it] * bend[it] },
+                    curves,
+                    List(size) { k ->
+                        val found = DoubleArray(Grid.SIZE)
+                        for (i in modes[j].indices) add(found, root[ends[j] + i][k], modes[j][i])
+                        for (m in found.indices) found[m] *= power[m]
+                        found
+                    },
+                    curveModes,
+                    p,
+                    update?.logEvidence ?: 0.0,
+                    update?.chiSquared,
+                )
+            }
         }
 
         /** Error modes (681) of a lamp, relative to its power: its own modes, and its smooth error. */
@@ -87,9 +90,9 @@ internal class Light private constructor(
             return lamp.sharedModes + smooth.map { row -> DoubleArray(row.size) { lamp.tolerance * row[it] } }
         }
 
-        private fun bend(modes: List<DoubleArray>, at: DoubleArray): DoubleArray {
+        private fun bend(modes: List<DoubleArray>, at: DoubleArray, from: Int): DoubleArray {
             val found = DoubleArray(Grid.SIZE) { 1.0 }
-            for ((i, mode) in modes.withIndex()) add(found, at[i], mode)
+            for ((i, mode) in modes.withIndex()) add(found, at[from + i], mode)
             for (m in found.indices) found[m] = max(found[m], DARKEST)
             return found
         }
@@ -113,19 +116,21 @@ internal class Light private constructor(
     }
 
     /**
-     * The update by the reference's ratios: posterior mean, gain and slope of the joint errors (covariance I - gain ·
-     * slope), and the χ² of the ratios.
+     * The update by the references' ratios: posterior mean, gain and slope of the joint errors (covariance
+     * I - gain · slope), and the χ² of the ratios.
      */
     private class Told(
         private val camera: ColourCamera,
         private val own: OwnWhite,
-        private val lamp: Lamp,
-        private val modes: List<DoubleArray>,
-        ratios: DoubleArray,
-        error: Double,
+        private val photos: List<LitReference>,
+        private val modes: List<List<DoubleArray>>,
+        private val ends: List<Int>,
+        private val seen: List<Int>,
     ) {
-        private val p = modes.size
+        private val p = ends.last()
         private val size = p + camera.modes.size
+        private val ratios = seen.flatMap { photos[it].ratios!!.asList() }
+        private val rows = 2 * seen.size
         var mean = DoubleArray(size)
             private set
         val chiSquared: Double
@@ -134,82 +139,76 @@ internal class Light private constructor(
         private var gain = emptyArray<DoubleArray>()
 
         init {
-            var off = DoubleArray(2)
-            var spread = DoubleArray(3)
+            var off = DoubleArray(rows)
+            var root = emptyArray<DoubleArray>()
             repeat(STEPS) {
                 val (expected, noise) = look()
-                off = DoubleArray(2) { ratios[it] - expected[it] + dot(slope[it], mean) }
-                // Both ratios contain the noise of green.
-                spread = DoubleArray(3) {
-                    val (a, b) = PAIRS[it]
-                    dot(slope[a], slope[b]) + noise[it] + error * error * (if (a == b) 2 else 1)
+                off = DoubleArray(rows) { ratios[it] - expected[it] + dot(slope[it], mean) }
+                // The calibration's own white is the same for all; both ratios of a photo contain the noise of green.
+                val spread = Array(rows) { a ->
+                    DoubleArray(rows) { b ->
+                        val error = if (a / 2 == b / 2) photos[seen[a / 2]].error else 0.0
+                        dot(slope[a], slope[b]) + noise[2 * (a % 2) + b % 2] + error * error * (if (a == b) 2 else 1)
+                    }
                 }
-                gain = Array(2) { DoubleArray(size) }
-                for (i in 0 until size) {
-                    val (r, b) = solved(spread, slope[0][i], slope[1][i])
-                    gain[0][i] = r
-                    gain[1][i] = b
-                }
-                mean = DoubleArray(size) { gain[0][it] * off[0] + gain[1][it] * off[1] }
+                root = Symmetric.root(spread) ?: throw NoColour.error()
+                gain = Symmetric.solve(root, slope)
+                mean = DoubleArray(size) { i -> (0 until rows).sumOf { gain[it][i] * off[it] } }
             }
-            val (r, b) = solved(spread, off[0], off[1])
-            chiSquared = off[0] * r + off[1] * b
-            logEvidence = -0.5 * (chiSquared + 2 * ln(2 * PI) + ln(spread[0] * spread[2] - spread[1] * spread[1]))
+            val weighed = Symmetric.solve(root, Array(rows) { doubleArrayOf(off[it]) })
+            chiSquared = off.indices.sumOf { off[it] * weighed[it][0] }
+            val determinant = root.indices.sumOf { 2 * ln(root[it][it]) }
+            logEvidence = -0.5 * (chiSquared + rows * ln(2 * PI) + determinant)
         }
 
-        fun reduction(a: Int, b: Int): Double = gain[0][a] * slope[0][b] + gain[1][a] * slope[1][b]
-
-        /** S⁻¹ times the vector (r, b), with S = (s₀ s₁; s₁ s₂). */
-        private fun solved(s: DoubleArray, r: Double, b: Double): Pair<Double, Double> {
-            val determinant = s[0] * s[2] - s[1] * s[1]
-            return (s[2] * r - s[1] * b) / determinant to (s[0] * b - s[1] * r) / determinant
-        }
+        fun reduction(a: Int, b: Int): Double = (0 until rows).sumOf { gain[it][a] * slope[it][b] }
 
         /**
-         * Expected ln ratios at the current mean, and the covariance of the errors that are not in the modes; sets
-         * `slope`.
+         * Expected ln ratios at the current mean, and the (2, 2) covariance of the errors of the own white that are
+         * not in the modes; sets `slope`.
          */
         private fun look(): Pair<DoubleArray, DoubleArray> {
             val curves = moved(camera, mean, p)
-            val bend = bend(modes, mean)
-            val power = DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * bend[it] }
             val ours = own.lamp.sharedValues
-            val here = DoubleArray(3) { dot(power, curves[it]) }
             val there = DoubleArray(3) { dot(ours, curves[it]) }
-            val light = Array(3) { c -> DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * curves[c][it] / here[c] } }
-            slope = againstGreen(size) { i, c ->
-                if (i < p) {
-                    dot(modes[i], light[c])
-                } else {
-                    val mode = camera.modes[i - p][c]
-                    dot(power, mode) / here[c] - dot(ours, mode) / there[c]
+            val expected = DoubleArray(rows)
+            slope = Array(rows) { DoubleArray(size) }
+            for ((i, j) in seen.withIndex()) {
+                val named = photos[j].lamp.sharedValues
+                val bend = bend(modes[j], mean, ends[j])
+                val power = DoubleArray(Grid.SIZE) { named[it] * bend[it] }
+                val here = DoubleArray(3) { dot(power, curves[it]) }
+                val light = Array(3) { c -> DoubleArray(Grid.SIZE) { named[it] * curves[c][it] / here[c] } }
+                val log = againstGreen { ln(own.raw[it] * here[it] / there[it]) }
+                for (row in 0..1) expected[2 * i + row] = log[row]
+                fun derivative(at: Int, value: (Int) -> Double) {
+                    val found = againstGreen(value)
+                    for (row in 0..1) slope[2 * i + row][at] = found[row]
+                }
+                modes[j].forEachIndexed { k, mode -> derivative(ends[j] + k) { dot(mode, light[it]) } }
+                camera.modes.forEachIndexed { k, mode ->
+                    derivative(p + k) { dot(power, mode[it]) / here[it] - dot(ours, mode[it]) / there[it] }
                 }
             }
             val lit = Array(3) { c -> DoubleArray(Grid.SIZE) { ours[it] * curves[c][it] / there[c] } }
-            val ofLamp = modes(own.lamp)
-            val ofOwn = againstGreen(ofLamp.size) { i, c -> dot(ofLamp[i], lit[c]) }
-            val log = againstGreen(1) { _, c -> ln(own.raw[c] * here[c] / there[c]) }
-            val noise = DoubleArray(3) {
-                val (a, b) = PAIRS[it]
-                dot(ofOwn[a], ofOwn[b]) + OWN_WHITE * OWN_WHITE * (if (a == b) 2 else 1)
+            val ofOwn = modes(own.lamp).map { mode -> againstGreen { dot(mode, lit[it]) } }
+            return expected to DoubleArray(4) { at ->
+                ofOwn.sumOf { it[at / 2] * it[at % 2] } + OWN_WHITE * OWN_WHITE * (if (at % 3 == 0) 2 else 1)
             }
-            return DoubleArray(2) { log[it][0] } to noise
         }
 
-        /** (2, count) the values of red and of blue, each minus that of green. */
-        private inline fun againstGreen(count: Int, value: (Int, Int) -> Double): Array<DoubleArray> {
-            val found = Array(2) { DoubleArray(count) }
-            for (i in 0 until count) {
-                val green = value(i, 1)
-                found[0][i] = value(i, 0) - green
-                found[1][i] = value(i, 2) - green
-            }
-            return found
-        }
-
-        private companion object {
-            /** Index pairs of a symmetric (2, 2) matrix. */
-            val PAIRS = listOf(0 to 0, 0 to 1, 1 to 1)
+        /** (2) the values of red and of blue, each minus that of green. */
+        private inline fun againstGreen(value: (Int) -> Double): DoubleArray {
+            val green = value(1)
+            return doubleArrayOf(value(0) - green, value(2) - green)
         }
     }
 }
+
+/**
+ * The lamp of a photo, and what a reference in it says of it.
+ *
+ * @property ratios (2) ln of the reference's raw red and blue over its green; null without a usable reference.
+ * @property error one standard deviation of them.
+ */
+internal class LitReference(val lamp: Lamp, val ratios: DoubleArray?, val error: Double)

@@ -11,6 +11,7 @@ internal object Spaces {
     )
     private val BACK = inverse(CAT16)
     private const val BEND = 216.0 / 24389.0
+    private const val BEND_ROOT = 6.0 / 29.0
     private const val SLOPE = 24389.0 / 27.0
 
     private fun curve(t: Double): Double = if (t > BEND) cbrt(t) else (SLOPE * t + 16) / 116
@@ -31,6 +32,15 @@ internal object Spaces {
         into[1] = 500 * (x - y)
         into[2] = 200 * (y - z)
         return into
+    }
+
+    /** L*, a*, b* in the place of the cube roots (3) of XYZ over its white. */
+    fun labOfRoots(roots: DoubleArray) {
+        for (c in 0..2) if (roots[c] <= BEND_ROOT) roots[c] = (SLOPE * roots[c] * roots[c] * roots[c] + 16) / 116
+        val (x, y, z) = roots
+        roots[0] = 116 * y - 16
+        roots[1] = 500 * (x - y)
+        roots[2] = 200 * (y - z)
     }
 
     /** ∂ Lab / ∂ XYZ, (3, 3). */

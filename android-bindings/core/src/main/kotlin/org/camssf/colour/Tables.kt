@@ -12,6 +12,7 @@ import org.camssf.spectra.number
 import org.camssf.spectra.numbers
 import org.camssf.spectra.part
 import org.camssf.spectra.text
+import kotlin.math.roundToInt
 
 /** Three curves or functions on [Grid], (3) of (681). */
 internal typealias Three = Array<DoubleArray>
@@ -36,6 +37,21 @@ internal object Tables {
     val surfaces: Array<DoubleArray> by lazy {
         file.part("surfaces").list("values").map { numbers(it) }.toTypedArray()
     }
+
+    /** (n) of (35) reflectances at [SurfaceNodes] of a kind, "general" or "skin". */
+    fun library(kind: String): List<DoubleArray> {
+        val library = file.part("library")
+        val unit = library.number("unit")
+        val every = (library.number("step") / file.part("surfaces").number("step")).roundToInt()
+        val training = surfaces.map { row -> DoubleArray(SurfaceNodes.SIZE) { row[it * every] } }
+        val sets = library.list("sets").map { it.jsonObject }.filter { it.text("kind") == kind }
+        return (if (kind == "general") training else emptyList()) + sets.flatMap { set ->
+            set.list("values").map { row -> numbers(row).also { for (n in it.indices) it[n] *= unit } }
+        }
+    }
+
+    /** Absorption (35) of an absorber of skin at [SurfaceNodes]; 1 at its largest. */
+    fun absorber(name: String): DoubleArray = file.part("absorbers").part("values").numbers(name)
 
     /** Colour-matching functions of each observer, linear between 1-nm nodes. */
     private val observers: Map<String, Three> by lazy {

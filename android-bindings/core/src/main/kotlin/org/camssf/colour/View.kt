@@ -35,12 +35,10 @@ public enum class Adapted(
  *
  * @property observer CIE 1931 (2°) or 1964 (10°).
  * @property white that Lab is relative to, and that XYZ is adapted to.
- * @property kind of transform; null to choose it by cross-validation.
  */
 public class View @JvmOverloads constructor(
     public val observer: Observer = Observer.CIE_1931,
     public val white: Adapted = Adapted.LAMP,
-    public val kind: Kind? = null,
 )
 
 /**
@@ -120,12 +118,10 @@ public enum class Part {
  *
  * @property name of the lamp, or its kind.
  * @property weight its probability among the lamps compared; 1 if the lamp was named.
- * @property kind kind of its transform.
  */
 public class WeighedLamp internal constructor(
     public val name: String,
     public val weight: Double,
-    public val kind: Kind,
 )
 
 /**

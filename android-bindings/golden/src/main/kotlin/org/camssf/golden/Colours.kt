@@ -10,22 +10,28 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.SpectrumEstimator
 import org.camssf.Standardiser
 import org.camssf.colour.Adapted
 import org.camssf.colour.ColourCamera
-import org.camssf.colour.Kind
 import org.camssf.colour.Observer
 import org.camssf.colour.Part
+import org.camssf.colour.PhotoLight
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reach
 import org.camssf.colour.Reference
+import org.camssf.colour.SkinIndex
+import org.camssf.colour.SurfaceNodes
+import org.camssf.colour.SurfacePrior
+import org.camssf.colour.SurfaceSpectrum
 import org.camssf.colour.View
 import org.camssf.photo.LensShading
 import org.camssf.photo.Region
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.Lamp
+import kotlin.math.sqrt
 
-/** The stages colour, from a result document on, and regions, from a DNG on. */
+/** The stages colour and spectrum, from a result document on, and regions, from a DNG on. */
 internal class Colours(private val files: GoldenFiles, private val forms: Forms, private val photos: Photos) {
     /** As a case has it; its reference's raw signals are asked only where it says so. */
     fun standardiser(case: GoldenCase): Standardiser {
@@ -62,10 +68,58 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             "white" to Tensor(standardiser.white, 3),
             "lamps" to words(standardiser.lamps.map { it.name }),
             "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
-            "kinds" to words(standardiser.lamps.map { it.kind.word }),
             "chi_squared" to standardiser.chiSquared?.let { Tensor.scalar(it) },
             "far" to JsonArray(far.map { JsonPrimitive(it) }),
             "reach" to if (distances.isEmpty()) null else Tensor(distances, distances.size),
+        )
+    }
+
+    fun spectrum(case: GoldenCase): Map<String, Any?> {
+        val told = case.inputs.getValue("photos").jsonArray.map { it.jsonObject }
+        val photos = told.map { photo ->
+            val reference = photo.getValue("reference").jsonObject
+            val raw = reference.getValue("raw").takeIf { it != JsonNull }?.let { forms.resolve(it).values }
+            val tolerance = number(reference.getValue("tolerance"))!!
+            val lamp = photo.text("lamp").takeIf { it != "auto" }?.let { Lamp.read(it) }
+            val white = Reference(raw ?: DoubleArray(3) { 1.0 }, tolerance = tolerance)
+            PhotoLight(lamp, white, raw, number(reference.getValue("error"))!!)
+        }
+        val camera = ColourCamera.parse(result(case.inputs.getValue("result").jsonObject).toString())
+        val prior = SurfacePrior.read(case.inputs.text("prior"))
+        val estimator = SpectrumEstimator.of(camera, photos, prior, view(case))
+        fun given(name: String, i: Int): DoubleArray = told.flatMap { photo ->
+            forms.resolve(photo.getValue(name)).values.asList().subList(3 * i, 3 * i + 3)
+        }.toDoubleArray()
+        val m = told[0].getValue("signals").jsonArray.size
+        val found = List(m) { estimator.seen(given("signals", it), given("standard_error", it)) }
+        fun each(size: Int, of: (SurfaceSpectrum) -> DoubleArray) =
+            DoubleArray(m * size) { of(found[it / size])[it % size] }
+        val n = SurfaceNodes.SIZE
+        val sums = each(n) { one ->
+            val covariance = one.covariance
+            DoubleArray(n) { row -> covariance.copyOfRange(n * row, n * row + n).sum() }
+        }
+        val parts = Part.values().flatMap { part ->
+            found.map { one -> sqrt(one.deviation(part).sumOf { it * it }) }
+        }
+        val indices = SkinIndex.values().flatMap { index ->
+            found.map { it.index(index) }.flatMap { listOf(it.value, it.standardDeviation) }
+        }
+        return mapOf(
+            "reflectance" to Tensor(each(n) { it.reflectance }, m, n),
+            "covariance_sums" to Tensor(sums, m, n),
+            "parts" to Tensor(parts.toDoubleArray(), Part.values().size, m),
+            "indices" to Tensor(indices.toDoubleArray(), SkinIndex.values().size, m, 2),
+            "xyz" to Tensor(each(3) { it.xyz }, m, 3),
+            "lab" to Tensor(each(3) { it.lab }, m, 3),
+            "xyz_covariance" to Tensor(each(9) { it.xyzCovariance }, m, 3, 3),
+            "lab_covariance" to Tensor(each(9) { it.labCovariance }, m, 3, 3),
+            "white" to Tensor(estimator.white, 3),
+            "distance" to Tensor(each(1) { doubleArrayOf(it.distance) }, m),
+            "from_photo" to Tensor(each(1) { doubleArrayOf(it.fromPhoto) }, m),
+            "lamps" to JsonArray(estimator.lamps.map { words(it.names) }),
+            "weights" to Tensor(estimator.lamps.map { it.weight }.toDoubleArray(), estimator.lamps.size),
+            "chi_squared" to estimator.chiSquared?.let { Tensor.scalar(it) },
         )
     }
 
@@ -73,11 +127,9 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
 
     private fun view(case: GoldenCase): View {
         val told = case.inputs.getValue("view").jsonObject
-        val kind = told.getValue("kind").jsonPrimitive.contentOrNull
         return View(
             Observer.values().single { it.word == told.text("observer") },
             Adapted.values().single { it.word == told.text("white") },
-            kind?.let { word -> Kind.values().single { it.word == word } },
         )
     }
 

@@ -174,6 +174,7 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "centres", "ssf", "ssf_std", "code", "predicted", "alone", "rivals", "neutrals",
             ),
             "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
+            "spectrum" to setOf("result", "photos", "prior", "view"),
             "regions" to setOf("photo", "areas", "dark", "lens_shading"),
             "finder" to setOf("dng", "form"),
         )
@@ -218,8 +219,12 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "checked",
             ),
             "colour" to setOf(
-                "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights", "kinds",
+                "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights",
                 "chi_squared", "far", "reach",
+            ),
+            "spectrum" to setOf(
+                "reflectance", "covariance_sums", "parts", "indices", "xyz", "lab", "xyz_covariance",
+                "lab_covariance", "white", "distance", "from_photo", "lamps", "weights", "chi_squared",
             ),
             "regions" to setOf("raw", "standard_error"),
             "finder" to setOf("findings", "kinds", "mirrored", "seen", "corners", "patches", "confidence"),

@@ -170,6 +170,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "rivals" -> captures.rivals(case, engines(case))
         "verdict" -> Weighing(forms, frames).verdict(case)
         "colour" -> colours.colour(case)
+        "spectrum" -> colours.spectrum(case)
         "regions" -> colours.regions(case)
         "finder" -> finders.finder(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")

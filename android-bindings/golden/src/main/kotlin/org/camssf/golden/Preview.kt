@@ -10,7 +10,7 @@ import kotlin.system.exitProcess
 
 /**
  * How long a live preview takes: the folder of the golden cases, a case of the stage colour, samples a side of the mosaic,
- * runs (`python -m benchmarks.kernels.kotlin_colour`). One line: milliseconds to make the standardiser, to read the mosaic's cells
+ * runs (`python -m benchmarks.kernels.kotlin_colour`). One line: milliseconds to make the standardiser and its tables, to read the mosaic's cells
  * and to give their XYZ and Lab, medians of the runs after as many to warm up; and the pixels.
  */
 internal object Preview {
@@ -22,7 +22,7 @@ internal object Preview {
         val colours = Colours(files, forms, Photos(files, forms))
         val case = GoldenCase.read(arguments[1], files)
         lateinit var made: Standardiser
-        val making = median(runs / 20) { made = colours.standardiser(case) }
+        val making = median(runs / 20) { made = colours.standardiser(case).also { it.standardise(FloatArray(3)) } }
         val samples = ShortArray(side * side) { (600 + it * 7919L % 9000).toShort() }
         val region = Region(0, 0, side, side)
         val sensor = Mosaic.Sensor("RGGB", DoubleArray(4) { 512.0 }, 16383.0)

@@ -37,6 +37,6 @@ internal object Suspending {
         val standardiser = Standardiser.of(found, Lamp.read("D55"), Reference(white))
         val lightness = standardiser.colourOf(same).lab[0]
         val pixels = standardiser.standardise(RawPixels.of(area).read(mosaic))
-        check(abs(lightness - 100) < 1e-9 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
+        check(abs(lightness - 100) < 0.25 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }
 }

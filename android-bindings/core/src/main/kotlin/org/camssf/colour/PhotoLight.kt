@@ -1,0 +1,92 @@
+package org.camssf.colour
+
+import org.camssf.InvalidArgument
+import org.camssf.LampUnfit
+import org.camssf.fixed
+import org.camssf.spectra.Lamp
+import kotlin.math.exp
+import kotlin.math.hypot
+import kotlin.math.ln
+
+/**
+ * The light of a photo.
+ *
+ * @property lamp by name, by kind or measured; null mixes the four kinds by their likelihood given the reference's raw
+ *   ratios.
+ * @property reference a white or grey surface in that light.
+ */
+public class PhotoLight internal constructor(
+    public val lamp: Lamp?,
+    public val reference: Reference,
+    private val raw: DoubleArray?,
+    private val error: Double,
+) {
+    public constructor(lamp: Lamp?, reference: Reference) : this(
+        lamp,
+        reference,
+        reference.sharedRaw,
+        (0..2).maxOf { reference.sharedError[it] / reference.sharedRaw[it] },
+    )
+
+    /** The lamp, or the four kinds, with what the reference says of them. */
+    private fun choices(camera: ColourCamera): List<LitReference> {
+        val ratios = if (raw == null || camera.own == null) {
+            null
+        } else {
+            doubleArrayOf(ln(raw[0] / raw[1]), ln(raw[2] / raw[1]))
+        }
+        val noise = hypot(error, reference.tolerance / 2)
+        if (lamp == null && ratios == null) {
+            throw InvalidArgument(
+                "The lamp is unknown.",
+                "Take a result whose first lamp goes by name; or name the lamp.",
+            )
+        }
+        return (lamp?.let { listOf(it) } ?: KINDS.map { Lamp.read(it) }).map { LitReference(it, ratios, noise) }
+    }
+
+    internal companion object {
+        /**
+         * For each combination of lamps one light for each photo, with curves that are the same in all; and the
+         * combinations' weights.
+         *
+         * @throws InvalidArgument an unknown lamp without what tells it.
+         * @throws LampUnfit a reference's raw ratios contradict its lamp.
+         */
+        fun lights(camera: ColourCamera, photos: List<PhotoLight>): Pair<List<List<Light>>, DoubleArray> {
+            val choices = photos.map { it.choices(camera) }
+            for (own in choices) own.singleOrNull()?.let { check(Light.see(camera, listOf(it)).single()) }
+            val combined = choices.fold(listOf(emptyList<LitReference>())) { found, own ->
+                found.flatMap { before -> own.map { before + it } }
+            }
+            val lights = combined.map { Light.see(camera, it) }
+            val most = lights.maxOf { it[0].logEvidence }
+            val odds = DoubleArray(lights.size) { exp(lights[it][0].logEvidence - most) }
+            val whole = odds.sum()
+            val weights = DoubleArray(odds.size) { odds[it] / whole }
+            if (!weights.all { it.isFinite() }) throw NoColour.error()
+            return lights to weights
+        }
+
+        private fun check(light: Light) {
+            val chiSquared = light.chiSquared ?: return
+            if (chiSquared > CONTRADICTED) {
+                throw LampUnfit(
+                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
+                        "${fixed(chiSquared, 0)}.",
+                    "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
+                    chiSquared,
+                    CONTRADICTED,
+                )
+            }
+        }
+
+        /** Kinds that are compared for an unknown lamp, in the order of `camssf.spectra.families`. */
+        private val KINDS = listOf("daylight", "bulb", "white-led", "fluorescent")
+
+        /**
+         * χ² of the reference's two ratios above which the named lamp is rejected; its probability is 1 in 10,000.
+         */
+        private const val CONTRADICTED = 18.4
+    }
+}

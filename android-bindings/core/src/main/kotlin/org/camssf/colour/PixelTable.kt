@@ -1,0 +1,116 @@
+package org.camssf.colour
+
+import kotlin.math.cbrt
+import kotlin.math.exp
+import kotlin.math.ln
+import kotlin.math.max
+
+/**
+ * XYZ of pixels of one light: the posterior's means without noise at nodes of ln r/g and ln b/g. Cube roots, of which
+ * Lab consists, are bilinear between them. Ratios beyond e³ count as e³.
+ *
+ * @property white (3) XYZ of the white that Lab is relative to.
+ */
+internal class PixelTable(posterior: SurfacePosterior, private val white: DoubleArray) {
+    /** (NODES, NODES, 3) cube roots of XYZ over white and over the mean of the signals; ln b/g varies faster. */
+    private val values = DoubleArray(NODES * NODES * 3)
+
+    init {
+        val exact = posterior.exact(3)
+        val log = DoubleArray(exact.log.size)
+        val z = DoubleArray(3)
+        for (at in 0 until NODES * NODES) {
+            z[0] = exp(at / NODES * STEP - EDGE)
+            z[1] = 1.0
+            z[2] = exp(at % NODES * STEP - EDGE)
+            val level = (z[0] + z[1] + z[2]) / 3
+            for (c in 0..2) z[c] /= level
+            node(exact, z, log, 3 * at)
+        }
+    }
+
+    private fun node(exact: SurfacePosterior.Exact, z: DoubleArray, log: DoubleArray, into: Int) {
+        val (r, g, b) = z
+        var most = Double.NEGATIVE_INFINITY
+        for (i in log.indices) {
+            val q = exact.forms[i]
+            val square = q[0] * r * r + q[1] * g * g + q[2] * b * b + q[3] * r * g + q[4] * r * b + q[5] * g * b
+            log[i] = exact.log[i] - 0.5 * square
+            if (log[i] > most) most = log[i]
+        }
+        var whole = 0.0
+        for (i in log.indices) {
+            if (log[i] < most + LEAST) continue
+            val weight = exp(log[i] - most)
+            val map = exact.maps[i]
+            whole += weight
+            for (c in 0..2) values[into + c] += weight * (map[3 * c] * r + map[3 * c + 1] * g + map[3 * c + 2] * b)
+        }
+        for (c in 0..2) values[into + c] = cbrt(values[into + c] / whole / white[c])
+    }
+
+    /** XYZ (3) of the signals at a place, or L*, a*, b*. */
+    fun colour(place: Place, lab: Boolean, into: DoubleArray) {
+        val at = place.at
+        val u = place.u
+        val v = place.v
+        for (c in 0..2) {
+            val left = (1 - v) * values[at + c] + v * values[at + 3 + c]
+            val right = (1 - v) * values[at + 3 * NODES + c] + v * values[at + 3 * NODES + 3 + c]
+            into[c] = place.root * ((1 - u) * left + u * right)
+        }
+        if (lab) {
+            Spaces.labOfRoots(into)
+        } else {
+            for (c in 0..2) into[c] = white[c] * into[c] * into[c] * into[c]
+        }
+    }
+
+    /** Where signals lie in the tables of all lights; reused from pixel to pixel. */
+    class Place {
+        /** Cube root of the mean of the signals. */
+        var root = 0.0
+            private set
+
+        /** Index of the node below, and the shares of the next ones. */
+        var at = 0
+            private set
+        var u = 0.0
+            private set
+        var v = 0.0
+            private set
+
+        /** Moves to signals; those below black count as black, and NaN gives a root of NaN. */
+        fun move(red: Double, green: Double, blue: Double) {
+            val r = max(red, 0.0)
+            val g = max(green, 0.0)
+            val b = max(blue, 0.0)
+            val level = (r + g + b) / 3
+            root = cbrt(level)
+            if (!(level > 0)) return // black and NaN are so by their root
+            val least = SMALL * level
+            val middle = ln(max(g, least))
+            val x = along(ln(max(r, least)) - middle)
+            val y = along(ln(max(b, least)) - middle)
+            val i = x.toInt().coerceAtMost(NODES - 2)
+            val j = y.toInt().coerceAtMost(NODES - 2)
+            u = x - i
+            v = y - j
+            at = 3 * (i * NODES + j)
+        }
+
+        private fun along(ratio: Double): Double = ((ratio + EDGE) / STEP).coerceIn(0.0, NODES - 1.0)
+    }
+
+    private companion object {
+        const val NODES = 129
+        const val EDGE = 3.0
+        const val STEP = 2 * EDGE / (NODES - 1)
+
+        /** Signals below this share of the level have ratios beyond the edge. */
+        const val SMALL = 1e-6
+
+        /** ln of the smallest share of the largest weight that counts. */
+        const val LEAST = -11.5
+    }
+}
