@@ -78,7 +78,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "probability" to numbers(ssf.choice.map { it.probability }),
             "basis" to ssf.basis,
             "prior_scale" to ssf.priorScale,
-            "chart_fading" to ssf.chartFading,
+            "chart_fading" to Tensor.scalar(ssf.chartFading),
             "length" to ssf.familyTest?.let { Tensor(doubleArrayOf(it.length, it.longest), 2) },
             "likeliest" to words(ssf.kinds),
             "ssf" to onNodes { ssf.curve(it) },

@@ -282,7 +282,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "probability" to weighed { it.probability },
             "basis" to ssf.basis,
             "prior_scale" to ssf.priorScale,
-            "chart_fading" to ssf.chartFading,
+            "chart_fading" to Tensor.scalar(ssf.chartFading),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },
             "predicted" to Tensor(ssf.predicted, *chart.shape),
