@@ -152,11 +152,8 @@ def test_the_readme_s_python_is_sound() -> None:
     assert len(block.splitlines()) <= 10
 
 
-def test_the_readme_names_every_verb() -> None:
-    for name in set(camssf.__all__) - {"CalibrationError"}:
-        assert f"`{name}`" in README or re.search(rf"^from camssf import .*\b{name}\b", README, re.MULTILINE), name
-    for name in CLI.commands:  # type: ignore[attr-defined]
-        assert f"`camssf {name}" in README or f"`{name}`" in README
+def test_the_readme_is_short() -> None:
+    assert len(README.split()) <= 700
 
 
 def test_cli_md_names_every_command_and_option_of_calibrate() -> None:
