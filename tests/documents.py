@@ -204,16 +204,19 @@ def _document(lamps: tuple[str, ...]) -> Document:
     }
 
 
-def checks(shots: int) -> list[Document]:
+def checks(shots: int, *, unnamed: bool = False) -> list[Document]:
     """One number of each limit of the rules, all held but the clipped patch's: as many as a verdict can weigh."""
     variants = "unusual_", "lamp_residual_camera", "white_balance_mismatch_unnamed"  # other limits of a check
+    variants += ("chart_fading",)  # weighed for a camera of no family alone
+    variants += () if unnamed else ("unnamed", "band_ratio")
     bounds = {name.partition(".")[2]: each for name, each in rules().numbers.items() if each.makes == "doubtful"}
     bounds = {name: each for name, each in bounds.items() if not name.startswith(variants)}
     found = []
     for name, bound in bounds.items():
         above = bound.beyond == "above"
         whole = name in (
-            "goodness_of_fit", "improbable_curves", "lamp_residual", "other_makers", "unnamed", "vague", "rival",
+            "goodness_of_fit", "improbable_curves", "lamp_residual", "chart_fading", "other_makers", "unnamed",
+            "band_ratio", "vague", "rival",
         )  # fmt: skip
         for shot in [None] if whole else range(1, shots + 1):
             inside = bound.value * (0.31 if above else 1.23)
@@ -277,6 +280,7 @@ def unplaced() -> Document:
 def unnamed() -> Document:
     """Of an unnamed light."""
     made = document()
+    made["verdict"]["checks"] = checks(1, unnamed=True)
     power = np.array(made["shots"][0]["lamp"].pop("power"))
     made["shots"][0]["lamp"] |= {"name": "auto", "tolerance": None, "source": "Nobody named the light."}
     made["shots"][0]["light"] = {

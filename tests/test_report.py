@@ -1367,7 +1367,7 @@ def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
         assert not out or name.startswith("long names"), f"{name} at {width} px: {out}"
         assert name.startswith(("refused", "a fleet")) or height > 1500
         if name in ("one shot, on paper", "two shots, on paper", "an unnamed light, on paper"):
-            assert 700 < certificate_ends < SHEET_HEIGHT, "the certificate is more than one sheet"
+            assert 700 < certificate_ends < SHEET_HEIGHT, (name, certificate_ends)
 
 
 @pytest.mark.full

@@ -153,7 +153,6 @@ WHOLE = {
     "hopeless",
     "improbable_curves",
     "lamp_residual",
-    "chart_fading",
     "vague",
     "other_makers",
 }

@@ -98,7 +98,7 @@ def run_batch(
             raise InvalidArgument(fault, "Choose another output folder.") from error
     else:
         folder = absolute(folder_place(out))
-        manifest = manifest if dask is None else manifest.absolute()
+        manifest = manifest.absolute()
         store = Archive(folder, absolute(registry.folder), pages)
         jobs = unfinished(manifest, registry, summary, store)
     recorder = OutcomeRecorder(manifest, registry, summary, progress)

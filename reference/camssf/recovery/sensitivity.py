@@ -129,6 +129,8 @@ class Illumination:
         lights: of each shot the estimated light, None where its lamp was named; empty if all were.
         kinds: of the most probable hypothesis, as in `Hypothesis`.
         between: (3,) share of each channel's variance that is between the hypotheses; None if all lamps were named.
+        half_width_of_basis: `Ssf.half_width` of the most probable basis's hypotheses alone; None if all lamps were
+            named.
     """
 
     lamp: Floats
@@ -137,6 +139,7 @@ class Illumination:
     lights: tuple[EstimatedLamp | None, ...] = ()
     kinds: tuple[str, ...] = ()
     between: Floats | None = None
+    half_width_of_basis: float | None = None
 
 
 @dataclass(frozen=True)
@@ -226,9 +229,13 @@ class Ssf:
 
     @property
     def band_ratio(self) -> float | None:
-        """`half_width` over that without a photo: what is left of the uncertainty; None without a prior."""
+        """Half-width of the band over that without a photo; None without a prior.
+
+        Both are those of the most probable basis: whether the camera belongs to it is another question.
+        """
         without = None if self.posterior is None else self.posterior.half_width_without_photo
-        return None if without is None or self.half_width is None else self.half_width / without
+        width = self.half_width if self.light.half_width_of_basis is None else self.light.half_width_of_basis
+        return None if without is None or width is None else width / without
 
     def tested(self, test: FamilyTest, chart_fading: float) -> Ssf:
         """The answer with its `family_test`, and by how much the chart has faded."""

@@ -38,6 +38,7 @@ from camssf.recovery.sensitivity import (
     SolverSettings,
     Ssf,
     answer,
+    half_width_of,
     predict_signals,
 )
 from camssf.recovery.solve import log_evidence
@@ -203,7 +204,12 @@ def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: 
         np.stack([predict_signals(each.values, chart, each.light.lamp, rho) for each in answers]),
     )
     found = _mixed(answers, share, best.observation)
-    light = replace(found.light, lights=lights, kinds=best.kinds)
+    own = np.array([each.settings.basis == found.settings.basis for each in answers])
+    std = of_peak_one([each for each, same in zip(answers, own, strict=True) if same], share[own] / share[own].sum())[
+        1
+    ]
+    assert std is not None  # every basis has a prior
+    light = replace(found.light, lights=lights, kinds=best.kinds, half_width_of_basis=half_width_of(std))
     return replace(found, predicted=predicted, light=light, choice=weighed)
 
 

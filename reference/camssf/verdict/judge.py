@@ -184,10 +184,10 @@ def _unusual(ssf: Ssf, unnamed: Sequence[bool], checks: Checks) -> list[Reason]:
 
 
 def _faded(ssf: Ssf, checks: Checks) -> list[Reason]:
-    """Check whether the signals were explained by a faded chart only."""
-    if ssf.family_test is None:
-        return []
+    """Check whether the signals were explained by a faded chart only; it is weighed if the family test fails."""
     amount = ssf.settings.chart_fading
+    if ssf.family_test is None or (ssf.family_test.passed and not amount):
+        return []
     checks.note("chart_fading", amount)
     return [because("faded", amount, {"amount": amount})] if amount > FADING else []
 

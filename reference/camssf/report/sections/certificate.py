@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from camssf.documents.basis_choice import band_in_words
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.unit import Unit
 from camssf.report.provenance import Provenance
@@ -186,13 +185,13 @@ def budget_of(document: Json) -> Budget | None:
         (term["source"], term["size"], tuple(f"{100 * share:.0f} %" for share in term["share"]))
         for term in found["budget"]
     )
-    words = f"95 % band on average: {band_in_words(found)}."
+    words = ""
     if found["alone"]:
         names = [shot["lamp"]["name"] for shot in document["shots"]]
         alone = ", ".join(f"{name} ± {width:.3f}" for name, width in zip(names, found["alone"], strict=False))
         bought = 1.0 - found["half_width"] / min(found["alone"]) if min(found["alone"]) > 0 else 0.0
-        words += (
-            f" That is of all shots together. Each alone: {alone}. "
+        words = (
+            f"All shots together: ± {found['half_width']:.3f} of the peak on average. Each alone: {alone}. "
             f"The other lamps narrow the best single shot's band by {100 * bought:.0f} %."
         )
     return Budget(rows, words)

@@ -74,7 +74,7 @@ internal class AnyLight(
         val own = families.first { it.engine.basis == found.basis }
         val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
         val wide = weighed(wider, guesses.map { it.faded(fading) }, faded(of, fading))
-        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between).tested(test, fading)
+        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis).tested(test, fading)
     }
 
     /** ln of the marginal likelihood of the signals, over all hypotheses. */
@@ -117,7 +117,9 @@ internal class AnyLight(
         val predicted = mixture.mean { predictSignals(it.sharedValues, of, it.sharedLamp, white) }
         val lamp = mixture.mean { levelled(it.sharedLamp) }
         val ssf = mixture.ssf(best.observation.known, lamp, predicted)
-        return ssf.chosen(compared, lights, best.kinds, mixture.between())
+        val own = answers.indices.filter { answers[it].basis == ssf.basis }
+        val width = Mixture(own.map { answers[it] }, own.map { mixture.shares[it] }).halfWidth()
+        return ssf.chosen(compared, lights, best.kinds, mixture.between(), width)
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */

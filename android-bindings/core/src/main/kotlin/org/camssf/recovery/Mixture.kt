@@ -36,13 +36,7 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
         val values = DoubleArray(mean.size) { mean[it] / scale[it % 3] }
         val likeliest = answers[best]
         val std = likeliest.sharedStd?.let {
-            DoubleArray(mean.size) { at ->
-                val variance = parts.sumOf { part ->
-                    val off = part.curves[at] - mean[at]
-                    part.share * (part.bands!![at] * part.bands[at] + off * off)
-                }
-                sqrt(variance) / scale[at % 3]
-            }
+            DoubleArray(mean.size) { at -> sqrt(variance(at)) / scale[at % 3] }
         }
         val steps = answers.map { it.sharedFinishSteps }
             .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
@@ -50,6 +44,17 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
             Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, likeliest.logEvidence)
         val seen = predicted ?: predictSignals(values, known.reflectance.values, lamp, white)
         return likeliest.mixed(values, std, seen, lamp, mean { it.sharedGainCode }, proof)
+    }
+
+    /** [Ssf.halfWidth] of the mixture. */
+    fun halfWidth(): Double {
+        val visible = (40..640).flatMap { m -> (0..2).map { 3 * m + it } }
+        return 1.96 * visible.sumOf { at -> sqrt(variance(at)) } / visible.size
+    }
+
+    private fun variance(at: Int): Double = parts.sumOf { part ->
+        val off = part.curves[at] - mean[at]
+        part.share * (part.bands!![at] * part.bands[at] + off * off)
     }
 
     /** (3) share of each channel's variance that is between the solutions. */

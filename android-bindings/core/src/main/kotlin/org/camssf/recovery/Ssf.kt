@@ -81,6 +81,8 @@ public class Ssf internal constructor(
     /** Whether the camera belongs to the family of its basis; null if the basis was named. */
     internal val familyTest: FamilyTest? = null,
     public val chartFading: Double = 0.0,
+    /** [halfWidth] of the most probable basis's hypotheses alone; null if all lamps were named. */
+    internal val halfWidthOfBasis: Double? = null,
 ) {
     /**
      * The compared hypotheses, if basis or kind of light were chosen by their evidence, phones before cameras; else
@@ -215,9 +217,10 @@ public class Ssf internal constructor(
         lights: List<EstimatedLamp?> = emptyList(),
         kinds: List<String> = emptyList(),
         between: DoubleArray? = null,
+        halfWidthOfBasis: Double? = null,
     ): Ssf = Ssf(
         curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest,
-        chartFading,
+        chartFading, halfWidthOfBasis,
     )
 
     /** The answer with the outcome of its test, and by how much the chart has faded. */
@@ -229,7 +232,7 @@ public class Ssf internal constructor(
         chartFading: Double = this.chartFading,
     ): Ssf = Ssf(
         curves, proof, sharedGain, sharedGamma, l2, basis, priorScale, choice, lights, kinds, between, familyTest,
-        chartFading,
+        chartFading, halfWidthOfBasis,
     )
 
     /** The mixture of which this is the most probable part: these curves and proof, all else as here. */

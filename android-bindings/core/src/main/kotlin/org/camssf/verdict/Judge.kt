@@ -138,10 +138,11 @@ internal object Judge {
         Cause.WHITE, Cause.LIGHT -> emptyMap()
     }
 
-    /** Checks whether the signals were explained by a faded chart only. */
+    /** Checks whether the signals were explained by a faded chart only; it is weighed if the family test fails. */
     private fun faded(ssf: Ssf, checks: Checks): List<Reason> {
-        if (ssf.familyTest == null) return emptyList()
         val amount = ssf.chartFading
+        val test = ssf.familyTest ?: return emptyList()
+        if (test.passed && amount == 0.0) return emptyList()
         checks.note("chart_fading", amount)
         if (amount <= Rules.shipped.number("verdict.chart_fading")) return emptyList()
         return listOf(Reasons.because("faded", amount, mapOf("amount" to amount)))
@@ -151,7 +152,7 @@ internal object Judge {
     private fun typical(ssf: Ssf, checks: Checks): List<Reason> {
         val without = ssf.halfWidthWithoutPhoto ?: return emptyList()
         if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
-        val ratio = ssf.halfWidth / without
+        val ratio = (ssf.halfWidthOfBasis ?: ssf.halfWidth) / without
         checks.note("band_ratio", ratio)
         if (ratio <= Rules.shipped.number("verdict.band_ratio")) return emptyList()
         return listOf(Reasons.because("typical", ratio, mapOf("ratio" to ratio)))
