@@ -83,7 +83,7 @@ public object Fakes {
             scores,
             Verdict(status, reasons),
             signals.assumptions + Assumption(FAKE, "Made by camssf-testing: these are no camera's curves."),
-            Uncertainty(ssf.halfWidth, emptyList(), emptyList()),
+            Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, emptyList(), emptyList()),
         )
         return Calibrated(solution, "0".repeat(64))
     }
