@@ -63,7 +63,8 @@ internal class AnyLight(
             val found = weighed(families, seen, faded(of, fading))
             val best = seen.first { it.kinds == found.kinds }
             tell()
-            return found to UnfamiliarCamera.test(engine(found), best.observation, found, named(found))
+            val test = UnfamiliarCamera.test(engine(found), best.observation, found, named(found))
+            return found to test
         }
         var answer = chosen(0.0)
         if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
@@ -74,7 +75,8 @@ internal class AnyLight(
         val own = families.first { it.engine.basis == found.basis }
         val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
         val wide = weighed(wider, guesses.map { it.faded(fading) }, faded(of, fading))
-        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis).tested(test, fading)
+        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis)
+            .tested(test, fading)
     }
 
     /** ln of the marginal likelihood of the signals, over all hypotheses. */

@@ -198,13 +198,13 @@ internal class GoldenCase private constructor(val name: String, private val json
             ),
             "layers" to setOf("ssf", "objective", "gap", "finish_steps", "distance"),
             "choice" to setOf(
-                "weighed", "log_evidence", "probability", "basis", "prior_scale", "chart_fading", "family_test", "ssf",
-                "ssf_std", "predicted", "gap",
+                "weighed", "log_evidence", "probability", "basis", "prior_scale", "chart_fading", "family_test",
+                "ssf", "ssf_std", "predicted", "gap",
             ),
             "light" to setOf(
                 "weighed", "log_evidence", "probability", "basis", "prior_scale", "chart_fading", "length",
-                "likeliest", "ssf", "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std", "kelvin", "kelvin_std",
-                "status", "codes", "messages", "values", "thresholds", "said",
+                "likeliest", "ssf", "ssf_std", "predicted", "gap", "rmsre_percent", "kinds", "power", "power_std",
+                "kelvin", "kelvin_std", "status", "codes", "messages", "values", "thresholds", "said",
             ),
             "rivals" to setOf("gains"),
             "calibrate" to setOf(
