@@ -95,6 +95,8 @@ class Manifest:
         self, path: Path | str, *, basis: str = "auto", engine: str = "onnx", lens_shading: str = "as-stored"
     ) -> None:
         self.path = place(path)
+        self.home = self.path.parent
+        """Folder that the files' names in the manifest are relative to."""
         self.basis_file = basis_path(basis)
         self.done = 0.0
         """Fraction of the manifest read so far, 0 to 1."""
@@ -103,9 +105,11 @@ class Manifest:
         self._options = {"basis": basis, "engine": engine, "lens_shading": lens_shading}
 
     def absolute(self) -> Manifest:
-        """The same manifest with absolute paths, for processes with another working folder."""
+        """The same manifest, whose jobs have absolute paths, for processes with another working folder."""
         options = self._options | ({} if self.basis_file is None else {"basis": str(self.basis_file.absolute())})
-        return Manifest(absolute(self.path), **options)
+        found = Manifest(self.path, **options)
+        found.home = absolute(self.home)
+        return found
 
     def __iter__(self) -> Iterator[Job]:
         """The jobs as they are read: of any number, with any further columns; the rows of a name stand together."""
@@ -151,7 +155,7 @@ class Manifest:
             raise InvalidArgument(f"{self.path} has no rows.", "Write one row a photo.")
 
     def _job(self, name: str, rows: Sequence[dict[str, str]]) -> Job:
-        home, first = self.path.parent, rows[0]
+        home, first = self.home, rows[0]
 
         def frames(column: str) -> tuple[str | None, ...]:
             return tuple(None if row[column].casefold() in ("", "none") else join(home, row[column]) for row in rows)
