@@ -135,8 +135,7 @@ def summarise(document: dict[str, Any], page: Path | None) -> None:
     if lights:
         several = len(document["shots"]) > 1
         say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
-    width = (document.get("uncertainty") or {}).get("half_width")
-    if width is not None:
+    if document.get("uncertainty"):
         say("95 % band: ", band_in_words(document["uncertainty"]).replace("±", "+/-"))  # in any coding
     for j, shot in enumerate(document["shots"]):
         for note in shot["pose"]["notes"] if shot["pose"] else ():

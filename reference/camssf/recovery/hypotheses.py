@@ -9,7 +9,7 @@ camera seems to belong to no family, the chart may have faded (`faded_chart`), o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +73,8 @@ def recover(
         return answer(observation, basis, prior_scale=prior_scale, settings=settings)
     beliefs = np.array([prior_belief(name, prior or {}) for name in FAMILIES])
 
-    def chosen(given: Observation) -> tuple[Ssf, FamilyTest]:
+    def chosen(fading: float) -> tuple[Ssf, FamilyTest]:
+        given = observation.faded(fading)
         found = choose(given, [answer(given, name, settings=settings) for name in FAMILIES], beliefs)
         return found, family_test(given, found, [True] * len(given.lamp))
 
@@ -82,14 +83,30 @@ def recover(
         nats = np.array([log_evidence(linear_model(given, read_basis(name))) for name in FAMILIES])
         return float(np.logaddexp.reduce(nats + beliefs))
 
-    found, test = chosen(observation)
-    fading = 0.0 if test.passed else chart_fading(evidence, CLEAR)
+    def wider(name: str, fading: float) -> Ssf:
+        return answer(observation.faded(fading), name, prior_scale=WIDER, settings=settings)
+
+    return recover_any_camera(chosen, evidence, wider)
+
+
+def recover_any_camera(
+    chosen: Callable[[float], tuple[Ssf, FamilyTest]],
+    log_evidence: Callable[[float], float],
+    wider: Callable[[str, float], Ssf],
+) -> Ssf:
+    """The answer whether or not the camera belongs to a family: with a faded chart or a wider prior if it does not.
+
+    Args:
+        chosen: the answer of the learned width and its test, for a chart that has faded by so much.
+        log_evidence: as in `chart_fading`.
+        wider: the answer of a basis with a prior WIDER times as wide, for such a chart.
+    """
+    found, test = chosen(0.0)
+    fading = 0.0 if test.passed else chart_fading(log_evidence, CLEAR)
     if fading:
-        observation = observation.faded(fading)
-        found, test = chosen(observation)
+        found, test = chosen(fading)
     if not test.passed:
-        wide = answer(observation, found.settings.basis, prior_scale=WIDER, settings=settings)
-        found = replace(wide, choice=found.choice)
+        found = replace(wider(found.settings.basis, fading), choice=found.choice)
     return found.tested(test, fading)
 
 

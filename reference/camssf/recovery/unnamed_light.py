@@ -17,16 +17,15 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.recovery.faded_chart import chart_fading
 from camssf.recovery.hypotheses import (
     AUTO,
-    CLEAR,
     FAMILIES,
     mixture,
     of_peak_one,
     posterior_weights,
     prior_belief,
     probabilities,
+    recover_any_camera,
 )
 from camssf.recovery.linear_model import DARKEST, LinearModel, linear_model
 from camssf.recovery.observation import Observation
@@ -145,25 +144,21 @@ def recover_in_any_light(
             LampHypothesis(guess.faded(fading), name, 1.0, belief) for name, belief in beliefs for guess in guesses
         ]
 
+    def solved(given: Sequence[LampHypothesis], fading: float) -> Ssf:
+        return _recover(given, None if of is None else faded(of, fading), settings)
+
     def chosen(fading: float) -> tuple[Ssf, FamilyTest]:
-        found = _recover(hypotheses(fading), None if of is None else faded(of, fading), settings)
+        found = solved(hypotheses(fading), fading)
         best = next(guess.faded(fading) for guess in guesses if guess.kinds == found.light.kinds)
         return found, family_test(best.observation, found, [not kind for kind in best.kinds])
 
     def evidence(fading: float) -> float:
         return float(np.logaddexp.reduce([each.log_evidence + each.log_prior for each in hypotheses(fading)]))
 
-    found, test = chosen(0.0)
-    fading = 0.0 if test.passed else chart_fading(evidence, CLEAR)
-    if fading:
-        found, test = chosen(fading)
-    if not test.passed:
-        own = [each for each in hypotheses(fading) if each.basis == found.settings.basis]
-        wide = _recover(
-            [replace(each, scale=WIDER) for each in own], None if of is None else faded(of, fading), settings
-        )
-        found = replace(wide, choice=found.choice)
-    return found.tested(test, fading)
+    def wider(name: str, fading: float) -> Ssf:
+        return solved([replace(each, scale=WIDER) for each in hypotheses(fading) if each.basis == name], fading)
+
+    return recover_any_camera(chosen, evidence, wider)
 
 
 def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: SolverSettings) -> Ssf:
