@@ -101,6 +101,21 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
         calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
 
 
+def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCurves) -> None:
+    """A chart like Ohta's table is solved with it, unless the caller fixes the table or the basis has no prior."""
+    (shot,) = simulate(camera, "D55", tmp_path, chart="classic24:ohta", scene=Scene(size=SIZE)).shots
+    found = {
+        (chart, basis): calibrate(shot.shot, chart=chart, options=Options(basis=basis), truth=camera)
+        for chart, basis in (("classic24", "auto"), ("classic24:babelcolor", "auto"), ("classic24", "gaussian"))
+    }
+    tables = [each.document()["chart"]["table"] for each in found.values()]
+    assert tables == ["ColorChecker N Ohta", "BabelColor Average", "BabelColor Average"]
+    chosen, fixed, _ = found.values()
+    assert np.mean(chosen.scores.rmsre_percent) < np.mean(fixed.scores.rmsre_percent)
+    measured_by_user = replace(read_chart("classic24"), table="mine.csv")
+    assert (read_chart("classic24:babelcolor").other_tables(), measured_by_user.other_tables()) == ((), ())
+
+
 def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
     found = solve(capture).uncertainty
     assert found is not None

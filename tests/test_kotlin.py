@@ -328,6 +328,14 @@ def test_options(
     check(python(case), kotlin(case, tmp_path / "result.json"))
 
 
+def test_the_chart_s_table_is_chosen_alike(tmp_path: Path, kotlin: Kotlin) -> None:
+    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, chart="classic24:ohta", scene=Scene(size=(900, 675)))
+    case = Case(list(made.shots), [made.pose.corners], ["D55"])
+    theirs = kotlin(case, tmp_path / "result.json")
+    assert theirs["chart"]["table"] == "ColorChecker N Ohta"
+    check(python(case), theirs)
+
+
 @pytest.fixture(scope="module")
 def phone(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot], Floats]:
     """A phone's photos, which say so."""

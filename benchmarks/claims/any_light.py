@@ -25,6 +25,7 @@ from benchmarks.claims.accuracy import LOW, SEEN
 from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.claims.wrong_lamps import populations, stands_in
 from benchmarks.shared import (
+    TABLE,
     command_parser,
     console,
     count_missed,
@@ -51,7 +52,6 @@ from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
-from camssf.spectra.charts import faded
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 
 LAMPS = {
@@ -129,12 +129,16 @@ def pose() -> Pose:
 
 
 def capture(
-    device: Device, lamps: Sequence[str], told: Sequence[Light], maker: str, seed: int, fading: float = 0.0
+    device: Device,
+    lamps: Sequence[str],
+    told: Sequence[Light],
+    maker: str,
+    seed: int,
+    chart: Floats | None = None,
+    table: str = TABLE,
 ) -> Capture:
-    """The chart of Ohta's table under these lamps, faded by about as much: each patch by 0.5 to 1.5 times of it."""
-    chart, shots = read_chart("classic24:ohta").values, []
-    each = fading * np.random.default_rng(seed).uniform(0.5, 1.5, len(chart))
-    chart = faded(chart, each[:, None])
+    """A chart under these lamps, by default of Ohta's reflectances (24, 681), with the named table."""
+    chart, shots = read_chart("classic24:ohta").values if chart is None else chart, []
     model = device.name[len(maker) :].strip() if maker else ""
     for number, (name, light) in enumerate(zip(lamps, told, strict=True)):
         power = read_lamp(name).values
@@ -145,7 +149,7 @@ def capture(
         white, dark = frame(np.ones_like(y), 1e-5 * np.ones_like(y)), frame(np.zeros_like(y), np.zeros_like(y))
         means = PatchMeans(frame(y + noise, error), white, dark, np.full(3, BLACK), 16383.0)
         shots.append(MeasuredShot(light, photo, photo, photo, pose(), means, None))
-    return Capture(tuple(shots), read_chart("classic24"), None)
+    return Capture(tuple(shots), read_chart(table), None)
 
 
 def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:

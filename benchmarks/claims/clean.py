@@ -26,6 +26,7 @@ from benchmarks.claims.faults import shoot, stage
 from benchmarks.claims.phones import OTHERS, Device, phones_left_out
 from benchmarks.claims.wrong_lamps import stands_in
 from benchmarks.shared import (
+    TABLE,
     command_parser,
     console,
     count_missed,
@@ -81,7 +82,7 @@ class Judged:
 def judged(shot: MeasuredShot, light: Light, maker: str, model: str, half: str) -> Judged:
     """The product's verdict."""
     shot = replace(shot, lamp=light, photo=replace(shot.photo, make=maker, model=model))
-    capture = Capture((shot,), read_chart("classic24"), None)
+    capture = Capture((shot,), read_chart(TABLE), None)
     try:
         verdict = solve(capture, options=Options(engine="reference")).verdict
         return Judged(half, verdict.status, tuple(each.name for each in verdict.checks if beyond(each)))
@@ -141,7 +142,7 @@ def offsets_of(device: Device, number: int) -> Iterator[tuple[tuple[str, float, 
                 shot = replace(shot, photo=replace(shot.photo, make=maker, model=device.name[len(maker) :].strip()))
                 try:
                     verdict = solve(
-                        Capture((shot,), read_chart("classic24"), None), options=Options(engine="reference")
+                        Capture((shot,), read_chart(TABLE), None), options=Options(engine="reference")
                     ).verdict
                 except CalibrationError as error:
                     verdict = Verdict("refused", error.reasons)

@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.claims.accuracy import SEEN, left_out
 from benchmarks.claims.phones import PHONES, taught
-from benchmarks.shared import command_parser, console, one_thread, progress, save, standing_in, table, versions
+from benchmarks.shared import TABLE, command_parser, console, one_thread, progress, save, standing_in, table, versions
 from camssf.calibration import calibrate as from_files
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
@@ -175,7 +175,7 @@ def stage(number: int, name: str, camera: Floats, lamp: str) -> Staged:
     curves = camera * np.array([rng.uniform(0.4, 0.9), 1.0, rng.uniform(0.5, 0.9)])
     body = CameraCurves(name, curves, "measured")
     plan = ShotPlan(
-        body, replace(light, values=light.values * ripple), real_chart(number, rng), scene, sensor, lamp, "classic24",
+        body, replace(light, values=light.values * ripple), real_chart(number, rng), scene, sensor, lamp, TABLE,
         white_level=float(np.exp(0.01 * rng.normal())),
     )  # fmt: skip
     return Staged(plan, number, maker_of(name))
@@ -237,7 +237,7 @@ def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> MeasuredShot:
 
 def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outcome:
     """Status, codes, RMSE and coverage; the curves of a refused verdict are judged all the same."""
-    capture, options = Capture(tuple(shots), read_chart("classic24"), None), Options(engine="reference")
+    capture, options = Capture(tuple(shots), read_chart(TABLE), None), Options(engine="reference")
     with standing_in(basis):
         try:
             done = solve(capture, options=options)

@@ -38,6 +38,7 @@ from benchmarks.claims.faults import HARM
 from benchmarks.claims.phones import Device
 from benchmarks.claims.wrong_lamps import LEFT_OUT, WRONG, populations, stands_in
 from benchmarks.shared import (
+    TABLE,
     command_parser,
     console,
     count_missed,
@@ -127,7 +128,7 @@ def photographed(device: Device, lamp: str, told: Light, at: Place, row: str, ma
         frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), 16383.0
     )
     other = photo if framed else None
-    return Capture((MeasuredShot(told, photo, other, other, at.pose, means, None),), read_chart("classic24"), None)
+    return Capture((MeasuredShot(told, photo, other, other, at.pose, means, None),), read_chart(TABLE), None)
 
 
 @contextmanager

@@ -48,7 +48,8 @@ from benchmarks.shared import (
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.learning.training import HANDFUL, maker_of, read_curves, with_yellow, yellow_for_green
 from camssf.recovery.basis import Basis
-from camssf.spectra import read_lamp
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.charts import faded
 
 OTHER, UNKNOWN = "as measured, basis of another maker's", "as measured, no maker in the file"
 FADED = {"chart faded by 10 %": 0.1, "chart faded by 20 %": 0.2}
@@ -123,6 +124,13 @@ def cameras(foreign: Path | None) -> Iterator[tuple[str, Device, tuple[Basis, ..
                 yield title + word, device, known, maker
 
 
+def faded_chart(fading: float, seed: int) -> Floats:
+    """Ohta's chart, faded by about as much: each patch by 0.5 to 1.5 times of it."""
+    chart = read_chart("classic24:ohta").values
+    each = fading * np.random.default_rng(seed).uniform(0.5, 1.5, len(chart))
+    return faded(chart, each[:, None])
+
+
 def taken(
     device: Device, known: Sequence[Basis], maker: str, number: int, fading: float
 ) -> Iterator[tuple[str, Taken]]:
@@ -130,7 +138,8 @@ def taken(
     with standing_in(*known):
         for at, lamp in enumerate(LAMPS):
             for word, light in (("named", read_lamp(lamp)), ("not named", unnamed(lamp))):
-                photo = capture(device, (lamp,), [light], maker, 100 * number + at, fading)
+                seed = 100 * number + at
+                photo = capture(device, (lamp,), [light], maker, seed, faded_chart(fading, seed))
                 yield word, judged(photo, device, (lamp,))
 
 

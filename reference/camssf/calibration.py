@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.chart_table import likeliest_table
 from camssf.fit.cross_validation import cross_validate, score
 from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
 from camssf.fit.uncertainty import uncertainty_budget
@@ -114,6 +116,10 @@ def solve(
     fit = prepare_fit(capture, options)
     signals = fit.signals
     ssf = recover_fit(fit, signals.used, options.gamma)
+    table = likeliest_table(fit, ssf)
+    if table is not capture.chart:
+        capture = replace(capture, chart=table)
+        return solve(capture, options=options, truth=truth, progress=progress, record=record)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
     predicted_std = prediction_bands(fit, signals.used, ssf)

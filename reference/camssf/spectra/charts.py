@@ -64,6 +64,14 @@ class ChartTable:
         """The table of a chart that has faded by `amount`."""
         return replace(self, values=frozen(faded(self.values, amount))) if amount else self
 
+    def other_tables(self) -> tuple[ChartTable, ...]:
+        """The chart's other public tables, with the same tolerance, if this is the default one and not named."""
+        charts = bundled()["charts"]
+        default, *others = charts["tables"]
+        if self.name not in charts["names"] or self.table != charts["tables"][default]:
+            return ()
+        return tuple(replace(read_chart(f"{self.name}:{table}"), tolerance=self.tolerance) for table in others)
+
 
 def faded(reflectance: Floats, amount: float | Floats) -> Floats:
     """Reflectances (..., 681) of a chart whose colours have faded by v: R + v (R̄ - R), R̄ the mean over the grid."""
@@ -85,8 +93,8 @@ MEASURED_CHART = 0.01
 
 
 _CHART_MENU = (
-    "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of measured reflectances "
-    "(.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt."
+    "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file of "
+    "measured reflectances (.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt."
 )
 
 
@@ -103,8 +111,9 @@ def chart_names() -> tuple[str, ...]:
 def read_chart(spec: ChartLike) -> ChartTable:
     """Read the reflectances of a chart by name, by file or from an object.
 
-    `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts,
-    or Ohta's table with `:ohta`. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
+    `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts, or
+    Ohta's table where the signals clearly speak for it (`camssf.fit.chart_table`); `:babelcolor` or `:ohta` fixes the
+    table. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
     them by position (A1 ...); `nano24:mine.csv` states its layout. If a value exceeds 2, all are read as percent. A
     file must cover 400 to 700 nm in steps of 20 nm at most; reflectance is constant outside, which `source` states.
 

@@ -80,10 +80,31 @@ internal class CaptureFit(
     }
 
     /** This fit with the chart as faded as `ssf` found it. */
-    fun withChartOf(ssf: Ssf): CaptureFit {
-        if (ssf.chartFading == 0.0) return this
-        val faded = MeasuredCapture(capture.shots, table.faded(ssf.chartFading), capture.whiteReflectance)
-        return CaptureFit(engines, faded, signals, settings, priorScale)
+    fun withChartOf(ssf: Ssf): CaptureFit = if (ssf.chartFading == 0.0) this else of(table.faded(ssf.chartFading))
+
+    private fun of(chart: ChartTable): CaptureFit {
+        val other = MeasuredCapture(capture.shots, chart, capture.whiteReflectance)
+        return CaptureFit(engines, other, signals, settings, priorScale)
+    }
+
+    /**
+     * The table of the chart in the photo: this fit's own, unless the posterior odds of another public table of the
+     * chart reach [Choice.CLEAR]. The evidence of each table is computed on the basis, the kinds of light and the
+     * fading that `ssf` found; a basis without a prior has none.
+     *
+     * @param used (k, n) the patches that entered the fit.
+     */
+    fun likeliestTable(ssf: Ssf, used: BooleanArray): ChartTable {
+        val others = if (paper) emptyList() else table.otherTables()
+        if (others.isEmpty()) return table
+        val posed = conditionedOn(ssf)
+        fun evidence(of: ChartTable): Double =
+            posed.of(of.faded(ssf.chartFading)).logEvidence(used, posed.lamps, emptySet(), posed.priorScale)
+        val own = evidence(table)
+        val nats = others.map { evidence(it) }
+        val best = nats.indices.maxByOrNull { nats[it] }!!
+        val odds = nats[best] - own + ln(Rules.shipped.number("choice.other_table"))
+        return if (odds >= ln(Choice.CLEAR)) others[best] else table
     }
 
     /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */

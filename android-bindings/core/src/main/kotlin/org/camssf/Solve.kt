@@ -46,6 +46,11 @@ internal class Solve(
         checkEnough(freeFit.selected(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
         val ssf = curves(freeFit, SOLVING, signals.sharedUsed, gamma)
+        val likeliest = freeFit.likeliestTable(ssf, signals.sharedUsed)
+        if (likeliest !== table) {
+            val other = MeasuredCapture(capture.shots, likeliest, capture.whiteReflectance)
+            return Solve(engines, other, settings, tell).run()
+        }
         val fit = freeFit.conditionedOn(ssf)
         val predictedStd = fit.bands(signals.sharedUsed, ssf)
         val unseen = crossValidate(fit, signals, allowed, ssf, predictedStd)

@@ -154,7 +154,7 @@ public class SsfCalibrator private constructor(
         try {
             val solution = interruptible(work)
             if (solution.verdict.outcome == Status.REFUSED) {
-                return Refused(Reasons.refusal(solution.verdict), solution.verdict, begun())
+                return Refused(Reasons.refusal(solution.verdict), solution.verdict, Begun(solution.capture))
             }
             return Calibrated(solution, modelHashes.getValue(solution.ssf.basis))
         } catch (error: InvalidArgument) {

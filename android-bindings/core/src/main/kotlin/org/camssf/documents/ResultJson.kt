@@ -37,7 +37,7 @@ internal object ResultJson {
     fun of(solution: Solution, model: String): String {
         val ssf = solution.ssf
         val shots = solution.capture.shots
-        val begun = Begun(solution.capture.chart, shots.map { it.lamp }, shots)
+        val begun = Begun(solution.capture)
         val signals = shots.indices.map { solution.signals.only(it) }
         val document = buildJsonObject {
             val fit = Fit(ssf.lights) { j, i -> fitted(solution, j, i) }

@@ -22,6 +22,9 @@ internal class Begun(
     val shots: List<MeasuredShot>,
     val inWork: InWork? = null,
 ) {
+    /** Of a finished capture. */
+    constructor(capture: MeasuredCapture) : this(capture.chart, capture.shots.map { it.lamp }, capture.shots)
+
     /** Signals of each finished shot; null if they cannot be computed. */
     val signals: List<Signals?> by lazy {
         shots.mapIndexed { j, shot ->

@@ -71,13 +71,25 @@ public class ChartTable internal constructor(
         return ChartTable(name, table, layout, patches, values, sharedTolerance, white, source, file)
     }
 
+    /** The chart's other public tables, with the same tolerance, if this is the default one and not named. */
+    internal fun otherTables(): List<ChartTable> {
+        if (name !in Bundled.charts || table != Bundled.tables.values.first()) return emptyList()
+        return Bundled.tables.keys.drop(1).map { word ->
+            val other = read("$name:$word")
+            ChartTable(
+                other.name, other.table, layout, other.patches, other.sharedValues, sharedTolerance, other.white,
+                other.source,
+            )
+        }
+    }
+
     internal fun reflectance(patch: Int): DoubleArray =
         sharedValues.copyOfRange(patch * Grid.SIZE, (patch + 1) * Grid.SIZE)
 
     public companion object {
         private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")
         private const val MENU =
-            "Charts: classic24, nano24, mini24, passport24 (add :ohta for Ohta's table), or a file of " +
+            "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file of " +
                 "measured reflectances by ChartTable.parse; sg140 by such a file only."
 
         /** Names that [read] accepts. */
@@ -85,8 +97,9 @@ public class ChartTable internal constructor(
         public fun names(): List<String> = Bundled.charts + Bundled.charts.map { "$it:ohta" }
 
         /**
-         * Reads the reflectances of a chart by name: `classic24`, `nano24`, `mini24`, `passport24` (BabelColor's
-         * average of 30 charts), or with `:ohta` Ohta's table. The tolerance is 3 %.
+         * Reads the reflectances of a chart by name: `classic24`, `nano24`, `mini24`, `passport24`: BabelColor's
+         * average of 30 charts, or Ohta's table where the signals clearly speak for it; `:babelcolor` or `:ohta` fixes
+         * the table. The tolerance is 3 %.
          *
          * @throws InvalidArgument an unknown name.
          */

@@ -1,0 +1,41 @@
+"""Chooses between the public tables of a chart whose name states none of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from camssf.fit.capture_fit import CaptureFit
+from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.hypotheses import CLEAR
+from camssf.recovery.linear_model import linear_model
+from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.solve import log_evidence
+from camssf.rules import rules
+from camssf.spectra import ChartTable
+
+OTHER_TABLE = rules().number("choice.other_table")
+"""Prior odds of another public table against the default one."""
+
+
+def likeliest_table(fit: CaptureFit, ssf: Ssf) -> ChartTable:
+    """The table of the chart in the photo: the fit's own, unless the posterior odds of another reach CLEAR.
+
+    The evidence of each table is computed on the basis, the kinds of light and the fading that `ssf` found. A basis
+    without a prior has no evidence, and keeps the fit's table.
+    """
+    chart = fit.capture.chart
+    others = chart.other_tables() if ssf.posterior is not None else ()
+    if not others:
+        return chart
+    posed = fit.conditioned_on(ssf)
+    basis = widened(posed.basis if isinstance(posed.basis, Basis) else read_basis(posed.basis), posed.prior_scale)
+
+    def evidence(table: ChartTable) -> float:
+        of_table = replace(posed, capture=replace(posed.capture, chart=table.faded(ssf.settings.chart_fading)))
+        return log_evidence(linear_model(of_table.given(fit.signals.used), basis))
+
+    own, nats = evidence(chart), [evidence(table) for table in others]
+    best = int(np.argmax(nats))
+    return others[best] if nats[best] - own + np.log(OTHER_TABLE) >= np.log(CLEAR) else chart
