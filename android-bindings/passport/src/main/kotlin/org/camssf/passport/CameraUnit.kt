@@ -47,6 +47,11 @@ public data class CameraUnit @JvmOverloads constructor(
         )
     }
 
+    /** The words of this unit that `other` states differently, both with their names. */
+    internal fun differing(other: CameraUnit): List<String> = words().zip(other.words())
+        .filter { (mine, theirs) -> mine.second.isNotEmpty() && theirs.second.isNotEmpty() && mine != theirs }
+        .map { (mine, theirs) -> "${mine.first} '${mine.second}' against '${theirs.second}'" }
+
     /** The fields by their names; null where unknown. */
     private fun told(): List<Pair<String, Any?>> = words().map { (name, word) -> name to word.ifEmpty { null } } +
         sizes()

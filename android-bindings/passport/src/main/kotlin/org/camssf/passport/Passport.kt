@@ -2,6 +2,7 @@ package org.camssf.passport
 
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
+import org.camssf.UnitDiffers
 import org.camssf.photo.Photo
 import java.security.GeneralSecurityException
 import java.security.KeyPair
@@ -50,6 +51,21 @@ public class Passport internal constructor(
 
     /** The payload as JSON; docs/passport.md has the table of its claims. */
     public fun toJson(): String = claims().joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }
+
+    /**
+     * Refuses a photo of another unit, before its colours are computed with the curves of this passport. What the
+     * passport or the photo does not state is not compared; zoom and aperture may differ.
+     *
+     * @throws UnitDiffers maker, model, camera, serial number or lens differ.
+     */
+    public fun checkPhoto(photo: Photo) {
+        val differ = CameraUnit.of(photo).differing(unit)
+        if (differ.isEmpty()) return
+        throw UnitDiffers(
+            "${photo.name} was taken by another unit than that of the passport: ${differ.joinToString("; ")}.",
+            "Take the photo with the unit of the passport, or give the passport of this unit.",
+        )
+    }
 
     /** Names of the claims, and their values as JSON. */
     internal fun claims(): List<Pair<String, String>> {

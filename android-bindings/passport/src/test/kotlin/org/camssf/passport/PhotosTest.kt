@@ -7,6 +7,7 @@ import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import org.camssf.InvalidArgument
+import org.camssf.UnitDiffers
 import org.camssf.photo.Photo
 import org.camssf.photo.dng.DngSource
 import org.junit.jupiter.api.Assertions.assertEquals
@@ -78,6 +79,17 @@ class PhotosTest {
             "the result names another camera: model is 'Model 1'" in
                 refused(PassportRequest(CameraUnit(model = "2")), emptyList()),
         )
+    }
+
+    @Test
+    fun `a photo of another unit is refused, in Python's words`() {
+        fun passport(unit: CameraUnit) = Passport.create(result, PassportRequest(unit), now)
+        passport(whole.copy(focalLength = 50.0, aperture = 8.0)).checkPhoto(photo)
+        passport(CameraUnit()).checkPhoto(photo)
+        val others = listOf(whole.copy(serial = "x"), whole.copy(lens = "35 mm"))
+        val words = others.map { assertThrows<UnitDiffers> { passport(it).checkPhoto(photo) }.message }
+        val unit = "a.dng was taken by another unit than that of the passport"
+        assertEquals(listOf("$unit: serial 'body 9' against 'x'.", "$unit: lens 'Wide 24 mm' against '35 mm'."), words)
     }
 
     private companion object {
