@@ -29,7 +29,7 @@ FLOORS = (
     {"report", "exports"},
     {"result"},
     {"calibration"},
-    {"compare", "fleet"},
+    {"compare", "fleet", "app"},
     {"cli"},
 )
 """A module may import from its own room and from lower floors only; docs/architecture.md draws it."""

@@ -14,6 +14,7 @@ from camssf.cli.captures import batch, calibrate, demo, simulate
 from camssf.cli.colour import colour
 from camssf.cli.exports import export
 from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
+from camssf.cli.page import app as page
 from camssf.cli.passport import passport
 from camssf.cli.registry import registry
 from camssf.cli.spectrum import spectrum
@@ -42,6 +43,7 @@ COMMANDS = (
         "camssf spectrum out/result.json photo.dng --lamp daylight --region 640,480,40,40 "
         "--white-region 700,480,40,40 --prior skin",
     ),
+    (page, "camssf app"),
     (direct, "camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/"),
     (parity, "camssf parity phone.json photo.dng --white white.dng"),
     (explain, "camssf explain uneven_light"),

@@ -12,10 +12,7 @@ from camssf.cli.terminal import say
 from camssf.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from camssf.colour.regions import Region
-    from camssf.colour.spread import Reference
-    from camssf.grid import Floats
-    from camssf.photo.read.unit import Unit
+    from camssf.colour.regions import MeasuredRegions
 
 
 @dataclass(frozen=True)
@@ -28,20 +25,6 @@ class RegionRequest:
     white_reflectance: str | None
     dark: str | None
     lens_shading: str
-
-
-@dataclass(frozen=True)
-class MeasuredRegions:
-    """Measured regions of a photo: their signals and standard errors, and the white reference."""
-
-    signals: Floats
-    errors: Floats
-    regions: list[Region]
-    white: Region
-    reference: Reference
-    reflectance: float
-    photo: dict[str, str]
-    unit: Unit
 
 
 def read_curves_of(source: str, keys: Sequence[Path] = (), revoked: Path | None = None) -> dict[str, Any]:
@@ -106,31 +89,18 @@ def measure(request: RegionRequest, camera: dict[str, str], name: str) -> Measur
         camera: make and model in the result.
         name: the camera's name for messages.
     """
-    from camssf.colour.regions import against, measure_regions
-    from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
-    from camssf.errors import FramesDiffer
-    from camssf.photo.read.raw import read_raw
+    from camssf.colour.regions import measure_photo
 
     if request.white_region is None:
         raise no_region()
-    rectangles = [
-        parse_rectangle("--white-region", request.white_region),
-        *(parse_rectangle("--region", each) for each in request.regions),
-    ]
-    mosaic = read_raw(request.photo)
-    if any(
-        ours and theirs and ours != theirs
-        for ours, theirs in ((camera["make"], mosaic.make), (camera["model"], mosaic.model))
-    ):
-        raise FramesDiffer(
-            f"{request.photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
-            "Calibrate that camera; each has its own curves.",
-        )
-    dark = None if request.dark is None else read_raw(request.dark)
-    white, *found = measure_regions(mosaic, rectangles, dark=dark, lens_shading=request.lens_shading)
     share = parse_share(request.white_reflectance)
-    reflectance = 1.0 if share is None else share
-    y, error = against(found, white, reflectance)
-    reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
-    about = {"name": Path(request.photo).name, "sha256": mosaic.sha256}
-    return MeasuredRegions(y, error, found, white, reference, reflectance, about, mosaic.unit)
+    white = parse_rectangle("--white-region", request.white_region)
+    return measure_photo(
+        request.photo,
+        (camera, name),
+        [parse_rectangle("--region", each) for each in request.regions],
+        white,
+        reflectance=1.0 if share is None else share,
+        dark=request.dark,
+        lens_shading=request.lens_shading,
+    )

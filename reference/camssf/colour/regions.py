@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from camssf.errors import ChartNotFound, InvalidArgument, Overexposed
+from camssf.colour.spread import REFERENCE_TOLERANCE, Reference
+from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument, Overexposed
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FEWEST, SHRINK, measure_patches
 from camssf.photo.read.dng import Mosaic
+from camssf.photo.read.raw import read_raw
+from camssf.photo.read.unit import Unit
 from camssf.photo.signals import CLIPPED
 
 Rectangle = tuple[float, float, float, float]
@@ -31,6 +35,20 @@ class Region:
     rectangle: Rectangle
     raw: Floats
     error: Floats
+
+
+@dataclass(frozen=True)
+class MeasuredRegions:
+    """Measured regions of a photo: their signals and standard errors, and the white reference."""
+
+    signals: Floats
+    errors: Floats
+    regions: list[Region]
+    white: Region
+    reference: Reference
+    reflectance: float
+    photo: dict[str, str]
+    unit: Unit
 
 
 def measure_regions(
@@ -96,3 +114,43 @@ def against(regions: Sequence[Region], white: Region, reflectance: float) -> tup
     y = raw / white.raw
     spread = np.hypot(error / white.raw, y * white.error / white.raw)
     return reflectance * y, reflectance * spread
+
+
+def measure_photo(
+    photo: str | Path,
+    camera: tuple[dict[str, str], str],
+    rectangles: Sequence[Rectangle],
+    white: Rectangle,
+    *,
+    reflectance: float = 1.0,
+    dark: str | Path | None = None,
+    lens_shading: str = "as-stored",
+) -> MeasuredRegions:
+    """Measure rectangles of a photo's file relative to a white or grey one.
+
+    Args:
+        photo, dark: RAW files.
+        camera: make and model in the result, and the camera's name for messages.
+        rectangles, white: the surfaces, and the reference.
+        reflectance: of the reference, 0 to 1.
+        lens_shading: as for `measure_patches`.
+
+    Raises:
+        FramesDiffer: a photo by another camera, or a dark frame with other settings.
+        InvalidArgument, Overexposed: as `measure_regions` and `against`.
+    """
+    mosaic, (body, name) = read_raw(photo), camera
+    if any(
+        ours and theirs and ours != theirs
+        for ours, theirs in ((body["make"], mosaic.make), (body["model"], mosaic.model))
+    ):
+        raise FramesDiffer(
+            f"{photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
+            "Calibrate that camera; each has its own curves.",
+        )
+    frame = None if dark is None else read_raw(dark)
+    first, *found = measure_regions(mosaic, [white, *rectangles], dark=frame, lens_shading=lens_shading)
+    y, error = against(found, first, reflectance)
+    reference = Reference(REFERENCE_TOLERANCE, first.raw, float((first.error / first.raw).max()))
+    about = {"name": Path(photo).name, "sha256": mosaic.sha256}
+    return MeasuredRegions(y, error, found, first, reference, reflectance, about, mosaic.unit)

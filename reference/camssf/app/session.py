@@ -1,0 +1,112 @@
+"""A tab's session: a temporary folder, the photos in it, and the process that works on them."""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+import signal
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from anyio import to_thread
+
+from camssf.app.tasks import RESULT, TASKS, Json, perform
+from camssf.errors import InvalidArgument
+
+PULSE = 0.25
+"""Seconds between two lines of an answer, so that a closed or cancelled request is noticed."""
+DIED = (
+    "The process that worked on this photo died; the file may be damaged, or memory too small. "
+    "Check the file, close other programs and try again."
+)
+
+
+def work(link: Connection, folder: Path) -> None:
+    """Perform one order after another until the server closes the link."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            name, order = link.recv()
+            link.send(perform(name, folder, order, lambda stage, part: link.send({"stage": stage, "part": part})))
+
+
+class Session:
+    """One tab.
+
+    Attributes:
+        name: a random name, which only the tab knows.
+        folder: its files; only the owner has access.
+        photos: number of photos that were sent.
+        busy: whether a task is running.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.name = secrets.token_urlsafe(16)
+        self.folder = Path(tempfile.mkdtemp(dir=root))
+        self.photos = 0
+        self.busy = False
+        self._link: Connection | None = None
+        self._process: Any = None
+
+    async def run(self, task: str, order: Json) -> AsyncIterator[Json]:
+        """Perform a task: its progress, then {"value": ...} or {"error": ...}; an empty line each PULSE between them.
+
+        If the caller stops before the end, the process is killed.
+        """
+        if task not in TASKS or self.busy:
+            wrong = f"There is no task {task!r}." if task not in TASKS else "This tab is busy."
+            yield {"error": {"code": InvalidArgument.code, "words": f"{wrong} Wait, cancel, or reload the page."}}
+            return
+        self.busy, finished = True, False
+        try:
+            link = self._linked()
+            link.send((task, order))
+            while not finished:
+                line = link.recv() if await to_thread.run_sync(link.poll, PULSE) else {}
+                finished = not line.keys().isdisjoint(("value", "error"))
+                yield line
+        except (EOFError, OSError):
+            yield {"error": {"code": "process_died", "words": DIED}}
+        finally:
+            if not finished:
+                self._stop()
+            self.busy = False
+
+    def file(self, name: str) -> Path | None:
+        """A file that a task wrote, by its name; None if there is none, or it is none of the session's own."""
+        return next(
+            (
+                path
+                for folder in (self.folder, self.folder / RESULT)
+                if folder.is_dir()
+                for path in folder.iterdir()
+                if path.name == name and path.is_file() and not name.startswith((".", "photo-"))
+            ),
+            None,
+        )
+
+    def close(self) -> None:
+        """End the process and remove the folder."""
+        self._stop()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _linked(self) -> Connection:
+        """The link to the process, which is started if there is none."""
+        if self._link is None or not self._process.is_alive():
+            spawn = get_context("spawn")
+            self._link, theirs = spawn.Pipe()
+            self._process = spawn.Process(target=work, args=(theirs, self.folder), daemon=True)
+            self._process.start()
+            theirs.close()
+        return self._link
+
+    def _stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        self._link = self._process = None

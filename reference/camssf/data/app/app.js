@@ -1,0 +1,307 @@
+// The page of `camssf app`: it sends photos and orders to the local server, and shows what comes back.
+
+const $ = (name) => document.getElementById(name);
+const SVG = "http://www.w3.org/2000/svg";
+const CORNERS = ["top left", "top right", "bottom right", "bottom left"];
+const photos = [];
+let lists, base, current = null, queue = Promise.resolve(), calibrated = false;
+
+class Problem extends Error {}
+
+// -- the server ---------------------------------------------------------------------------------------------------
+
+const answer = async (response) => {
+  if (!response.ok) {
+    const found = await response.json().catch(() => null);
+    throw new Problem(found?.error?.words ?? `camssf app answered ${response.status}. Reload the page.`);
+  }
+  return response;
+};
+
+async function call(path, options) {
+  try {
+    return await answer(await fetch(path, options));
+  } catch (error) {
+    if (error instanceof Problem || error.name === "AbortError") throw error;
+    throw new Problem("camssf app does not answer. Start it again and open its new address.");
+  }
+}
+
+/** Run a task once the ones before it have ended; returns its value. */
+function task(name, order, stage) {
+  const ran = queue.then(() => busy(stage, async (signal) => {
+    const response = await call(`${base}/tasks/${name}`, { method: "POST", body: JSON.stringify(order), signal });
+    const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+    for (let rest = "", chunk = await reader.read(); !chunk.done; chunk = await reader.read()) {
+      const lines = (rest + chunk.value).split("\n");
+      rest = lines.pop();
+      for (const line of lines.map((each) => JSON.parse(each))) {
+        if (line.error) throw new Problem(line.error.words);
+        if (line.value) return line.value;
+        if (line.stage) show(line.stage, line.part);
+      }
+    }
+    throw new Problem("The task ended without an answer. Try again.");
+  }));
+  queue = ran.catch(() => {});
+  return ran;
+}
+
+async function busy(stage, work) {
+  current = new AbortController();
+  show(stage, 0);
+  try {
+    return await work(current.signal);
+  } catch (error) {
+    throw error.name === "AbortError" ? new Problem("Cancelled.") : error;
+  } finally {
+    current = null;
+    $("progress").hidden = true;
+  }
+}
+
+function show(stage, part) {
+  $("progress").hidden = false;
+  $("stage").textContent = stage;
+  $("part").value = part;
+}
+
+/** Run what a control starts, and put its problem into words. */
+async function guarded(place, work) {
+  place.textContent = "";
+  try {
+    return await work();
+  } catch (error) {
+    if (!(error instanceof Problem)) console.error(error);
+    place.textContent = error instanceof Problem ? error.message : `${error} Reload the page.`;
+  }
+}
+
+// -- photos -------------------------------------------------------------------------------------------------------
+
+const add = (files) => guarded($("upload-problem"), async () => {
+  const wrong = [];
+  for (const file of files) {
+    if (file.size > lists.largest) wrong.push(`${file.name} is larger than ${lists.largest >> 20} MB: no RAW photo is.`);
+    else await addOne(file).catch((error) => wrong.push(`${file.name}: ${error.message}`));
+  }
+  $("files").value = "";
+  if (wrong.length) throw new Problem(wrong.join(" "));
+});
+
+async function addOne(file) {
+  const sent = queue.then(() => busy(`sending ${file.name}`, async (signal) =>
+    (await call(`${base}/photos`, { method: "POST", body: file, signal })).json()));
+  queue = sent.catch(() => {});
+  const { photo: number } = await sent;
+  const found = await task("find", { photo: number, chart: $("chart").value }, `reading ${file.name}`);
+  photos.push(new Photo(file.name, number, found));
+  update();
+}
+
+function update() {
+  $("calibrate").disabled = !photos.some((photo) => photo.role.value === "chart");
+}
+
+class Photo {
+  constructor(name, number, found) {
+    Object.assign(this, { name, number });
+    this.card = $("card").content.firstElementChild.cloneNode(true);
+    const part = (selector) => this.card.querySelector(selector);
+    Object.assign(this, { svg: part("svg"), frame: part("svg g"), outline: part(".outline"), problem: part(".problem"),
+      role: part(".role"), lamp: part(".lamp"), side: part(".side"), reflectance: part(".reflectance") });
+    part("h3").textContent = `${number}. ${name}`;
+    part(".about").textContent = `${found.camera || "unnamed camera"}, ${found.width} × ${found.height} px`;
+    options(this.lamp, lists.lamps.map((lamp) => [lamp, lamp]), [["auto", "unknown (phones only)"]]);
+    this.draw(found);
+    this.place(found);
+    this.side.value = 2 * Math.round(Math.max(24, found.width / 80) / 2);
+    this.side.addEventListener("change", () => this.refresh());
+    this.role.addEventListener("change", () => { this.refresh(); update(); });
+    part(".read").addEventListener("click", () => this.read());
+    part(".remove").addEventListener("click", () => { photos.splice(photos.indexOf(this), 1); this.card.remove(); update(); });
+    $("photos").append(this.card);
+  }
+
+  /** The preview, upright; marks are placed in pixels of the sensor. */
+  draw({ width, height, orientation, preview }) {
+    Object.assign(this, { width, height });
+    const turned = orientation === 6 || orientation === 8;
+    const turns = { 3: `translate(${width} ${height}) rotate(180)`, 6: `translate(${height} 0) rotate(90)`,
+      8: `translate(0 ${width}) rotate(-90)` };
+    this.svg.setAttribute("viewBox", turned ? `0 0 ${height} ${width}` : `0 0 ${width} ${height}`);
+    this.svg.setAttribute("aria-label", `Photo ${this.number}, with the chart's outline`);
+    this.frame.setAttribute("transform", turns[orientation] ?? "");
+    const image = this.frame.querySelector("image");
+    for (const [key, value] of Object.entries({ href: `${base}/files/${preview}`, width, height })) image.setAttribute(key, value);
+    image.addEventListener("pointerdown", (event) => { this.region.at = this.point(event); this.region.shown = true; this.read(); });
+    const angle = { 3: 180, 6: -90, 8: 90 }[orientation] ?? 0;
+    this.marks = CORNERS.map((which) => this.mark("corner", `Corner of the chart, ${which}`, "circle", "", angle));
+    this.white = this.mark("white", "White or grey reference", "rect", "W", angle);
+    this.region = this.mark("region", "Region to read; Enter reads it", "rect", "", angle);
+    this.region.g.addEventListener("keydown", (event) => { if (event.key === "Enter") this.read(); });
+  }
+
+  /** Put outline and white reference where the chart was found, else in the middle. */
+  place(found) {
+    const { width: w, height: h } = this;
+    const middle = [[0.3, 0.35], [0.7, 0.35], [0.7, 0.65], [0.3, 0.65]].map(([x, y]) => [x * w, y * h]);
+    (found.corners ?? middle).forEach((corner, i) => { this.marks[i].at = corner; this.marks[i].shown = true; });
+    const [x, y, side] = found.white ?? [0.15 * w, 0.5 * h, w / 40];
+    Object.assign(this.white, { at: [x + side / 2, y + side / 2], side, shown: true });
+    if (found.reflectance) this.reflectance.value = found.reflectance;
+    this.moved = false;
+    this.problem.textContent = found.problem
+      ? `${found.problem.words} Or drag the four corners here, or choose another use for this photo.` : "";
+    this.refresh();
+  }
+
+  mark(kind, label, shape, letter, angle) {
+    const g = document.createElementNS(SVG, "g"), form = document.createElementNS(SVG, shape);
+    g.append(form);
+    g.setAttribute("class", `mark ${kind}`);
+    g.setAttribute("role", "button");
+    g.setAttribute("tabindex", "0");
+    const mark = { g, form, label, letter, at: [this.width / 2, this.height / 2], shown: false, angle };
+    if (letter) {
+      const text = document.createElementNS(SVG, "text");
+      text.textContent = letter;
+      text.setAttribute("font-size", this.width / 40);
+      g.append(text);
+    }
+    const moved = (to) => {
+      mark.at = [Math.min(Math.max(to[0], 0), this.width - 1), Math.min(Math.max(to[1], 0), this.height - 1)];
+      if (kind === "corner") this.moved = true;
+      this.refresh();
+    };
+    g.addEventListener("pointerdown", (event) => { g.setPointerCapture(event.pointerId); g.focus(); event.preventDefault(); });
+    g.addEventListener("pointermove", (event) => { if (g.hasPointerCapture(event.pointerId)) moved(this.point(event)); });
+    g.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const inverse = this.frame.getScreenCTM().inverse(), [dx, dy] = step.map((each) => each * (event.shiftKey ? 10 : 1));
+      moved([mark.at[0] + inverse.a * dx + inverse.c * dy, mark.at[1] + inverse.b * dx + inverse.d * dy]);
+    });
+    this.frame.append(g);
+    return mark;
+  }
+
+  point(event) {
+    const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.frame.getScreenCTM().inverse());
+    return [x, y];
+  }
+
+  /** Draw marks and outline where they are now; the chart's only on photos of the chart. */
+  refresh() {
+    const chart = this.role.value === "chart";
+    this.region.side = Number(this.side.value);
+    for (const mark of [...this.marks, this.white, this.region]) {
+      const [x, y] = mark.at, { form, side = 0 } = mark;
+      mark.g.style.display = mark.shown && (chart || mark.form.tagName === "rect") ? "" : "none";
+      mark.g.setAttribute("aria-label", `${mark.label}, at ${Math.round(x)}, ${Math.round(y)}; arrow keys move it`);
+      const shape = side ? { x: x - side / 2, y: y - side / 2, width: side, height: side } : { cx: x, cy: y, r: this.width / 90 };
+      for (const [key, value] of Object.entries(shape)) form.setAttribute(key, value);
+      const text = mark.g.querySelector("text");
+      text?.setAttribute("transform", `translate(${x} ${y}) rotate(${mark.angle}) translate(${side * 0.6} 0)`);
+    }
+    this.outline.setAttribute("points", this.marks.map((mark) => mark.at.join(",")).join(" "));
+    this.outline.style.display = chart ? "" : "none";
+  }
+
+  read() {
+    this.region.shown = true;
+    this.refresh();
+    const told = this.card.querySelector(".colour"), picture = this.card.querySelector(".spectrum");
+    picture.hidden = true;
+    return guarded(this.problem, async () => {
+      told.textContent = "";
+      if (!calibrated) throw new Problem("A colour needs the camera's curves. Press Calibrate first, then click the photo.");
+      const square = ({ at: [x, y], side }) => [x - side / 2, y - side / 2, side, side];
+      const found = await task("colour", { photo: this.number, lamp: this.lamp.value, region: square(this.region),
+        white: square(this.white), reflectance: Number(this.reflectance.value) }, "reading the colour");
+      const words = ["L*", "a*", "b*"].map((name, i) => `${name} ${found.lab[i].toFixed(1)} ± ${(1.96 * found.lab_std[i]).toFixed(1)}`);
+      const swatch = document.createElementNS(SVG, "svg"), fill = document.createElementNS(SVG, "rect");
+      swatch.setAttribute("class", "swatch");
+      swatch.setAttribute("aria-hidden", "true");
+      for (const [key, value] of Object.entries({ width: "100%", height: "100%", fill: found.srgb })) fill.setAttribute(key, value);
+      swatch.append(fill);
+      told.replaceChildren(swatch, `${words.join(", ")} (95 %; CIE 1931 2°, adapted to D65).`
+        + (found.far ? " No measured surface explains the signals: the spectrum does not hold." : ""));
+      picture.src = `${base}/files/${found.spectrum}?${Date.now()}`;
+      picture.alt = `Reflectance spectrum of the region with its 95 % band; ${words.join(", ")}`;
+      picture.hidden = false;
+    });
+  }
+}
+
+// -- calibrate, export, sign --------------------------------------------------------------------------------------
+
+const calibrate = () => guarded($("problem"), async () => {
+  const of = (role) => photos.filter((photo) => photo.role.value === role), [whites, darks] = [of("white"), of("dark")];
+  const charts = of("chart");
+  for (const [frames, word] of [[whites, "white"], [darks, "dark"]]) {
+    if (frames.length > charts.length) throw new Problem(`There are more ${word} frames than photos of the chart. Remove one.`);
+  }
+  const shots = charts.map((photo, i) => ({ photo: photo.number, lamp: photo.lamp.value,
+    corners: photo.moved ? photo.marks.map((mark) => mark.at) : null,
+    white: whites[i]?.number ?? null, dark: darks[i]?.number ?? null }));
+  calibrated = false;
+  $("result").hidden = true;
+  const found = await task("calibrate", { shots, chart: $("chart").value }, "starting");
+  calibrated = found.status !== "refused";
+  $("status").textContent = found.status;
+  $("band").textContent = found.band;
+  $("reasons").replaceChildren(...found.reasons.map((reason) => Object.assign(document.createElement("li"), { textContent: reason })));
+  $("report").src = `${base}/files/report.html?${Date.now()}`;
+  $("downloads").replaceChildren(...found.files.map(link));
+  $("curves").hidden = !calibrated;
+  $("exported").textContent = $("signed").textContent = "";
+  $("result").hidden = false;
+  $("result-title").focus();
+});
+
+const link = (name) => Object.assign(document.createElement("a"), { href: `${base}/files/${name}?save`, download: name, textContent: name });
+
+const exported = () => guarded($("export-problem"), async () => {
+  const { file } = await task("export", { to: $("format").value }, "exporting");
+  $("exported").replaceChildren("Save ", link(file));
+});
+
+const sign = () => guarded($("export-problem"), async () => {
+  const [file] = $("key").files;
+  if (!file) throw new Problem("A passport needs your private key. Choose its file, or make a pair of keys first.");
+  const { file: name } = await task("passport", { key: await file.text(), passphrase: $("passphrase").value,
+    serial: $("serial").value, photos: photos.filter((photo) => photo.role.value === "chart").map((photo) => photo.number) }, "signing");
+  $("signed").replaceChildren("Save ", link(name));
+});
+
+const makeKey = () => guarded($("export-problem"), async () => {
+  const { files } = await task("key", { passphrase: $("passphrase").value }, "making keys");
+  $("signed").replaceChildren("Save both, then choose the private key: ", ...files.map(link));
+});
+
+// -- the start ----------------------------------------------------------------------------------------------------
+
+function options(select, pairs, first = []) {
+  select.replaceChildren(...[...first, ...pairs].map(([value, words]) => new Option(words, value)));
+}
+
+await guarded($("upload-problem"), async () => {
+  lists = await (await call("sessions", { method: "POST" })).json();
+  base = `sessions/${lists.session}`;
+  options($("chart"), lists.charts.map((chart) => [chart, chart]));
+  options($("format"), Object.entries(lists.exports));
+  for (const [name, work] of Object.entries({ calibrate, export: exported, sign, "make-key": makeKey, cancel: () => current?.abort() })) {
+    $(name).addEventListener("click", work);
+  }
+  $("files").addEventListener("change", (event) => add([...event.target.files]));
+  addEventListener("dragover", (event) => { event.preventDefault(); $("drop").classList.add("over"); });
+  addEventListener("dragleave", () => $("drop").classList.remove("over"));
+  addEventListener("drop", (event) => { event.preventDefault(); $("drop").classList.remove("over"); add([...event.dataTransfer.files]); });
+  $("chart").addEventListener("change", () => photos.filter((photo) => !photo.moved).forEach((photo) =>
+    guarded(photo.problem, async () => photo.place(await task("find", { photo: photo.number, chart: $("chart").value }, "looking for the chart")))));
+  addEventListener("pagehide", () => fetch(base, { method: "DELETE", keepalive: true }));
+  addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
+  document.documentElement.dataset.ready = "yes";
+});

@@ -1,0 +1,122 @@
+"""A browser without a window, driven by the DevTools protocol over a pipe; needs no library."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = (
+    "headless no-sandbox disable-gpu disable-quic no-first-run disable-background-networking disable-sync "
+    "disable-component-update remote-debugging-pipe window-size=1280,1000"
+)
+
+
+class Browser:
+    """One tab at a time; `open` makes another and moves to it."""
+
+    def __init__(self, profile: Path) -> None:
+        found = next(filter(None, map(shutil.which, NAMES)), None)
+        if found is None or os.name != "posix":
+            pytest.skip("no Chromium on this machine: the page is not checked in a browser")
+        (theirs, self._to), (self._from, back) = os.pipe(), os.pipe()
+        words = [found, *(f"--{flag}" for flag in FLAGS.split()), f"--user-data-dir={profile}"]
+        self._process = subprocess.Popen(
+            ["/bin/sh", "-c", f'exec "$@" 3<&{theirs} 4>&{back} 2>{profile}.log', "sh", *words],
+            pass_fds=(theirs, back),
+        )
+        os.close(theirs), os.close(back)
+        self._rest, self._last, self.session, self.events = b"", 0, "", list[dict[str, Any]]()
+
+    def close(self) -> None:
+        os.close(self._to)  # the browser ends with its pipe
+        self._process.wait(30)
+        os.close(self._from)
+
+    def do(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The result of a command; events that come before it are kept in `events`."""
+        self._last += 1
+        order: dict[str, Any] = {"id": self._last, "method": method, "params": parameters}
+        if self.session and not method.startswith(("Target.", "Browser.")):
+            order["sessionId"] = self.session
+        os.write(self._to, json.dumps(order).encode() + b"\0")
+        while True:
+            while b"\0" not in self._rest:
+                part = os.read(self._from, 1 << 20)
+                assert part, "the browser is gone"
+                self._rest += part
+            line, _, self._rest = self._rest.partition(b"\0")
+            message = json.loads(line)
+            if message.get("id") == self._last:
+                assert "error" not in message, (method, message["error"])
+                return dict(message["result"])
+            self.events.append(message)
+
+    def open(self, address: str) -> str:
+        """A new tab; returns its target, for `Target.closeTarget`."""
+        target = str(self.do("Target.createTarget", url="about:blank")["targetId"])
+        self.session = self.do("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "DOM", "Log", "Network"):
+            self.do(f"{domain}.enable")
+        self.do("Page.navigate", url=address)
+        return target
+
+    def js(self, expression: str) -> Any:
+        found = self.do("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def wait(self, expression: str, seconds: float = 90.0) -> None:
+        """Wait until the expression is true."""
+        end = time.monotonic() + seconds
+        while not self.js(f"!!({expression})"):
+            assert time.monotonic() < end, f"{expression} within {seconds:g} s; the page: {self.js(PAGE)}"
+            time.sleep(0.1)
+
+    def middle(self, selector: str) -> tuple[float, float]:
+        """Where an element is in the window, once scrolled into view."""
+        element = f"document.querySelector({json.dumps(selector)})"
+        self.js(f"{element}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+        x, y, w, h = self.js(f"(r => [r.x, r.y, r.width, r.height])({element}.getBoundingClientRect())")
+        return x + w / 2, y + h / 2
+
+    def mouse(self, kind: str, x: float, y: float) -> None:
+        self.do(
+            "Input.dispatchMouseEvent",
+            type=f"mouse{kind}", x=x, y=y, button="left", buttons=int(kind != "Released"), clickCount=1,
+        )  # fmt: skip
+
+    def click(self, x: float, y: float) -> None:
+        self.mouse("Pressed", x, y)
+        self.mouse("Released", x, y)
+
+    def press(self, selector: str) -> None:
+        self.click(*self.middle(selector))
+
+    def key(self, name: str, shift: bool = False) -> None:
+        for kind in ("keyDown", "keyUp"):
+            self.do("Input.dispatchKeyEvent", type=kind, key=name, code=name, modifiers=8 if shift else 0)
+
+    def drop(self, selector: str, *files: Path) -> None:
+        """Drop files from the desktop."""
+        x, y = self.middle(selector)
+        data = {"items": [], "files": [str(file) for file in files], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.do("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
+    def picture(self, path: Path) -> None:
+        size = self.do("Page.getLayoutMetrics")["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
+        shot = self.do("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+        path.write_bytes(base64.b64decode(shot["data"]))
+
+
+PAGE = "document.body.innerText.slice(0, 2000)"
