@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,14 @@ FLAGS = (
     "headless no-sandbox disable-gpu disable-quic no-first-run disable-background-networking disable-sync "
     "disable-component-update remote-debugging-pipe window-size=1280,1000"
 )
+BEGIN = """
+import fcntl, os, sys
+pipes = [fcntl.fcntl(int(each), fcntl.F_DUPFD, 10) for each in sys.argv[1:3]]
+for number, pipe in enumerate(pipes, 3):
+    os.dup2(pipe, number)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""Becomes the browser, which reads its pipe as 3 and writes it as 4."""
 
 
 class Browser:
@@ -29,10 +38,9 @@ class Browser:
             pytest.skip("no Chromium on this machine: the page is not checked in a browser")
         (theirs, self._to), (self._from, back) = os.pipe(), os.pipe()
         words = [found, *(f"--{flag}" for flag in FLAGS.split()), f"--user-data-dir={profile}"]
-        self._process = subprocess.Popen(
-            ["/bin/sh", "-c", f'exec "$@" 3<&{theirs} 4>&{back} 2>{profile}.log', "sh", *words],
-            pass_fds=(theirs, back),
-        )
+        with open(f"{profile}.log", "wb") as log:
+            words = [sys.executable, "-c", BEGIN, str(theirs), str(back), *words]
+            self._process = subprocess.Popen(words, pass_fds=(theirs, back), stderr=log)
         os.close(theirs), os.close(back)
         self._rest, self._last, self.session, self.events = b"", 0, "", list[dict[str, Any]]()
 

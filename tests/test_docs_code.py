@@ -95,6 +95,7 @@ def test_the_pages_with_python_are_seen() -> None:
 # -- shell ----------------------------------------------------------------------------------------------------------
 
 NOT_RUN = {
+    "camssf app": "it serves until Ctrl-C: tests/test_app.py runs it",
     "camssf direct rgb.dng": "frames of a spectrograph: tests/test_direct.py makes them and runs the command",
     "camssf calibrate photo.dng --lamp D55 --corners": "corners of another photo: tests/test_cli.py gives its own",
     "camssf calibrate day.dng --lamp D55 --basis mine.npz": "a basis of one's own: tests/test_basis.py learns one",

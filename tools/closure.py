@@ -10,7 +10,7 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("passport", "fleet", "colour-science", "cxf")
+EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf")
 """Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
 CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",

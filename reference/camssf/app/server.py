@@ -22,7 +22,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
@@ -89,11 +89,12 @@ class Sessions:
         """Make the temporary folder of all sessions, and remove it at the end."""
         with tempfile.TemporaryDirectory(prefix="camssf-app-", ignore_cleanup_errors=True) as root:
             self.root = Path(root)
-            try:
-                yield
-            finally:
-                for session in self.open.values():
-                    session.close()
+            yield
+
+    def close(self) -> None:
+        """Close all sessions."""
+        for session in self.open.values():
+            session.close()
 
     async def begin(self, request: Request) -> Response:
         """Open a tab's session: its name and the names of lamps, charts and exports."""
@@ -180,7 +181,7 @@ class Sessions:
 
 
 async def _wrong(request: Request, error: Exception) -> Response:
-    """An HTTP error in the form of a task's error."""
+    """An HTTP error in the form of a task's error; nothing reads it if the browser has left."""
     status = getattr(error, "status_code", 500)
     return JSONResponse({"error": {"code": str(status), "words": getattr(error, "detail", str(error))}}, status)
 
@@ -193,9 +194,21 @@ async def _style(request: Request) -> Response:
     return FileResponse(DATA / "report" / "report.css")
 
 
-def application(key: str) -> Starlette:
+class _Server(uvicorn.Server):
+    """uvicorn's server; it ends the sessions' tasks first, so that no answer is cut off."""
+
+    def __init__(self, config: uvicorn.Config, sessions: Sessions) -> None:
+        super().__init__(config)
+        self.sessions = sessions
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the tasks, then the connections."""
+        self.sessions.close()
+        await super().shutdown(sockets)
+
+
+def application(key: str, sessions: Sessions) -> Starlette:
     """The server's routes, all below a secret key."""
-    sessions = Sessions()
     routes = [
         Route("/", _page),
         Route("/report.css", _style),
@@ -210,7 +223,7 @@ def application(key: str) -> Starlette:
     return Starlette(
         routes=[Mount(f"/{key}", routes=routes)],
         middleware=[*guards, Middleware(SameOrigin)],
-        exception_handlers={HTTPException: _wrong},
+        exception_handlers={HTTPException: _wrong, ClientDisconnect: _wrong},
         lifespan=sessions.lifespan,
     )
 
@@ -232,10 +245,10 @@ def serve(port: int, ready: Any) -> None:
         raise InvalidArgument(
             f"Port {port} cannot be opened ({words}).", "Leave --port out, or name another."
         ) from error
-    key = secrets.token_urlsafe(16)
+    key, sessions = secrets.token_urlsafe(16), Sessions()
     config = uvicorn.Config(
-        application(key), http="h11", ws="none", loop="asyncio", log_level="warning", access_log=False,
+        application(key, sessions), http="h11", ws="none", loop="asyncio", log_level="error", access_log=False,
         server_header=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     ready(f"http://{HOST}:{listener.getsockname()[1]}/{key}/")
-    uvicorn.Server(config).run(sockets=[listener])
+    _Server(config, sessions).run(sockets=[listener])

@@ -25,6 +25,8 @@ DIED = (
     "Check the file, close other programs and try again."
 )
 
+ENDED = "camssf app was ended. Start it again and open its new address."
+
 
 def work(link: Connection, folder: Path) -> None:
     """Perform one order after another until the server closes the link."""
@@ -43,13 +45,14 @@ class Session:
         folder: its files; only the owner has access.
         photos: number of photos that were sent.
         busy: whether a task is running.
+        closed: whether the session has ended.
     """
 
     def __init__(self, root: Path) -> None:
         self.name = secrets.token_urlsafe(16)
         self.folder = Path(tempfile.mkdtemp(dir=root))
         self.photos = 0
-        self.busy = False
+        self.busy = self.closed = False
         self._link: Connection | None = None
         self._process: Any = None
 
@@ -71,7 +74,8 @@ class Session:
                 finished = not line.keys().isdisjoint(("value", "error"))
                 yield line
         except (EOFError, OSError):
-            yield {"error": {"code": "process_died", "words": DIED}}
+            words = ENDED if self.closed else DIED
+            yield {"error": {"code": "process_died", "words": words}}
         finally:
             if not finished:
                 self._stop()
@@ -92,6 +96,7 @@ class Session:
 
     def close(self) -> None:
         """End the process and remove the folder."""
+        self.closed = True
         self._stop()
         shutil.rmtree(self.folder, ignore_errors=True)
 

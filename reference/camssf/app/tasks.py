@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 
 from camssf.errors import CalibrationError, InvalidArgument, OutOfMemory, RawError
 from camssf.files import write_file
+from camssf.grid import WAVELENGTHS
 
 Json: TypeAlias = dict[str, Any]
 Tell: TypeAlias = Callable[[str, float], None]
@@ -49,8 +50,13 @@ def find(folder: Path, order: Json, tell: Tell) -> Json:
     from camssf.spectra import read_chart
 
     number = order["photo"]
+    path = photo_path(folder, number)
     tell("reading the photo", 0.1)
-    mosaic = read_raw(photo_path(folder, number))
+    try:
+        mosaic = read_raw(path)
+    except RawError:
+        path.unlink()
+        raise
     preview, table = f"preview-{number}.jpg", read_chart(_listed_chart(order))
     write_file(folder / preview, photo_preview(mosaic) or b"")
     height, width = mosaic.samples.shape
@@ -67,7 +73,8 @@ def find(folder: Path, order: Json, tell: Tell) -> Json:
     low, high = patch.min(axis=0), patch.max(axis=0)
     centre, side = (low + high) / 2, max(SMALLEST_REGION, 0.5 * float((high - low).min()))
     white = [*(centre - side / 2).tolist(), side, side]
-    reflectance = round(float(table.values[table.white].mean()), 3)
+    visible = (WAVELENGTHS >= 450) & (WAVELENGTHS <= 650)
+    reflectance = round(float(table.values[table.white][visible].mean()), 2)
     return found | {"corners": pose.corners.tolist(), "white": white, "reflectance": reflectance}
 
 
@@ -78,7 +85,6 @@ def calibrate(folder: Path, order: Json, tell: Tell) -> Json:
         The verdict with its reasons, and the names of the files; or the refusal's reason.
     """
     from camssf.calibration import attempt
-    from camssf.documents.basis_choice import band_in_words
     from camssf.photo.shot import Shot
     from camssf.report.build import report
     from camssf.report.provenance import read_provenance
@@ -103,10 +109,9 @@ def calibrate(folder: Path, order: Json, tell: Tell) -> Json:
     document = found.document()
     pages = report(document, found.previews, provenance=read_provenance([shot.photo for shot in shots]))
     files = [path.name for path in pages.save(out)]
-    verdict, band = document["verdict"], document.get("uncertainty")
+    verdict = document["verdict"]
     reasons = [f"{each['message']} {each['advice']}".replace(f"{folder}{os.sep}", "") for each in verdict["reasons"]]
-    words = f"95 % band {band_in_words(band)}" if band else ""
-    return {"status": verdict["status"], "reasons": reasons, "band": words, "files": files}
+    return {"status": verdict["status"], "reasons": reasons, "files": files}
 
 
 def colour(folder: Path, order: Json, tell: Tell) -> Json:

@@ -3,7 +3,7 @@
 const $ = (name) => document.getElementById(name);
 const SVG = "http://www.w3.org/2000/svg";
 const CORNERS = ["top left", "top right", "bottom right", "bottom left"];
-const photos = [];
+const photos = [], names = [];
 let lists, base, current = null, queue = Promise.resolve(), calibrated = false;
 
 class Problem extends Error {}
@@ -32,16 +32,18 @@ function task(name, order, stage) {
   const ran = queue.then(() => busy(stage, async (signal) => {
     const response = await call(`${base}/tasks/${name}`, { method: "POST", body: JSON.stringify(order), signal });
     const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+    let value = null;
     for (let rest = "", chunk = await reader.read(); !chunk.done; chunk = await reader.read()) {
       const lines = (rest + chunk.value).split("\n");
       rest = lines.pop();
       for (const line of lines.map((each) => JSON.parse(each))) {
         if (line.error) throw new Problem(line.error.words);
-        if (line.value) return line.value;
+        value ??= line.value;
         if (line.stage) show(line.stage, line.part);
       }
     }
-    throw new Problem("The task ended without an answer. Try again.");
+    if (!value) throw new Problem("The task ended without an answer. Try again.");
+    return value;
   }));
   queue = ran.catch(() => {});
   return ran;
@@ -73,9 +75,12 @@ async function guarded(place, work) {
     return await work();
   } catch (error) {
     if (!(error instanceof Problem)) console.error(error);
-    place.textContent = error instanceof Problem ? error.message : `${error} Reload the page.`;
+    place.textContent = named(error instanceof Problem ? error.message : `${error} Reload the page.`);
   }
 }
+
+/** The text with the photos' own names instead of the server's. */
+const named = (words) => words.replace(/photo-(\d+)\.dng/g, (file, number) => names[number] ?? file);
 
 // -- photos -------------------------------------------------------------------------------------------------------
 
@@ -83,10 +88,10 @@ const add = (files) => guarded($("upload-problem"), async () => {
   const wrong = [];
   for (const file of files) {
     if (file.size > lists.largest) wrong.push(`${file.name} is larger than ${lists.largest >> 20} MB: no RAW photo is.`);
-    else await addOne(file).catch((error) => wrong.push(`${file.name}: ${error.message}`));
+    else await addOne(file).catch((error) => wrong.push(error.message));
   }
   $("files").value = "";
-  if (wrong.length) throw new Problem(wrong.join(" "));
+  if (wrong.length) throw new Problem(wrong.join("\n"));
 });
 
 async function addOne(file) {
@@ -94,6 +99,7 @@ async function addOne(file) {
     (await call(`${base}/photos`, { method: "POST", body: file, signal })).json()));
   queue = sent.catch(() => {});
   const { photo: number } = await sent;
+  names[number] = file.name;
   const found = await task("find", { photo: number, chart: $("chart").value }, `reading ${file.name}`);
   photos.push(new Photo(file.name, number, found));
   update();
@@ -109,15 +115,15 @@ class Photo {
     this.card = $("card").content.firstElementChild.cloneNode(true);
     const part = (selector) => this.card.querySelector(selector);
     Object.assign(this, { svg: part("svg"), frame: part("svg g"), outline: part(".outline"), problem: part(".problem"),
-      role: part(".role"), lamp: part(".lamp"), side: part(".side"), reflectance: part(".reflectance") });
+      role: part(".role"), lamp: part(".lamp"), side: part(".span"), reflectance: part(".reflectance") });
     part("h3").textContent = `${number}. ${name}`;
-    part(".about").textContent = `${found.camera || "unnamed camera"}, ${found.width} × ${found.height} px`;
+    part(".camera").textContent = `${found.camera || "unnamed camera"}, ${found.width} × ${found.height} px`;
     options(this.lamp, lists.lamps.map((lamp) => [lamp, lamp]), [["auto", "unknown (phones only)"]]);
     this.draw(found);
     this.place(found);
     this.side.value = 2 * Math.round(Math.max(24, found.width / 80) / 2);
     this.side.addEventListener("change", () => this.refresh());
-    this.role.addEventListener("change", () => { this.refresh(); update(); });
+    this.role.addEventListener("change", () => { this.problem.textContent = ""; this.refresh(); update(); });
     part(".read").addEventListener("click", () => this.read());
     part(".remove").addEventListener("click", () => { photos.splice(photos.indexOf(this), 1); this.card.remove(); update(); });
     $("photos").append(this.card);
@@ -152,14 +158,14 @@ class Photo {
     if (found.reflectance) this.reflectance.value = found.reflectance;
     this.moved = false;
     this.problem.textContent = found.problem
-      ? `${found.problem.words} Or drag the four corners here, or choose another use for this photo.` : "";
+      ? `${named(found.problem.words)} Or drag the four corners here, or choose another use for this photo.` : "";
     this.refresh();
   }
 
   mark(kind, label, shape, letter, angle) {
     const g = document.createElementNS(SVG, "g"), form = document.createElementNS(SVG, shape);
     g.append(form);
-    g.setAttribute("class", `mark ${kind}`);
+    g.setAttribute("class", `handle ${kind}`);
     g.setAttribute("role", "button");
     g.setAttribute("tabindex", "0");
     const mark = { g, form, label, letter, at: [this.width / 2, this.height / 2], shown: false, angle };
@@ -251,8 +257,7 @@ const calibrate = () => guarded($("problem"), async () => {
   const found = await task("calibrate", { shots, chart: $("chart").value }, "starting");
   calibrated = found.status !== "refused";
   $("status").textContent = found.status;
-  $("band").textContent = found.band;
-  $("reasons").replaceChildren(...found.reasons.map((reason) => Object.assign(document.createElement("li"), { textContent: reason })));
+  $("reasons").replaceChildren(...found.reasons.map((reason) => Object.assign(document.createElement("li"), { textContent: named(reason) })));
   $("report").src = `${base}/files/report.html?${Date.now()}`;
   $("downloads").replaceChildren(...found.files.map(link));
   $("curves").hidden = !calibrated;
