@@ -70,8 +70,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     pytest.importorskip("uvicorn", reason="uvicorn is not installed")
     running = Server(tmp_path_factory.mktemp("temporary"))
     yield running
-    said = running.stop()
-    assert "Traceback" not in said, said
+    output = running.stop()
+    assert "ERROR" not in output, output
     assert [*running.temporary.iterdir(), *running.home.rglob("*")] == []
 
 

@@ -32,8 +32,10 @@ def app(
         say("", f"The page: {address}")
         say("", "Ctrl-C ends it.")
         if not no_browser:
+            import threading
             import webbrowser
 
-            webbrowser.open(address)
+            # in a thread: a browser in the terminal would not return
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     serve(port, ready)

@@ -218,10 +218,10 @@ class Photo {
   read() {
     this.region.shown = true;
     this.refresh();
-    const told = this.card.querySelector(".colour"), picture = this.card.querySelector(".spectrum");
+    const output = this.card.querySelector(".colour"), picture = this.card.querySelector(".spectrum");
     picture.hidden = true;
     return guarded(this.problem, async () => {
-      told.textContent = "";
+      output.textContent = "";
       if (!calibrated) throw new Problem("A colour needs the camera's curves. Press Calibrate first, then click the photo.");
       const square = ({ at: [x, y], side }) => [x - side / 2, y - side / 2, side, side];
       const found = await task("colour", { photo: this.number, lamp: this.lamp.value, region: square(this.region),
@@ -232,7 +232,7 @@ class Photo {
       swatch.setAttribute("aria-hidden", "true");
       for (const [key, value] of Object.entries({ width: "100%", height: "100%", fill: found.srgb })) fill.setAttribute(key, value);
       swatch.append(fill);
-      told.replaceChildren(swatch, `${words.join(", ")} (95 %; CIE 1931 2°, adapted to D65).`
+      output.replaceChildren(swatch, `${words.join(", ")} (95 %; CIE 1931 2°, adapted to D65).`
         + (found.far ? " No measured surface explains the signals: the spectrum does not hold." : ""));
       picture.src = `${base}/files/${found.spectrum}?${Date.now()}`;
       picture.alt = `Reflectance spectrum of the region with its 95 % band; ${words.join(", ")}`;
