@@ -101,6 +101,7 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
         calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
 
 
+@pytest.mark.requirement("R-TABLE")
 def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCurves) -> None:
     """A chart like Ohta's table is solved with it, unless the caller fixes the table or the basis has no prior."""
     (shot,) = simulate(camera, "D55", tmp_path, chart="classic24:ohta", scene=Scene(size=SIZE)).shots
