@@ -10,8 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from camssf.error_codes import Explained, codes, explain_code, limit_in_words, limits_of, without_holes
+from camssf.error_codes import Explained, codes, explain_code, limits_of, without_holes
 from camssf.files import write_file
+from camssf.rules import Number
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"
 MADE = "<!-- python -m tools.error_pages -->"
@@ -44,9 +45,24 @@ def _page(each: Explained) -> str:
         lines += ["## Reasons of the verdict", ""]
         for reason in each.reasons:
             lines += [f"**`{reason.name}`**: {without_holes(reason.message)} {without_holes(reason.advice)}", ""]
-            lines += [f"- {limit_in_words(limit)}" for limit in limits_of(reason)] + [""]
+            lines += [f"- {_limits(each)}" for each in _by_quantity(limits_of(reason))] + [""]
     lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ", [all codes](index.md).", ""]
     return "\n".join(lines)
+
+
+def _by_quantity(limits: Sequence[Number]) -> list[list[Number]]:
+    """The limits of each quantity together: doubtful, then refused."""
+    found: dict[str, list[Number]] = {}
+    for limit in limits:
+        found.setdefault(limit.what, []).append(limit)
+    return list(found.values())
+
+
+def _limits(limits: Sequence[Number]) -> str:
+    """The limits of one quantity in words, for example "doubtful above 4 σ, refused above 8 σ: what it measures"."""
+    unit = "" if limits[0].unit == "1" else f" {limits[0].unit}"
+    bounds = ", ".join(f"{each.makes} {each.beyond} {each.value:g}{unit}" for each in limits)
+    return f"{bounds}: {limits[0].what}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
