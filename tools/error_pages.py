@@ -6,13 +6,13 @@ What they say stands in data/errors.json and data/rules.json, as `camssf explain
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from camssf.error_codes import Explained, codes, explain_code, limits_of, without_holes
+from camssf.error_codes import Explained, codes, explain_code, without_holes
 from camssf.files import write_file
-from camssf.rules import Number
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"
 MADE = "<!-- python -m tools.error_pages -->"
@@ -22,7 +22,9 @@ def pages() -> dict[str, str]:
     """Every page by its file's name."""
     found = [explain_code(code) for code in codes()]
     made = {f"{each.code}.md": _page(each) for each in found}
-    rows = [f"| [`{each.code}`]({each.code}.md) | {each.exit_status} | {each.means} |" for each in found]
+    rows = [
+        f"| [`{each.code}`]({each.code}.md) | {each.exit_status} | {_first_sentence(each.means)} |" for each in found
+    ]
     head = [
         "# Error codes",
         "",
@@ -45,24 +47,16 @@ def _page(each: Explained) -> str:
         lines += ["## Reasons of the verdict", ""]
         for reason in each.reasons:
             lines += [f"**`{reason.name}`**: {without_holes(reason.message)} {without_holes(reason.advice)}", ""]
-            lines += [f"- {_limits(each)}" for each in _by_quantity(limits_of(reason))] + [""]
+        names = dict.fromkeys(f"`{name}`" for reason in each.reasons for name in reason.limits)
+        if names:
+            lines += [f"Limits ([thresholds](../verdict.md#thresholds)): {', '.join(names)}.", ""]
     lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ", [all codes](index.md).", ""]
     return "\n".join(lines)
 
 
-def _by_quantity(limits: Sequence[Number]) -> list[list[Number]]:
-    """The limits of each quantity together: doubtful, then refused."""
-    found: dict[str, list[Number]] = {}
-    for limit in limits:
-        found.setdefault(limit.what, []).append(limit)
-    return list(found.values())
-
-
-def _limits(limits: Sequence[Number]) -> str:
-    """The limits of one quantity in words, for example "doubtful above 4 σ, refused above 8 σ: what it measures"."""
-    unit = "" if limits[0].unit == "1" else f" {limits[0].unit}"
-    bounds = ", ".join(f"{each.makes} {each.beyond} {each.value:g}{unit}" for each in limits)
-    return f"{bounds}: {limits[0].what}"
+def _first_sentence(text: str) -> str:
+    """Up to the first full stop or colon that a space follows."""
+    return re.split(r"(?<=\.)\s|:\s", text)[0].rstrip(".") + "."
 
 
 def main(argv: Sequence[str] | None = None) -> int:

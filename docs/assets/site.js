@@ -1,4 +1,5 @@
-// What axe finds in the theme: a dialog and toolbars without names, and scrollable parts that no key reaches.
+// What axe finds in the theme: a dialog and toolbars without names, scrollable parts that no key reaches, and
+// hidden inputs that the keys do reach.
 const name = (selector, text) =>
   document.querySelectorAll(selector).forEach((each, at) => each.setAttribute("aria-label", text(at + 1)));
 
@@ -8,4 +9,5 @@ addEventListener("load", () => {
   for (const each of document.querySelectorAll("pre > code, .md-typeset__scrollwrap, .katex-display")) {
     each.tabIndex = 0;
   }
+  document.querySelectorAll("input.md-option[aria-hidden]").forEach((each) => (each.tabIndex = -1));
 });
