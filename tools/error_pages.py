@@ -45,8 +45,10 @@ def _page(each: Explained) -> str:
     lines += ["## What to do", "", *(f"{number}. {step}" for number, step in enumerate(each.do, 1)), ""]
     if each.reasons:
         lines += ["## Reasons of the verdict", ""]
+        lines += [f"`camssf explain {each.code}` also prints the advice of each.", ""]
         for reason in each.reasons:
-            lines += [f"**`{reason.name}`**: {without_holes(reason.message)} {without_holes(reason.advice)}", ""]
+            lines.append(f"- `{reason.name}`: {without_holes(reason.message)}")
+        lines.append("")
         names = dict.fromkeys(f"`{name}`" for reason in each.reasons for name in reason.limits)
         if names:
             lines += [f"Limits ([thresholds](../verdict.md#thresholds)): {', '.join(names)}.", ""]
