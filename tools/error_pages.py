@@ -6,11 +6,12 @@ What they say stands in data/errors.json and data/rules.json, as `camssf explain
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from camssf.error_codes import Explained, codes, explain_code, limit_in_words, limits_of, without_holes
+from camssf.error_codes import Explained, codes, explain_code, without_holes
 from camssf.files import write_file
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"
@@ -21,7 +22,9 @@ def pages() -> dict[str, str]:
     """Every page by its file's name."""
     found = [explain_code(code) for code in codes()]
     made = {f"{each.code}.md": _page(each) for each in found}
-    rows = [f"| [`{each.code}`]({each.code}.md) | {each.exit_status} | {each.means} |" for each in found]
+    rows = [
+        f"| [`{each.code}`]({each.code}.md) | {each.exit_status} | {_first_sentence(each.means)} |" for each in found
+    ]
     head = [
         "# Error codes",
         "",
@@ -42,11 +45,20 @@ def _page(each: Explained) -> str:
     lines += ["## What to do", "", *(f"{number}. {step}" for number, step in enumerate(each.do, 1)), ""]
     if each.reasons:
         lines += ["## Reasons of the verdict", ""]
+        lines += [f"`camssf explain {each.code}` also prints the advice of each.", ""]
         for reason in each.reasons:
-            lines += [f"**`{reason.name}`**: {without_holes(reason.message)} {without_holes(reason.advice)}", ""]
-            lines += [f"- {limit_in_words(limit)}" for limit in limits_of(reason)] + [""]
+            lines.append(f"- `{reason.name}`: {without_holes(reason.message)}")
+        lines.append("")
+        names = dict.fromkeys(f"`{name}`" for reason in each.reasons for name in reason.limits)
+        if names:
+            lines += [f"Limits ([thresholds](../verdict.md#thresholds)): {', '.join(names)}.", ""]
     lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ", [all codes](index.md).", ""]
     return "\n".join(lines)
+
+
+def _first_sentence(text: str) -> str:
+    """Up to the first full stop or colon that a space follows."""
+    return re.split(r"(?<=\.)\s|:\s", text)[0].rstrip(".") + "."
 
 
 def main(argv: Sequence[str] | None = None) -> int:

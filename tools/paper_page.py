@@ -52,10 +52,10 @@ def head(found: dict[str, Any]) -> str:
 python -m benchmarks.paper
 ```
 
-(in the repository; this run took {found["minutes"]:.0f} minutes in two processes{processor}) repeats the paper's experiments and adds some. `python -m tools.paper_page` writes this page and its numbers, `docs/paper.json`; only numbers marked as the paper's have another source.{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
+(in the repository; this run took {found["minutes"]:.0f} minutes in two processes{processor}) repeats the paper's experiments and adds some. `python -m tools.paper_page` writes this page and `docs/paper.json`; numbers marked as the paper's have another source.{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
 
-- **Cameras.** The paper's own camera and phones are not public. Here there are {found["cameras"]} measured cameras: 52 of rawtoaces-data and two of colour-science. So absolute numbers differ from the paper's; the comparison of methods can be reproduced.
-- **Fairness.** Methods that learn (PCA, Wiener, `cameras`) use no camera of the scored camera's maker. A method with a free parameter gets the value that is best on the other makers' cameras under the same lamp and noise, which is more than a user could know. The solvers use the true lamp unless stated otherwise.
+- **Cameras.** The paper's camera and phones are not public. Here there are {found["cameras"]} measured cameras: 52 of rawtoaces-data and two of colour-science. So absolute numbers differ from the paper's.
+- **Fairness.** Methods that learn (PCA, Wiener, `cameras`) use no camera of the scored camera's maker. A method with a free parameter gets the value that is best on the other makers' cameras under the same lamp and noise. The solvers use the true lamp unless stated otherwise.
 - **Score.** RMSE of the curves at peak 1, 400 to 700 nm, mean of red, green, blue and cameras. Noise of ν means σ = ν √(y² + 0.2²)."""
 
 
@@ -97,7 +97,7 @@ All combinations of the 18 chromatic patches, at most 100 random ones (seeded) f
 
 ![RMSE against the number of patches](images/paper-colours.png)
 
-Without noise the error falls steeply to about nine colours and little from twelve on, which agrees with the paper's choice of twelve. It does not reach the paper's 0.0281 (its camera, twelve colours), since 18 Gaussians of 50 nm cannot represent the curves better. Colour-science's two cameras, l1 on Gaussians without noise: {public}. {"No answer was refused." if not refused else f"{refused} answers with few patches were refused for their duality gap."}
+Without noise the error falls little from twelve colours on, the paper's choice. It does not reach the paper's 0.0281 (its camera), since 18 Gaussians of 50 nm cannot represent the curves better. Colour-science's two cameras, l1 on Gaussians without noise: {public}. {"No answer was refused." if not refused else f"{refused} answers with few patches were refused for their duality gap."}
 
 ![Curves from 9, 12, 15 and 18 patches](images/paper-curves.png)
 
@@ -113,11 +113,11 @@ def correlation(found: dict[str, Any]) -> str:
 
 {table(["table, patches", "mean of &#124;r&#124; over pairs"], body)}
 
-The paper has 0.579 for its twelve; the values of patches 7 to 18 lie on either side of it, so this page uses these twelve. The paper does not give the mutual coherence of F Ψ, which sparse recovery depends on:
+The paper has 0.579 for its twelve; the values of patches 7 to 18 lie on either side of it, so this page uses these. The mutual coherence of F Ψ, which the paper does not give:
 
 {table(["Gaussians", *coherence], [["1 − coherence", *(f"{value:.1e}" for value in coherence.values())]])}
 
-It is so close to 1 that no guarantee of the theory applies. l1 works here because of x ≥ 0 and smooth truths.
+It is so close to 1 that no guarantee of sparse recovery applies. l1 works here because of x ≥ 0 and smooth truths.
 
 ![Correlation of the patches, coherence of the dictionary](images/paper-correlation.png)"""
 
@@ -130,15 +130,15 @@ def methods(found: dict[str, Any]) -> str:
     plain = rows[f"{QR}: Gaussians, NNLS"]
     return f"""## Fig. 4: QR, pseudo-inverse, l1
 
-The paper: QR with non-negativity 0.3557, pseudo-inverse with non-negativity 0.1511, l1 0.0281. It does not say how non-negativity is imposed (clipping or non-negative least squares, NNLS), nor whether the unknowns are wavelengths or Gaussians. All variants, 12 patches, D55:
+The paper: QR with non-negativity 0.3557, pseudo-inverse with non-negativity 0.1511, l1 0.0281. It does not say whether non-negativity is clipping or non-negative least squares (NNLS), nor whether the unknowns are wavelengths or Gaussians. All variants, 12 patches, D55:
 
 {table(["method", *(noise_word(noise) for noise in NOISES)], body)}
 
 ![The methods of Fig. 4](images/paper-methods.png)
 
 - **With noise the paper's order is confirmed** in the simplest variant (wavelengths, clipped).
-- **Without noise the pseudo-inverse is not worse than l1**: {number(best_quiet)} on wavelengths at best, l1 on Gaussians {number(rows[PAPER]["0.0"])}. Its minimum-norm curve is smooth; noise spoils it, not a lack of sparsity.
-- **NNLS on the same 18 Gaussians, without l1** ({number(plain["0.005"])} at 0.5 %), is no worse than l1 with γ set from the noise ({number(rows[PAPER]["0.005"])}) and close to l1 at its best γ ({number(rows[TUNED]["0.005"])}). Most of the gain comes from the smooth basis and x ≥ 0, not from the l1 norm.
+- **Without noise the pseudo-inverse is not worse than l1**: {number(best_quiet)} on wavelengths at best, l1 on Gaussians {number(rows[PAPER]["0.0"])}.
+- **NNLS on the same 18 Gaussians, without l1** ({number(plain["0.005"])} at 0.5 %), is no worse than l1 with γ set from the noise ({number(rows[PAPER]["0.005"])}) and close to l1 at its best γ ({number(rows[TUNED]["0.005"])}). Most of the gain comes from the smooth basis and x ≥ 0.
 - **A basis learned from other makers' cameras** is best throughout."""
 
 
@@ -156,17 +156,16 @@ def families(found: dict[str, Any]) -> str:
     quiet = rows[first]["0.0"]["D55"]["rmse"]
     return f"""## Table 1's families, in one run
 
-24 patches; each cell has noise 0, 0.5 and 1 %. Each method is one small file in `benchmarks/paper/rivals`; PCA is colour-science's `RGB_to_sd_camera_sensitivity_Jiang2013`, the programmes and fits are SciPy's.
+24 patches; each cell has noise 0, 0.5 and 1 %. Each method is a file in `benchmarks/paper/rivals`; PCA is colour-science's `RGB_to_sd_camera_sensitivity_Jiang2013`.
 
 {table(["method", *lights], body)}
 
 ![The families](images/paper-rivals.png)
 
 - **With noise camssf is best**, by a factor of {min(ratio):.2f} to {max(ratio):.2f} over Wiener, the best other family: a linear estimate from the same cameras.
-- **Without noise** the best under D55 is "{first}" ({number(quiet)}): 24 exact signals determine a smooth non-negative curve well, and a prior adds error. Real signals are not exact.
-- **Jiang's subspace** uses the same cameras as Wiener and is worse throughout: it keeps or drops an eigenvector, while Wiener weights each by its spread.
-- **The rank-based method** is made for pictures with an unknown tone curve, which no other method here can use; with 24 patches ranks carry little information.
-- **A sum of Gaussians** is limited by its form and by the fit's starting points."""
+- **Without noise** the best under D55 is "{first}" ({number(quiet)}): a prior adds error to exact signals. Real signals are not exact.
+- **Jiang's subspace** uses the same cameras as Wiener and is worse throughout.
+- **The rank-based method** is made for pictures with an unknown tone curve, which no other method here can use."""
 
 
 def direct(found: dict[str, Any]) -> str:
@@ -187,7 +186,7 @@ def direct(found: dict[str, Any]) -> str:
     ]
     return f"""## Sec. 4: direct measurement
 
-[`camssf direct`](cli.md#camssf-direct) divides the colour camera's frame of a spectrum of sunlight by the mono camera's, Eq. (12). Simulated (`benchmarks/paper/spectrograph.py`): a grating of 150 lines/mm, a slit of 2 nm, two detectors of different pixels and alignment, tilted lines, photon and read noise, a DNG and a TIFF file. The sun is ASTM G173's AM1.5 spectrum, or CIE daylight with the tabulated Fraunhofer lines. Wavelength errors and residuals of the lines in nm:
+[`camssf direct`](cli.md#camssf-direct) divides the colour camera's frame of a spectrum of sunlight by the mono camera's, Eq. (12). Simulated (`benchmarks/paper/spectrograph.py`): a grating of 150 lines/mm, a slit of 2 nm, two different detectors, tilted lines, photon and read noise. The sun is ASTM G173's AM1.5 spectrum, or CIE daylight with the tabulated Fraunhofer lines. Wavelength errors and residuals of the lines in nm:
 
 {table(["light", "cameras", "RMSE", "worst channel", "worst wavelength: colour", "mono", "residual: colour", "mono", "fewest lines"], body)}
 
@@ -237,7 +236,7 @@ No measured phone may be published here. These are the three cameras with the sm
 
 {table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
 
-The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise. So the simulation lacks most of the errors of the paper's photos: uneven light, glare, glossy or fluorescent colours, charts measured elsewhere.
+The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise. So the simulation lacks most of the errors of the paper's photos.
 
 ![Curves of the three](images/paper-phones.png)
 
@@ -271,7 +270,7 @@ Eq. (5) divides by white, which does not cancel the lamp. Twelve patches, no noi
 
 ![The lamp ignored and known](images/paper-lamps.png)
 
-**The curve is wrong by up to {worst:.1f} times as much, and RMSRE stays at {number(largest, 2)} % or less**, in {better} of {len(both)} cases even below that of the right lamp: the wrong curve is the camera's times the lamp's, and both sides of the comparison contain that lamp. So RMSRE alone, the paper's validation of its phones, does not detect it."""
+**The curve is wrong by up to {worst:.1f} times as much, and RMSRE stays at {number(largest, 2)} % or less**, in {better} of {len(both)} cases even below that of the right lamp, since both sides of the comparison contain the wrong lamp. So RMSRE alone, the paper's validation of its phones, does not detect it."""
 
 
 def atoms(found: dict[str, Any]) -> str:
@@ -314,7 +313,7 @@ def charts(found: dict[str, Any]) -> str:
 
 {table(["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table", "foreign table, diagonal"], body)}
 
-The table is the largest error. A second photo under a bulb cuts camssf's error by {100 * gain:.0f} %, since Σ models that the chart's error is the same under both lamps; with a diagonal Σ by {100 * diagonal:.0f} %. A second photo under the same lamp gains nothing. The paper has one lamp and no Σ."""
+The table is the largest error. A second photo under a bulb cuts camssf's error by {100 * gain:.0f} %, since Σ models that the chart's error is the same under both lamps; with a diagonal Σ by {100 * diagonal:.0f} %. A second photo under the same lamp gains nothing."""
 
 
 def rest(found: dict[str, Any]) -> str:

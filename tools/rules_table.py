@@ -15,9 +15,9 @@ BEGIN, END = "<!-- python -m tools.rules_table -->", "<!-- end of the rules -->"
 
 
 def markdown(found: Rules) -> str:
-    """The bounds of the verdict with their reasons, a quantity a row; then all other numbers by group."""
+    """The bounds of the verdict, a quantity a row; then all other numbers by group."""
     refusing = {f"verdict.{number.refuses}" for number in found.numbers.values() if number.refuses}
-    lines = ["| number | limit | `name` | code | why |", "|---|---|---|---|---|"]
+    lines = ["| number | limit | `name` | code |", "|---|---|---|---|"]
     for number in found.numbers.values():
         if number.makes and number.name not in refusing:
             second = [found.numbers[f"verdict.{number.refuses}"]] if number.refuses else []
@@ -41,9 +41,6 @@ def _quantity(bounds: list[Number], found: Rules) -> str:
         ", ".join(f"{number.makes} {number.beyond} {_value(number)}" for number in bounds),
         ", ".join(f"`{name}`" for name in names),
         " ".join(f"`{code}`" for code in codes),
-        " ".join(
-            [bounds[0].why, *(f"`{name}`: {number.why}" for name, number in zip(names[1:], bounds[1:], strict=True))]
-        ),
     ]
     return f"| {' | '.join(cells)} |"
 

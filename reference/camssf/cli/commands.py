@@ -58,7 +58,6 @@ app = typer.Typer(
     help="Camera spectral sensitivities, with error bands, from RAW photos of a ColorChecker.",
     epilog="Example: camssf demo -o out/",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
