@@ -21,10 +21,13 @@ import camssf
 from camssf import cli, errors
 from camssf.documents.keys import key_name, read_public
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.fit.scores import rmse
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
+from camssf.photo.read.unit import read_unit
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
+from camssf.spectra import read_camera
 
 ROOT = Path(__file__).parents[1]
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
@@ -236,13 +239,33 @@ REFUSED = (
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["demo", "-o", str(tmp_path / "out")]) == 0
     _, err = capsys.readouterr()
-    names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == sorted([*FILES, "shots"])
-    assert "RMSE against the truth" in err
-    assert str(tmp_path / "out" / "report.html") in err
-    document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
-    for value in document["scores"]["rmse"]:
-        assert f"{value:.4f}" in err
+    out = tmp_path / "out"
+    assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "named", "shots"])
+    assert sorted(path.name for path in (out / "named").iterdir()) == FILES
+    assert str(out / "report.html") in err
+    unnamed, named = (json.loads(path.read_text("utf-8")) for path in (out / FILES[1], out / "named" / FILES[1]))
+    assert "light" in unnamed["shots"][0]
+    assert named["shots"][0]["lamp"]["name"] == "D55"
+    assert {each["camera"]["model"] for each in (unnamed, named)} == {"Demo phone"}
+    page = (out / "report.html").read_text("utf-8")
+    mean = read_basis("phones").mean.T
+    without = rmse(mean / mean.max(axis=0), read_camera("Demo phone").values)
+    for found in (without, unnamed["scores"]["rmse"], named["scores"]["rmse"]):
+        for value in found:  # on the terminal and on the page
+            assert f"{value:.3f}" in err
+            assert f"{value:.3f}" in page
+    assert np.mean(unnamed["scores"]["rmse"]) < 0.8 * np.mean(without)  # the photo is worth something
+    assert cli.main(["demo", "-o", str(out)]) == 0  # its own it replaces
+
+
+def test_a_simulation_names_its_maker_and_model(tmp_path: Path) -> None:
+    words = ["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)]
+    for extra in (["--make", "Google", "--model", "Pixel 99"], []):  # a simulation replaces one of another make
+        assert cli.main([*words, *extra]) == 0
+        expected = (extra[1], extra[3]) if extra else ("camssf", "Demo phone")
+        for name in ("chart.dng", "white.dng", "dark.dng"):
+            unit = read_unit(tmp_path / name).unit
+            assert (unit.make, unit.model) == expected
 
 
 @pytest.mark.parametrize("name", ["chart.dng", "white.dng", "truth.csv"])

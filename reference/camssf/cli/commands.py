@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from camssf.cli.captures import batch, calibrate, demo, simulate
+from camssf.cli.captures import batch, calibrate, simulate
 from camssf.cli.colour import colour
+from camssf.cli.demo import demo
 from camssf.cli.exports import export
 from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
 from camssf.cli.page import app as page
@@ -28,7 +29,7 @@ COMMANDS = (
     (demo, "camssf demo -o out/"),
     (calibrate, "camssf calibrate photo.dng --lamp D55 --white white.dng --dark dark.dng -o out/"),
     (batch, "camssf batch manifest.csv -o out/ --jobs 2"),
-    (simulate, 'camssf simulate --camera "Nikon 5100 (NPL)" --lamp D55 --size 1800x1350 -o shots/'),
+    (simulate, "camssf simulate --lamp D55 --size 1800x1350 -o shots/"),
     (patches, "camssf patches photo.dng --lamp D55 > patches.json"),
     (solve, "camssf patches photo.dng --lamp D55 | camssf solve - > result.json"),
     (validate, "camssf validate result.json --truth truth.csv > scored.json"),

@@ -18,9 +18,11 @@ from camssf.report.sections import certificate, details, drawings, patches, phot
 from camssf.report.sections.comparison import LIMIT, comparison_of
 from camssf.report.sections.curves import DrawnCurves, curves_of
 from camssf.report.sections.text import Json, brief, camera_name, finalize, number, words
+from camssf.report.sections.truth import true_errors
 
 WITH_CURVES = (
-    "curves", "curve_plots", "curve_rows", "big", "channels", "proof", "colour", "comparison", "linearity",
+    "curves", "curve_plots", "curve_rows", "true_errors", "big", "channels", "proof", "colour", "comparison",
+    "linearity",
 )  # fmt: skip
 """Template variables that are None for a refused result."""
 TEN_NM = range(0, len(WAVELENGTHS), 20)
@@ -66,6 +68,9 @@ def page(document: Json, previews: Sequence[bytes | None], provenance: Provenanc
                 drawings.curve_plot(curves, 360, 300, 10, "narrow"),
             ),
             "curve_rows": _values(curves),
+            "true_errors": [
+                [each.name, *each.cells()] for each in true_errors(document, provenance.other, provenance.other_name)
+            ],
             "big": certificate.big_numbers(document),
             "channels": certificate.channels_of(document),
             "proof": story.proof_of(document),

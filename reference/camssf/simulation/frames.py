@@ -8,7 +8,6 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from os import PathLike
@@ -16,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.files import local_folder, made_folder
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
-from camssf.photo.read.unit import read_unit
 from camssf.photo.shot import Shot
 from camssf.simulation.camera import Sensor, check_sensor
-from camssf.simulation.dng import MAKE, write_dng, write_truth
+from camssf.simulation.dng import is_simulated, write_dng, write_truth
 from camssf.simulation.scene import (
     Scene,
     check_scene,
@@ -90,6 +88,8 @@ def simulate(
     sensor: Sensor | None = None,
     seed: int = 0,
     change: Change | None = None,
+    make: str = "",
+    model: str = "",
 ) -> Simulation:
     """Write chart, white and dark frame of every lamp as DNG, truth.csv with the camera's curves, and corners.json.
 
@@ -104,6 +104,7 @@ def simulate(
         sensor: properties of the sensor and of its files.
         seed: seed of the noise; the same seed gives the same bytes.
         change: fault of the last lamp's shot (`camssf.simulation.faults`).
+        make, model: written into the files; "" for "camssf" and the camera's name.
 
     Raises:
         InvalidArgument: a setting is out of range, the chart does not fit into the picture, or a file that no
@@ -129,6 +130,8 @@ def simulate(
             "The chart reaches beyond the picture.", "Make fill smaller, or rotate or tilt it less."
         )
     plans = [ShotPlan(body, light, table, scene, sensor, light.name, table.name) for light in lights]
+    named = {frame: {"make": make, "model": model} for frame in ("chart", "white", "dark")}
+    plans = [replace(plan, tags=named) for plan in plans]
     if change is not None:
         plans[-1] = change(plans[-1])
     files = [_names(plan, tag) for plan, tag in zip(plans, _tags(lights), strict=True)]
@@ -175,9 +178,8 @@ def _check_replaced(path: Path) -> None:
     if not path.is_file():
         return
     if path.suffix == ".dng":
-        with suppress(CalibrationError):
-            if read_unit(path).unit.make == MAKE:
-                return
+        if is_simulated(path):
+            return
     elif (path.parent / "corners.json").is_file():
         return
     raise InvalidArgument(f"{path} is not a simulated file; it would be replaced.", "Name another folder by -o.")
