@@ -44,6 +44,7 @@ from camssf.files import local_folder
 
 if TYPE_CHECKING:
     from camssf.fleet.outcome import Outcome, Summary
+    from camssf.simulation.frames import Simulation
 
 FAULTS = (
     "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
@@ -304,3 +305,9 @@ def simulate(
             "corners": str(scene.corners),
         }
     )
+    say("", f"{scene.camera} in {out}: {', '.join(sorted(path.name for path in _files_of(scene)))}")
+
+
+def _files_of(scene: Simulation) -> list[Path]:
+    frames = [path for shot in scene.shots for path in (shot.chart, shot.white, shot.dark) if path is not None]
+    return [*frames, scene.truth, scene.corners]

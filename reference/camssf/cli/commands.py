@@ -20,7 +20,7 @@ from camssf.cli.passport import passport
 from camssf.cli.registry import registry
 from camssf.cli.spectrum import spectrum
 from camssf.cli.steps import patches, report, solve, validate
-from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
+from camssf.cli.terminal import BUG, INTERRUPTED, demand_json, discard_stdout, put, say, trace
 from camssf.cli.upkeep import COMMANDS as UPKEEP
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.version import __version__
@@ -69,8 +69,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; catches all exceptions."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
+    demand_json("--json" in arguments)
     try:
-        typer.main.get_command(app).main([a for a in arguments if a != "--debug"], prog_name="camssf")
+        typer.main.get_command(app).main([a for a in arguments if a not in ("--debug", "--json")], prog_name="camssf")
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         if status == INTERRUPTED:
@@ -108,9 +109,10 @@ def _camssf(
         bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version and exit.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON on a terminal too.")] = False,
 ) -> None:
-    # `main` removes --debug from the arguments; it is declared here for --help only.
-    del version, debug
+    # `main` removes --debug and --json from the arguments; they are declared here for --help only.
+    del version, debug, json
 
 
 for _command, _example in COMMANDS:

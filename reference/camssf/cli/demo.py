@@ -27,7 +27,10 @@ def demo(
     lamp: Annotated[str, typer.Option(metavar="SPEC", help="The light of the photo.")] = "D55",
     seed: Annotated[int, typer.Option(help="Seed of the simulated noise.")] = 0,
 ) -> None:
-    """Simulate a phone, calibrate it in unnamed light and under the named lamp, compare with the truth."""
+    """Simulate a phone, calibrate, compare with truth.
+
+    From one photo in unnamed light, and with the lamp named; and without any photo.
+    """
     from camssf.photo.shot import Shot
     from camssf.report.build import report
     from camssf.report.provenance import read_provenance

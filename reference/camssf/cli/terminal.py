@@ -40,8 +40,21 @@ _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]"
 _SPELT = {"±": "+/-", "ΔE00": "Delta E 2000", "–": "-"}
 
 
+_demanded = False
+"""Whether --json was given."""
+
+
+def demand_json(wanted: bool) -> None:
+    """Let `emit` write JSON to a terminal too."""
+    global _demanded
+    _demanded = wanted
+
+
 def emit(document: dict[str, Any]) -> None:
-    """Write a document to stdout as one line of JSON."""
+    """Write a document to stdout as one line of JSON; to a terminal only if --json was given."""
+    if sys.stdout is not None and sys.stdout.isatty() and not _demanded:
+        say("", "JSON is not printed on a terminal. Add --json, or write it into a file: > FILE.")
+        return
     text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
     # If stdout is not UTF-8, use ASCII with escapes, which is valid JSON in any encoding.
     put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
@@ -170,13 +183,9 @@ def _say_true_errors(document: dict[str, Any], other: dict[str, Any] | None, oth
 
 
 def _title(document: dict[str, Any]) -> str:
-    camera = document.get("camera") or {}
-    lights = " + ".join(
-        "light not named" if "light" in shot else str(shot["lamp"]["name"]) for shot in document.get("shots") or []
-    )
-    make, model = camera.get("make") or "", camera.get("model") or ""
-    body = model if model.casefold().startswith(make.casefold()) else f"{make} {model}".strip()
-    return f"{body or 'camera'}, {lights}, basis {document.get('basis')}"
+    from camssf.report.notebook import camera_of, lamps_of
+
+    return f"{camera_of(document)}, {lamps_of(document)}, basis {document.get('basis')}"
 
 
 def finish(document: dict[str, Any]) -> None:
