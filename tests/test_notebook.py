@@ -147,7 +147,9 @@ def test_plots_hold_the_result_s_numbers(result: Calibration) -> None:
     own = plt.subplots()[1]
     axes = result.plot(ax=own)
     assert axes is own
-    assert np.array_equal(axes.lines[1].get_ydata(), np.maximum(result.curves[:, 1], 0.0))
+    drawn, curve = axes.lines[1].get_ydata(), np.maximum(result.curves[:, 1], 0.0)
+    np.testing.assert_allclose(drawn[::20], curve[::20], atol=1e-12)  # between the basis' values it is smooth
+    np.testing.assert_allclose(drawn, curve, atol=0.02)
     said = result.document()["shots"][0]["patches"]
     axes = result.plot("residuals")
     assert axes is not own

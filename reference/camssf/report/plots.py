@@ -64,7 +64,6 @@ def _axes() -> Any:
 
 def draw_curves(ax: Any, curves: DrawnCurves) -> None:
     """Draw the curves as the report does: 95 % bands, each peak's label above them, and the truth dashed."""
-    sides: dict[str, Any] = {"start": "left", "middle": "center", "end": "right"}
     drawn = curves.smooth()
     for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
         if drawn.low is not None and drawn.high is not None:
@@ -72,8 +71,8 @@ def draw_curves(ax: Any, curves: DrawnCurves) -> None:
         ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
         if drawn.truth is not None:
             ax.plot(WAVELENGTHS, drawn.truth[:, c], color=INK, dashes=(4, 3), linewidth=1.1)
-    for (text, nm, top, side), hue in zip(curves.peak_labels(), HUES, strict=True):
-        ax.text(nm, top, text, ha=sides[side], color=hue, fontsize=9.5)
+    for (text, nm, top), hue in zip(curves.peak_labels(), HUES, strict=True):
+        ax.text(nm, top, text, ha="center", color=hue, fontsize=9.5)
     ax.set_xlim(380, 720)
     ax.set_ylim(*curves.limits())
     ax.set_xticks(range(400, 721, 40))
@@ -89,7 +88,6 @@ def draw_curves(ax: Any, curves: DrawnCurves) -> None:
 def _curves(document: Json, ax: Any, shot: int) -> None:
     draw_curves(ax, curves_of(document))
     _title(ax, f"{camera_of(document)}, {lamps_of(document)}: {document['verdict']['status']}")
-    ax.legend(frameon=False)
 
 
 def _residuals(document: Json, ax: Any, shot: int) -> None:

@@ -12,6 +12,8 @@ from camssf.report.sections.text import Json
 
 NODE = 10
 """Grid steps between the values of a learned basis: 5 nm."""
+LABEL = 62.0
+"""Width of a peak's label on a plot of usual size, nm."""
 STRAIGHT = 0.005
 """Largest distance from the straight lines, less than a line's width."""
 NEARLY = 0.015
@@ -49,19 +51,18 @@ class DrawnCurves:
             found.append(min(float(self.high.max()), 1.3))
         return max(found)
 
-    def peak_labels(self) -> list[tuple[str, float, float, str]]:
-        """(text, nm, response, side) of each peak's label, all above the bands.
-
-        Labels of peaks within 50 nm are put on opposite sides.
-        """
-        order = self.ssf.argmax(axis=0)
-        nm = WAVELENGTHS[order]
-        labels = []
-        for i, colour in enumerate(CHANNELS):
-            near = nm[(np.abs(nm - nm[i]) < 50) & (np.arange(3) != i)]
-            side = "middle" if not near.size else "start" if nm[i] > near.mean() else "end"
-            labels.append((f"{colour} {nm[i]:.0f} nm", float(nm[i]), self._top() + 0.025, side))
-        return labels
+    def peak_labels(self) -> list[tuple[str, float, float]]:
+        """(text, nm, response) of the middle of each peak's label: above the bands, and beside each other."""
+        nm = WAVELENGTHS[self.ssf.argmax(axis=0)]
+        order = np.argsort(nm, kind="stable")
+        at = nm[order]
+        for _ in range(8):  # moved apart, the outer ones away from the middle one
+            lack = np.maximum(LABEL - np.diff(at), 0.0) / 2.0
+            at = at + np.array([-lack[0], lack[0] - lack[1], lack[1]])
+            at = np.clip(at, *(WAVELENGTHS[[0, -1]] + np.array([1, -1]) * LABEL / 2.0))
+        places = dict(zip(order.tolist(), at.tolist(), strict=True))
+        top = self._top() + 0.025
+        return [(f"{colour} {nm[i]:.0f} nm", places[i], top) for i, colour in enumerate(CHANNELS)]
 
     def smooth(self) -> DrawnCurves:
         """The curves as lines to draw: smooth between the values of a learned basis, which straight lines join.

@@ -161,8 +161,8 @@ def curve_plot(
     if nearest is not None:
         lines += [(f"nearest {c}", axes.path(nm, nearest[THIN, i])) for i, c in enumerate(CHANNELS)]
     names = [
-        Label(float(axes.x(at)), float(axes.y(response)), text if wide else c, side, f"peak {c}")
-        for c, (text, at, response, side) in zip(CHANNELS, curves.peak_labels(), strict=True)
+        Label(float(axes.x(at)), float(axes.y(response)), text if wide else c, "middle", f"peak {c}")
+        for c, (text, at, response) in zip(CHANNELS, curves.peak_labels(), strict=True)
     ]
     order = curves.ssf.argmax(axis=0)
     peaks = ", ".join(f"{c} at {WAVELENGTHS[k]:.0f} nm" for c, k in zip(CHANNELS, order, strict=True))
