@@ -264,7 +264,5 @@ def channels_of(document: Json) -> tuple[str, tuple[tuple[str, tuple[Markup, ...
     width = curves.half_width()
     if width is not None:
         rows.insert(1, ("Half of the 95 % band's width, 400 to 700 nm", [number(float(v), 2) for v in width]))
-    if scores["rmse"] is not None:
-        rows.insert(1, ("RMSE against the truth, 400 to 700 nm", [number(v) for v in scores["rmse"]]))
     caption = f"Unseen patches: {scores['unseen']}. Quadratic penalty λ₂ = {brief(document['l2'])}."
     return caption, tuple((name, tuple(cells)) for name, cells in rows)
