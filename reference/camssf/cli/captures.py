@@ -286,11 +286,11 @@ def simulate(
                 blur=blur,
                 glare=glare,
             ),
-            sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
+            sensor=Sensor(
+                cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise, make=make, model=model
+            ),
             seed=seed,
             change=None if fault is None else apply_fault(fault, 2 if severity is None else severity),
-            make=make,
-            model=model,
         )
     shots = [
         {"lamp": s.lamp} | {role: getattr(s, role) and str(getattr(s, role)) for role in ("chart", "white", "dark")}

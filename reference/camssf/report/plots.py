@@ -72,7 +72,7 @@ def draw_curves(ax: Any, curves: DrawnCurves) -> None:
         if drawn.truth is not None:
             ax.plot(WAVELENGTHS, drawn.truth[:, c], color=INK, dashes=(4, 3), linewidth=1.1)
     for (text, nm, top), hue in zip(curves.peak_labels(), HUES, strict=True):
-        ax.text(nm, top, text, ha="center", color=hue, fontsize=9.5)
+        ax.text(nm, top, text, ha="center", color=hue, fontsize=9)
     ax.set_xlim(380, 720)
     ax.set_ylim(*curves.limits())
     ax.set_xticks(range(400, 721, 40))

@@ -88,8 +88,6 @@ def simulate(
     sensor: Sensor | None = None,
     seed: int = 0,
     change: Change | None = None,
-    make: str = "",
-    model: str = "",
 ) -> Simulation:
     """Write chart, white and dark frame of every lamp as DNG, truth.csv with the camera's curves, and corners.json.
 
@@ -104,7 +102,6 @@ def simulate(
         sensor: properties of the sensor and of its files.
         seed: seed of the noise; the same seed gives the same bytes.
         change: fault of the last lamp's shot (`camssf.simulation.faults`).
-        make, model: written into the files; "" for "camssf" and the camera's name.
 
     Raises:
         InvalidArgument: a setting is out of range, the chart does not fit into the picture, or a file that no
@@ -130,8 +127,6 @@ def simulate(
             "The chart reaches beyond the picture.", "Make fill smaller, or rotate or tilt it less."
         )
     plans = [ShotPlan(body, light, table, scene, sensor, light.name, table.name) for light in lights]
-    named = {frame: {"make": make, "model": model} for frame in ("chart", "white", "dark")}
-    plans = [replace(plan, tags=named) for plan in plans]
     if change is not None:
         plans[-1] = change(plans[-1])
     files = [_names(plan, tag) for plan, tag in zip(plans, _tags(lights), strict=True)]

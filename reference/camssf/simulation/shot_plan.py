@@ -75,7 +75,8 @@ class ShotPlan:
     def file_tags(self, frame: str) -> FileTags:
         """The tags in the file of "chart", "white" or "dark"."""
         sensor = self.sensor
-        return replace(FileTags(sensor.cfa, sensor.black, sensor.white_level), **self.tags.get(frame, {}))
+        true = FileTags(sensor.cfa, sensor.black, sensor.white_level, make=sensor.make, model=sensor.model)
+        return replace(true, **self.tags.get(frame, {}))
 
 
 Change: TypeAlias = Callable[[ShotPlan], ShotPlan]

@@ -12,7 +12,7 @@ from camssf.report.sections.text import Json
 
 NODE = 10
 """Grid steps between the values of a learned basis: 5 nm."""
-LABEL = 62.0
+LABEL = 70.0
 """Width of a peak's label on a plot of usual size, nm."""
 STRAIGHT = 0.005
 """Largest distance from the straight lines, less than a line's width."""
