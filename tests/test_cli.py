@@ -21,12 +21,16 @@ import camssf
 from camssf import cli, errors
 from camssf.documents.keys import key_name, read_public
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.fit.scores import rmse
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
+from camssf.photo.read.unit import read_unit
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
+from camssf.spectra import read_camera
 
 ROOT = Path(__file__).parents[1]
+CAMERA = "Nikon 5100 (NPL)"
 FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
 
 
@@ -34,7 +38,12 @@ FILES = ["report.html", "result.json", "ssf.csv", "ssf.png"]
 def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """chart.dng, white.dng, dark.dng and truth.csv of a simulated camera, written by the command line."""
     folder = tmp_path_factory.mktemp("shots")
-    assert cli.main(["simulate", "--lamp", "D55", "--size", "900x675", "-o", str(folder), "--seed", "1"]) == 0
+    assert (
+        cli.main(
+            ["simulate", "--camera", CAMERA, "--lamp", "D55", "--size", "900x675", "-o", str(folder), "--seed", "1"]
+        )
+        == 0
+    )
     return folder
 
 
@@ -107,8 +116,8 @@ def test_calibrate_without_a_folder_is_json_on_stdout(triple: list[str], capsys:
     assert cli.main(["calibrate", *triple]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["format"] == "camssf-result/1"
-    assert "verdict: " in err
-    assert "duality gap" in err
+    assert err.startswith("verdict: ")  # first, then what it is worth
+    assert "colour error about" in err.splitlines()[1]
 
 
 @pytest.mark.requirement("R-PIPELINE")
@@ -236,13 +245,33 @@ REFUSED = (
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["demo", "-o", str(tmp_path / "out")]) == 0
     _, err = capsys.readouterr()
-    names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == sorted([*FILES, "shots"])
-    assert "RMSE against the truth" in err
-    assert str(tmp_path / "out" / "report.html") in err
-    document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
-    for value in document["scores"]["rmse"]:
-        assert f"{value:.4f}" in err
+    out = tmp_path / "out"
+    assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "named", "shots"])
+    assert sorted(path.name for path in (out / "named").iterdir()) == FILES
+    assert str(out / "report.html") in err
+    unnamed, named = (json.loads(path.read_text("utf-8")) for path in (out / FILES[1], out / "named" / FILES[1]))
+    assert "light" in unnamed["shots"][0]
+    assert named["shots"][0]["lamp"]["name"] == "D55"
+    assert {each["camera"]["model"] for each in (unnamed, named)} == {"Demo phone"}
+    page = (out / "report.html").read_text("utf-8")
+    mean = read_basis("phones").mean.T
+    without = rmse(mean / mean.max(axis=0), read_camera("Demo phone").values)
+    for found in (without, unnamed["scores"]["rmse"], named["scores"]["rmse"]):
+        for value in found:  # on the terminal and on the page
+            assert f"{value:.3f}" in err
+            assert f"{value:.3f}" in page
+    assert np.mean(unnamed["scores"]["rmse"]) < 0.8 * np.mean(without)  # the photo is worth something
+    assert cli.main(["demo", "-o", str(out)]) == 0  # its own it replaces
+
+
+def test_a_simulation_names_its_maker_and_model(tmp_path: Path) -> None:
+    words = ["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)]
+    for extra in (["--make", "Google", "--model", "Pixel 99"], []):  # a simulation replaces one of another make
+        assert cli.main([*words, *extra]) == 0
+        expected = (extra[1], extra[3]) if extra else ("camssf", "Demo phone")
+        for name in ("chart.dng", "white.dng", "dark.dng"):
+            unit = read_unit(tmp_path / name).unit
+            assert (unit.make, unit.model) == expected
 
 
 @pytest.mark.parametrize("name", ["chart.dng", "white.dng", "truth.csv"])
@@ -255,6 +284,38 @@ def test_a_simulation_replaces_no_file_of_another(name: str, shots: Path, tmp_pa
     assert list(tmp_path.iterdir()) == [own]
     own.unlink()
     assert [cli.main(words), cli.main(words)] == [0, 0]  # its own it replaces
+
+
+class Terminal(io.StringIO):
+    """A stdout that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_json_only_if_it_is_demanded(
+    triple: list[str],
+    result: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    document = str(result / "result.json")
+    for words, shown in (
+        (["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)], "truth.csv"),
+        (["patches", *triple], "24 patches measured"),
+        (["validate", document], "verdict: "),
+        (["cameras", "--nearest", document], "bands off"),
+    ):
+        for demanded in (False, True):
+            terminal = Terminal()
+            monkeypatch.setattr(sys, "stdout", terminal)
+            assert cli.main([*words, *["--json"] * demanded]) == 0
+            assert shown in capsys.readouterr().err
+            if demanded:
+                json.loads(terminal.getvalue())
+            else:
+                assert terminal.getvalue() == ""
 
 
 def test_simulate_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import document
 from problems import bell, measured_cameras, toy_camera
 from scenes import mosaic
 
@@ -46,8 +47,10 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import SolverSettings
+from camssf.report.colour_error import expected_error, true_error
 from camssf.report.nearest import nearest
-from camssf.spectra import read_chart, read_lamp
+from camssf.spectra import read_camera, read_chart, read_lamp
+from camssf.spectra.appearance import delta_e00
 from camssf.spectra.surfaces import observer, surfaces
 from tests.schemas import check_schema
 
@@ -293,6 +296,56 @@ def test_signals_that_are_none_are_refused(wrong: Floats) -> None:
 def test_errors_that_are_none_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="standard error"):
         standard_colour(exact(), "D55", np.ones(3), -0.1)
+
+
+def test_colours_say_what_they_are() -> None:
+    found = standard_colour(blurred(), "D55", np.full((6, 3), 0.4), 0.002)
+    half = 1.96 * np.sqrt(found.lab_covariance[0].diagonal())
+    assert repr(found).startswith(
+        f"<Colours under D55, CIE 1931, white lamp: L* {found.lab[0, 0]:.1f} ± {half[0]:.1f}, "
+    )
+    assert repr(found).endswith("; 2 more>")
+
+
+# -- the colour error of a result -------------------------------------------------------------------------------
+
+
+def test_the_expected_colour_error_is_that_of_draws_from_the_covariance() -> None:
+    """ΔE00 between each colour of the chart and draws of it: root mean square, then the mean over the colours."""
+    made = document("D55")
+    found = expected_error(made)
+    assert found is not None
+    camera, light = camera_of_result(made), read_lamp("D65")
+    colours = standard_colour(camera, light, signals_of(read_chart("classic24").values, light.values, camera.values))
+    rng = np.random.default_rng(5)
+    pairs = zip(colours.lab, colours.lab_covariance, strict=True)
+    drawn = np.stack([rng.multivariate_normal(lab, cov, 4000) for lab, cov in pairs])
+    errors = np.sqrt(np.mean(delta_e00(np.broadcast_to(colours.lab[:, None], drawn.shape), drawn) ** 2, axis=1))
+    assert found.chart == pytest.approx(errors.mean(), rel=0.1)
+    assert found.skin == pytest.approx(errors[:2].mean(), rel=0.1)
+    assert f"{found.chart:.1f} ΔE00" in found.in_words()
+
+
+def test_a_wider_band_is_a_larger_colour_error_and_no_band_is_none() -> None:
+    made = document("D55")
+    del made["code_covariance"]
+    errors = []
+    for factor in (0.3, 1.0, 3.0):
+        std = {key: (value if key == "wavelength_nm" else [factor * v for v in value])
+               for key, value in made["ssf_std"].items()}  # fmt: skip
+        errors.append(expected_error(made | {"ssf_std": std}))
+    sizes = [each.chart for each in errors if each is not None]
+    assert sizes == sorted(sizes)
+    assert sizes[2] > 1.2 * sizes[1]
+    assert expected_error(made | {"ssf_std": None}) is None
+
+
+def test_the_true_colour_error_is_least_for_the_true_curves() -> None:
+    truth, other = (read_camera(name).values for name in ("Canon EOS 5D Mark II", "Nikon 5100 (NPL)"))
+    own, foreign = true_error(truth, truth), true_error(other, truth)
+    assert own is not None
+    assert foreign is not None
+    assert own < 1.0 < foreign
 
 
 # -- out of reach -----------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.report.nearest import TABLE, likenesses, nearest
 from camssf.spectra import camera_names, read_camera, shipped_cameras
+from camssf.spectra.cameras import DEMO_PHONE
 
 NAMES = ("red", "green", "blue")
 
@@ -98,7 +99,8 @@ def test_the_command_lists_names_makers_and_sources(capsys: pytest.CaptureFixtur
     rows = [line.split("\t") for line in capsys.readouterr().out.splitlines()]
     assert [row[0] for row in rows] == list(camera_names())
     assert len([row for row in rows if row[2] == "rawtoaces-data 1.1.0, Apache-2.0"]) == 52
-    assert rows[-1] == ["Sigma SDMerill (NPL)", "Sigma", "colour-science"]
+    assert rows[-2] == ["Sigma SDMerill (NPL)", "Sigma", "colour-science"]
+    assert rows[-1] == [DEMO_PHONE, "Demo", "a draw from the basis phones, no known phone"]
     for name, maker, source in rows:
         assert name.startswith(maker)
         assert source in read_camera(name).source

@@ -29,6 +29,7 @@ from documents import (
     CHANNELS,
     Document,
     covariance,
+    curves,
     document,
     known,
     passport,
@@ -54,6 +55,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import answer
 from camssf.report.build import NAMES, Report, report
 from camssf.report.fleet import FleetDrift, FleetModel, FleetUnit, fleet_html
+from camssf.report.nearest import nearest
 from camssf.report.page import page as render
 from camssf.report.provenance import NO_PROVENANCE, Provenance, Signature, read_provenance
 from camssf.report.sections import certificate, drawings
@@ -62,6 +64,7 @@ from camssf.report.sections import photos as photo_view
 from camssf.report.sections.bands import possible
 from camssf.report.sections.comparison import LIMIT, comparison_of, worst_of
 from camssf.report.sections.curves import curves_of
+from camssf.report.sections.truth import true_errors
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
 
@@ -247,6 +250,65 @@ def test_a_document_of_before_the_proof_is_still_shown() -> None:
 def test_nothing_is_said_of_a_basis_that_was_told() -> None:
     assert "Which basis answered" in html_of(document())
     assert "Which basis answered" not in html_of(document() | {"choice": []})
+
+
+def test_every_check_has_its_sentence() -> None:
+    """Both ways: no check of the rules without one, and none for a number that is no check."""
+    checked = {name.removeprefix("verdict.") for name, rule in rules().numbers.items()
+               if name.startswith("verdict.") and rule.makes}  # fmt: skip
+    made = {check["name"] for check in (*document("D55", "A")["verdict"]["checks"], *unnamed()["verdict"]["checks"])}
+    assert checked | made == set(certificate.CHECK_SENTENCES)
+    assert all(each.endswith(".") for pair in certificate.CHECK_SENTENCES.values() for each in pair)
+
+
+def test_the_page_begins_with_the_verdict_and_ends_with_the_proof() -> None:
+    text = Page(html_of(document())).text
+    order = ["colour error about", "Spectral sensitivity red", "What was checked", "Residuals", "duality gap"]
+    places_ = [text.index(words) for words in order]
+    assert places_ == sorted(places_)
+    assert text.count("duality gap") == 2  # the answer's and the layers'
+
+
+def test_the_curves_are_drawn_smooth_through_the_document_s_values() -> None:
+    """The straight lines between values every 5 nm are not to be seen; no peak moves and nothing overshoots."""
+    made = document()
+    phone = read_basis("phones").mean.T
+    for values, step in ((phone, 20), (read_basis("cameras").mean.T, 10)):
+        values = values / values.max(axis=0)
+        made["ssf"] = curves(values)
+        made["ssf_std"] = None
+        drawn, shown = curves_of(made), curves_of(made).smooth()
+        assert np.abs(shown.ssf - values)[::step].max() < 1e-12
+        assert np.abs(shown.ssf - values).max() < 0.07
+        assert np.array_equal(shown.ssf.argmax(axis=0), values.argmax(axis=0))
+        assert shown.ssf.max() <= 1 + 1e-12
+        assert np.array_equal(drawn.ssf, values)  # the numbers stay those of the document
+        bends = [np.abs(np.diff(each, 2, axis=0)).max() for each in (shown.ssf, values)]
+        assert bends[0] < 0.6 * bends[1]
+
+
+def test_the_nearest_measured_camera_is_drawn_beside_curves_of_no_truth() -> None:
+    made = document("D55")
+    assert "nearest measured camera" not in html_of(made)
+    del made["truth"]
+    made["scores"]["rmse"] = None
+    page = html_of(made)
+    assert f"nearest measured camera: {nearest(made)[0].name}" in page
+    assert page.count('class="nearest ') == 6  # wide and narrow
+
+
+def test_a_truth_is_compared_with_no_photo_too() -> None:
+    made = document("D55")
+    rows = {each.name: each for each in true_errors(made)}
+    assert list(rows) == ["no photo: mean of basis cameras", "this result: D55"]
+    ours, truth = (np.array([each[c] for c in CHANNELS]) for each in (made["ssf"], made["truth"]["ssf"]))
+    off = ours / ours.max(axis=1, keepdims=True) - truth / truth.max(axis=1, keepdims=True)
+    visible = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+    expected = np.sqrt(np.mean(off[:, visible] ** 2, axis=1))
+    assert rows["this result: D55"].rmse == pytest.approx(expected.tolist(), abs=1e-9)
+    page = Page(html_of(made)).text
+    assert all(cell in page for each in rows.values() for cell in each.cells())
+    assert true_errors(refused()) == []
 
 
 def test_the_page_says_what_the_proof_is() -> None:

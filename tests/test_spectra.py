@@ -25,7 +25,9 @@ from camssf.spectra import (
     read_lamp,
     shipped_cameras,
 )
+from camssf.spectra.cameras import DEMO_PHONE
 from camssf.spectra.families import FAMILIES, LampKind
+from tools import demo_phone
 
 DATA = Path(__file__).parents[1] / "data"
 TEN = np.arange(380, 731, 10)
@@ -604,7 +606,7 @@ def test_another_number_of_patches(tmp_path: Path, count: int) -> None:
 
 def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
     tables = colour_science().MSDS_CAMERA_SENSITIVITIES
-    assert camera_names() == (*shipped_cameras(), *tables)
+    assert camera_names() == (*shipped_cameras(), *tables, DEMO_PHONE)
     for name in tables:
         camera = read_camera(name.upper())
         assert camera.name == name
@@ -614,6 +616,15 @@ def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
         inside = np.isin(tables[name].wavelengths, WAVELENGTHS)
         np.testing.assert_allclose(camera.values[nodes], tables[name].values[inside], atol=1e-12)
         assert camera.values.min() >= 0
+
+
+def test_the_demo_s_phone_is_the_draw_that_its_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera that could be, and none that the basis was learned from: those stand nearer to each other."""
+    assert demo_phone.main(["--check"]) == 0, capsys.readouterr().err
+    phone = read_camera(DEMO_PHONE)
+    assert "no known phone" in phone.source
+    assert phone.values.min() >= 0
+    assert (np.abs(np.diff(phone.values, axis=0)).max(axis=0) < 0.05).all()
 
 
 def test_shipped_cameras_are_those_of_rawtoaces() -> None:

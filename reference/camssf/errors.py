@@ -58,6 +58,10 @@ class CalibrationError(Exception):
         self.reasons: tuple[Any, ...] = ()
         self.checks: tuple[Any, ...] = ()
 
+    def _render_traceback_(self) -> list[str]:
+        """The error as one paragraph, which Jupyter shows in place of a traceback."""
+        return [f"{type(self).__name__} ({self.code}): {self.message} {self.advice}"]
+
 
 class InvalidArgument(CalibrationError):
     """An argument has a wrong shape, value or name."""

@@ -1,9 +1,8 @@
-"""Commands that start from photos: calibrate and batch; and with simulated photos: demo and simulate."""
+"""Commands that start from photos: calibrate and batch; and simulate, which writes some."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +44,7 @@ from camssf.files import local_folder
 
 if TYPE_CHECKING:
     from camssf.fleet.outcome import Outcome, Summary
+    from camssf.simulation.frames import Simulation
 
 FAULTS = (
     "black, ceiling, cfa, clipped, clipped-channel, coarse, covered, dark-iso, dark-leak, defocus, demosaiced, "
@@ -56,61 +56,8 @@ AGAIN = "Once the causes are mended, run the same command again: what is done is
 STOPPED = "Run the same command again to resume: what is done is not done again."
 MOST_MODELS = 20
 """Largest number of models in a batch's summary on the terminal; the JSON has all."""
-DEMO_SIZE = (1800, 1350)
-DEMO_CAMERA = "Nikon 5100 (NPL)"
-
-
-def demo(
-    out: OutFolder = Path("out"),
-    camera: Annotated[str, typer.Option(metavar="NAME|CSV", help="Whose curves to simulate.")] = DEMO_CAMERA,
-    lamp: Annotated[str, typer.Option(metavar="SPEC", help="The light.")] = "D55",
-    basis: BasisName = "auto",
-    seed: Annotated[int, typer.Option(help="Seed of the simulated noise.")] = 0,
-) -> None:
-    """Simulate, calibrate, compare with truth."""
-    from camssf.calibration import attempt
-    from camssf.options import Options
-    from camssf.report.build import report
-    from camssf.report.provenance import read_provenance
-    from camssf.simulation.frames import simulate as photograph
-    from camssf.simulation.scene import Scene
-
-    _check_demo(out)
-    with progress_bar() as progress:
-        progress("simulating", 0.0)
-        before = Scene(size=DEMO_SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
-        scene = photograph(camera, [lamp], out / "shots", scene=before, seed=seed)
-        shot = scene.shots[0]
-        result = product_of(
-            attempt(
-                shot.shot,
-                options=Options(basis=basis),
-                truth=str(scene.truth),
-                progress=progress,
-            ),
-            out,
-        )
-        document = result.document()
-        progress("writing the report", 0.95)
-        report(document, result.previews, provenance=read_provenance([shot.chart])).save(out)
-    summarise(document, out / "report.html")
-    finish(document)
-
-
-def _check_demo(out: Path) -> None:
-    """Raise InvalidArgument if a demo would replace the result of a real capture."""
-    from camssf.documents.result_json import read_document
-    from camssf.report.build import holds_result
-    from camssf.simulation.dng import MAKE
-
-    if not holds_result(local_folder(out)):
-        return
-    with suppress(InvalidArgument):
-        if read_document(out / "result.json")["camera"]["make"] == MAKE:
-            return
-    raise InvalidArgument(
-        f"{out} holds a result that is not from a demo; it would be replaced.", "Choose another folder with -o."
-    )
+DEMO_PHONE = "Demo phone"
+"""`camssf.spectra.cameras.DEMO_PHONE`, repeated likewise."""
 
 
 def calibrate(
@@ -282,7 +229,11 @@ def simulate(
     out: OutFolder,
     camera: Annotated[
         str, typer.Option(metavar="NAME|CSV", help="Whose curves (see `camssf cameras`).")
-    ] = DEMO_CAMERA,
+    ] = DEMO_PHONE,
+    make: Annotated[str, typer.Option(metavar="TEXT", show_default="camssf", help="Maker that the files name.")] = "",
+    model: Annotated[
+        str, typer.Option(metavar="TEXT", show_default="the camera's name", help="Model that the files name.")
+    ] = "",
     lamp: Lamps = None,
     chart: Chart = "classic24",
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture, px.")] = "4000x3000",
@@ -335,7 +286,9 @@ def simulate(
                 blur=blur,
                 glare=glare,
             ),
-            sensor=Sensor(cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise),
+            sensor=Sensor(
+                cfa=cfa, black=black, white_level=white_level, exposure=exposure, noise=noise, make=make, model=model
+            ),
             seed=seed,
             change=None if fault is None else apply_fault(fault, 2 if severity is None else severity),
         )
@@ -352,3 +305,9 @@ def simulate(
             "corners": str(scene.corners),
         }
     )
+    say("", f"{scene.camera} in {out}: {', '.join(sorted(path.name for path in _files_of(scene)))}")
+
+
+def _files_of(scene: Simulation) -> list[Path]:
+    frames = [path for shot in scene.shots for path in (shot.chart, shot.white, shot.dark) if path is not None]
+    return [*frames, scene.truth, scene.corners]

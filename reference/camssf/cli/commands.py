@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from camssf.cli.captures import batch, calibrate, demo, simulate
+from camssf.cli.captures import batch, calibrate, simulate
 from camssf.cli.colour import colour
+from camssf.cli.demo import demo
 from camssf.cli.exports import export
 from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
 from camssf.cli.page import app as page
@@ -19,7 +20,7 @@ from camssf.cli.passport import passport
 from camssf.cli.registry import registry
 from camssf.cli.spectrum import spectrum
 from camssf.cli.steps import patches, report, solve, validate
-from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
+from camssf.cli.terminal import BUG, INTERRUPTED, demand_json, discard_stdout, put, say, trace
 from camssf.cli.upkeep import COMMANDS as UPKEEP
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.version import __version__
@@ -28,7 +29,7 @@ COMMANDS = (
     (demo, "camssf demo -o out/"),
     (calibrate, "camssf calibrate photo.dng --lamp D55 --white white.dng --dark dark.dng -o out/"),
     (batch, "camssf batch manifest.csv -o out/ --jobs 2"),
-    (simulate, 'camssf simulate --camera "Nikon 5100 (NPL)" --lamp D55 --size 1800x1350 -o shots/'),
+    (simulate, "camssf simulate --lamp D55 --size 1800x1350 -o shots/"),
     (patches, "camssf patches photo.dng --lamp D55 > patches.json"),
     (solve, "camssf patches photo.dng --lamp D55 | camssf solve - > result.json"),
     (validate, "camssf validate result.json --truth truth.csv > scored.json"),
@@ -67,8 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; catches all exceptions."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
+    demand_json("--json" in arguments)
     try:
-        typer.main.get_command(app).main([a for a in arguments if a != "--debug"], prog_name="camssf")
+        typer.main.get_command(app).main([a for a in arguments if a not in ("--debug", "--json")], prog_name="camssf")
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         if status == INTERRUPTED:
@@ -106,9 +108,10 @@ def _camssf(
         bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version and exit.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON on a terminal too.")] = False,
 ) -> None:
-    # `main` removes --debug from the arguments; it is declared here for --help only.
-    del version, debug
+    # `main` removes --debug and --json from the arguments; they are declared here for --help only.
+    del version, debug, json
 
 
 for _command, _example in COMMANDS:

@@ -88,6 +88,8 @@ def patches(
     with progress_bar() as progress:
         capture = product_of(recorded(stage), None)
     emit(patches_document(capture))
+    for shot in capture.shots:
+        say("", f"{shot.photo.name}: {len(shot.means.chart.mean)} patches measured")
 
 
 def solve(

@@ -37,9 +37,24 @@ PROGRESS_AFTER = 2.0
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Control characters, which file names may contain and a terminal would obey."""
 
+_SPELT = {"±": "+/-", "ΔE00": "Delta E 2000", "–": "-"}
+
+
+_demanded = False
+"""Whether --json was given."""
+
+
+def demand_json(wanted: bool) -> None:
+    """Let `emit` write JSON to a terminal too."""
+    global _demanded
+    _demanded = wanted
+
 
 def emit(document: dict[str, Any]) -> None:
-    """Write a document to stdout as one line of JSON."""
+    """Write a document to stdout as one line of JSON; to a terminal only if --json was given."""
+    if sys.stdout is not None and sys.stdout.isatty() and not _demanded:
+        say("", "JSON is not printed on a terminal. Add --json, or write it into a file: > FILE.")
+        return
     text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
     # If stdout is not UTF-8, use ASCII with escapes, which is valid JSON in any encoding.
     put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
@@ -111,23 +126,33 @@ def kept_in(out: Path, written: Sequence[Path]) -> str:
     return "" if written[0].parent == out else f"The result in {out} was kept as it is. "
 
 
-def summarise(document: dict[str, Any], page: Path | None) -> None:
-    """Print a summary of the result on stderr; `page` is the path of its report."""
-    from rich.table import Table
+def summarise(
+    document: dict[str, Any], page: Path | None, *, other: dict[str, Any] | None = None, other_name: str = ""
+) -> None:
+    """Print a summary of the result on stderr, the verdict first.
 
+    Args:
+        document: of the result.
+        page: path of its report.
+        other: another result of the same camera, to compare with the truth too. other_name: its name.
+    """
     from camssf.documents.basis_choice import band_in_words, choice_of
     from camssf.documents.unnamed_light import light_in_words, lights_of
+    from camssf.report.colour_error import expected_error
 
-    scores, verdict = document.get("scores") or {}, document["verdict"]
-    table = Table("", "red", "green", "blue", title=literal(_title(document)), title_justify="left")
-    for label, values, form in (
-        ("RMSE against the truth", scores.get("rmse"), "{:.4f}"),
-        ("RMSRE of unseen patches, %", scores.get("rmsre_percent"), "{:.2f}"),
-        ("duality gap", document.get("gap"), "{:.0e}"),
-    ):
-        if values is not None:
-            table.add_row(label, *("–" if v is None else form.format(v) for v in values))
-    stderr().print(table)
+    verdict = document["verdict"]
+    colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
+    say(f"verdict: [bold {colour}]{verdict['status']}[/]", f" ({_title(document)})")
+    for reason in verdict["reasons"]:
+        say(f"  [bold]{reason['code']}[/]: ", f"{reason['message']} {reason['advice']}")
+    if expected := expected_error(document):
+        say("", expected.in_words())
+    if document.get("uncertainty"):
+        say("95 % band: ", band_in_words(document["uncertainty"]))
+    _say_true_errors(document, other, other_name)
+    if scores := document.get("scores"):
+        unseen = ", ".join(f"{value:.2f}" for value in scores["rmsre_percent"])
+        say("RMSRE of unseen patches: ", f"{unseen} % (red, green, blue)")
     chosen = choice_of(document)
     if chosen is not None and chosen.words:
         say("basis: ", chosen.words[0])
@@ -135,25 +160,32 @@ def summarise(document: dict[str, Any], page: Path | None) -> None:
     if lights:
         several = len(document["shots"]) > 1
         say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
-    if document.get("uncertainty"):
-        say("95 % band: ", band_in_words(document["uncertainty"]).replace("±", "+/-"))  # in any coding
     for j, shot in enumerate(document["shots"]):
         for note in shot["pose"]["notes"] if shot["pose"] else ():
             say(f"shot {j + 1}: ", note)
-    colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
-    say(f"verdict: [bold {colour}]{verdict['status']}[/]", "")
-    for reason in verdict["reasons"]:
-        say(f"  [bold]{reason['code']}[/]: ", f"{reason['message']} {reason['advice']}")
     if page is not None:
         say("", f"report: {page}")
 
 
+def _say_true_errors(document: dict[str, Any], other: dict[str, Any] | None, other_name: str) -> None:
+    """Print a table of the errors against the truth, if the document holds it."""
+    from rich.table import Table
+
+    from camssf.report.sections.truth import HEAD, true_errors
+
+    errors = true_errors(document, other, other_name)
+    if not errors:
+        return
+    table = Table("RMSE against the truth, peak = 1", *map(literal, HEAD))
+    for each in errors:
+        table.add_row(literal(each.name), *map(literal, each.cells()))
+    stderr().print(table)
+
+
 def _title(document: dict[str, Any]) -> str:
-    camera = document.get("camera") or {}
-    lights = " + ".join(str(shot["lamp"]["name"]) for shot in document.get("shots") or [])
-    make, model = camera.get("make") or "", camera.get("model") or ""
-    body = model if model.casefold().startswith(make.casefold()) else f"{make} {model}".strip()
-    return f"{body or 'camera'}, {lights}, {document.get('basis')}"
+    from camssf.report.notebook import camera_of, lamps_of
+
+    return f"{camera_of(document)}, {lamps_of(document)}, basis {document.get('basis')}"
 
 
 def finish(document: dict[str, Any]) -> None:
@@ -179,10 +211,16 @@ def stderr() -> Any:
 
 
 def literal(text: str) -> str:
-    """The text with markup escaped and control characters replaced."""
+    """The text with markup escaped, control characters replaced, and signs that stderr cannot encode spelt out."""
     from rich.markup import escape
 
-    return escape(_STEERING.sub("\ufffd", readable(text)))
+    text = _STEERING.sub("\ufffd", readable(text))
+    try:
+        text.encode(getattr(sys.stderr, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:
+        for sign, words in _SPELT.items():
+            text = text.replace(sign, words)
+    return escape(text)
 
 
 def say(markup: str, text: str) -> None:

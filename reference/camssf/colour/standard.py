@@ -33,7 +33,11 @@ CONTRADICTED = 18.4
 """χ² of the reference's two ratios above which the named lamp is rejected; chance exceeds it once in 10,000."""
 
 
-@dataclass(frozen=True)
+SHOWN = 4
+"""Most colours that a Colours prints of itself."""
+
+
+@dataclass(frozen=True, repr=False)
 class Colours:
     """m standard colours. Y of a perfect white diffuser is 1.
 
@@ -58,6 +62,18 @@ class Colours:
     lamps: tuple[tuple[str, float], ...]
     reach: Floats
     chi_squared: float | None
+
+    def __repr__(self) -> str:
+        """The view, and Lab of the first colours with half the width of their 95 % intervals."""
+        half = 1.96 * np.sqrt(np.diagonal(self.lab_covariance, axis1=1, axis2=2))
+        shown = [
+            ", ".join(f"{name} {v:.1f} ± {s:.1f}" for name, v, s in zip(("L*", "a*", "b*"), lab, band, strict=True))
+            for lab, band in zip(self.lab[:SHOWN], half, strict=False)
+        ]
+        more = [f"{len(self.lab) - SHOWN} more"] if len(self.lab) > SHOWN else []
+        lamps = " or ".join(name for name, _ in self.lamps)
+        view = f"CIE {self.view.observer}, white {self.view.white}"
+        return f"<Colours under {lamps}, {view}: {'; '.join([*shown, *more])}>"
 
 
 def standard_colour(

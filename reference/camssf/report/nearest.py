@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from camssf.colour.camera import camera_of_result
-from camssf.errors import InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats, columns
 from camssf.spectra.cameras import SHIPPED_SOURCE, shipped_cameras
 from camssf.version import __version__
@@ -61,6 +61,16 @@ def nearest(document: dict[str, Any]) -> tuple[Likeness, ...]:
     std = columns(document["ssf_std"])
     modes = camera.modes if camera.whole else None
     return tuple(sorted(likenesses(camera.values, std, modes), key=lambda each: each.distance))
+
+
+def nearest_of(document: dict[str, Any]) -> Likeness | None:
+    """The nearest of the shipped cameras, to draw beside the curves; None with a truth, or without bands."""
+    if document.get("truth") or document.get("ssf_std") is None:
+        return None
+    try:
+        return nearest(document)[0]
+    except CalibrationError:  # a foreign document whose lamp is not here
+        return None
 
 
 def likenesses(values: Floats, std: Floats, modes: Floats | None) -> list[Likeness]:

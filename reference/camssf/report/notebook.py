@@ -73,8 +73,10 @@ def camera_of(document: Json) -> str:
 
 
 def lamps_of(document: Json) -> str:
-    """Names of the shots' lamps, as given."""
-    names = [_short(str(shot["lamp"]["name"])) for shot in document["shots"]]
+    """Names of the shots' lamps, as given; "light not named" if none was."""
+    names = [
+        "light not named" if "light" in shot else _short(str(shot["lamp"]["name"])) for shot in document["shots"]
+    ]
     return " + ".join(names[:4]) + (f" + {len(names) - 4} more" if len(names) > 4 else "") or "no photo"
 
 
@@ -97,7 +99,7 @@ def numbers(document: Json) -> list[tuple[str, str]]:
 def _svg(document: Json) -> str:
     """The three curves and their bands as SVG, 480 by 220; text and axis use the page's text colour."""
     nm = WAVELENGTHS[::STEP]
-    drawn = curves_of(document)
+    drawn = curves_of(document).smooth()
     curves = list(drawn.ssf[::STEP].T)
     band = []
     if drawn.low is not None and drawn.high is not None:

@@ -13,14 +13,19 @@ from importlib.resources import files
 from typing import Any
 
 from camssf.grid import CHANNELS, WAVELENGTHS
+from camssf.report.colour_error import expected_error
+from camssf.report.nearest import nearest_of
 from camssf.report.provenance import NO_PROVENANCE, Provenance
 from camssf.report.sections import certificate, details, drawings, patches, photos, story, uneven
 from camssf.report.sections.comparison import LIMIT, comparison_of
 from camssf.report.sections.curves import DrawnCurves, curves_of
 from camssf.report.sections.text import Json, brief, camera_name, finalize, number, words
+from camssf.report.sections.truth import true_errors
+from camssf.spectra import read_camera
 
 WITH_CURVES = (
-    "curves", "curve_plots", "curve_rows", "big", "channels", "proof", "colour", "comparison", "linearity",
+    "curves", "curve_plots", "curve_rows", "true_errors", "big", "channels", "proof", "colour", "comparison",
+    "linearity", "expected", "nearest", "gap",
 )  # fmt: skip
 """Template variables that are None for a refused result."""
 TEN_NM = range(0, len(WAVELENGTHS), 20)
@@ -58,16 +63,24 @@ def page(document: Json, previews: Sequence[bytes | None], provenance: Provenanc
         "hashes": details.hashes_of(document),
     }
     if "ssf" in document:
-        curves = curves_of(document)
+        curves, expected, nearest = curves_of(document), expected_error(document), nearest_of(document)
+        dotted = None if nearest is None else read_camera(nearest.name).values
+        dotted = None if dotted is None else dotted / dotted.max(axis=0)
         shown |= {
             "curves": curves,
             "curve_plots": (
-                drawings.curve_plot(curves, 1080, 400, 5, "wide"),
-                drawings.curve_plot(curves, 360, 300, 10, "narrow"),
+                drawings.curve_plot(curves, 1080, 400, 5, "wide", dotted),
+                drawings.curve_plot(curves, 360, 300, 10, "narrow", dotted),
             ),
             "curve_rows": _values(curves),
+            "true_errors": [
+                [each.name, *each.cells()] for each in true_errors(document, provenance.other, provenance.other_name)
+            ],
             "big": certificate.big_numbers(document),
             "channels": certificate.channels_of(document),
+            "nearest": None if nearest is None else f"{nearest.name}, {nearest.distance:.1f} bands off",
+            "expected": None if expected is None else expected.in_words(),
+            "gap": number(max(document["gap"]), 2),
             "proof": story.proof_of(document),
             "colour": story.colour_of(document),
             "comparison": comparison_of(document, provenance.other, provenance.other_name),

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from camssf.fonts import prepare_matplotlib
-from camssf.report.notebook import HUES
-from camssf.report.plots import INK, draw_curves
+from camssf.report.notebook import lamps_of
+from camssf.report.plots import INK, QUIET, draw_curves
 from camssf.report.sections.curves import curves_of
 from camssf.report.sections.text import Json, camera_name
 
@@ -21,28 +19,17 @@ def picture(document: Json) -> bytes:
     from matplotlib.figure import Figure
 
     curves = curves_of(document)
-    quiet = "#6b7079"
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white")
         axes = figure.add_axes((0.075, 0.115, 0.9, 0.75))
         draw_curves(axes, curves)
-        sides: dict[str, Any] = {"start": "left", "middle": "center", "end": "right"}
-        for (text, nm, top, side), line in zip(curves.peak_labels(), HUES, strict=True):
-            axes.text(nm, top, text, ha=sides[side], color=line, fontsize=9.5)
-        axes.set_ylim(*curves.limits())
-        axes.set_xticks(range(400, 721, 40))
-        axes.grid(color="#e4e4df", linewidth=0.8)
-        axes.set_axisbelow(True)
-        axes.axhline(0, color=quiet, linewidth=0.8)
-        axes.tick_params(colors=quiet, length=0)
-        axes.spines[:].set_visible(False)
         note = "curves" if curves.low is None else "curves with 95 % bands"
         if curves.truth is not None:
             note += f"; dashed: {_short_name(document['truth']['name'])}"
         # Names are untrusted input: "$" must not start a formula, and rare characters may have no glyph.
         figure.text(0.075, 0.94, _title(document), color=INK, fontsize=14, fontweight="bold", parse_math=False)
-        figure.text(0.075, 0.895, note, color=quiet, fontsize=10.5, parse_math=False)
+        figure.text(0.075, 0.895, note, color=QUIET, fontsize=10.5, parse_math=False)
         file = BytesIO()
         FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
     return file.getvalue()
@@ -55,5 +42,4 @@ def _short_name(text: str, length: int = 60) -> str:
 
 
 def _title(document: Json) -> str:
-    lamps = " + ".join(shot["lamp"]["name"] for shot in document["shots"])
-    return f"{_short_name(camera_name(document), 50)} under {_short_name(lamps, 40)}"
+    return f"{_short_name(camera_name(document), 50)}, {_short_name(lamps_of(document), 60)}"

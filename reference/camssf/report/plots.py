@@ -15,7 +15,7 @@ from camssf.report.sections.curves import DrawnCurves, curves_of
 
 Json: TypeAlias = dict[str, Any]
 
-INK = "#24262b"
+INK, QUIET = "#24262b", "#6b7079"
 
 
 def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
@@ -62,23 +62,32 @@ def _axes() -> Any:
     return plt.subplots()[1]
 
 
-def draw_curves(ax: Any, drawn: DrawnCurves) -> None:
-    """Draw the curves with their 95 % bands, and the truth dashed."""
+def draw_curves(ax: Any, curves: DrawnCurves) -> None:
+    """Draw the curves as the report does: 95 % bands, each peak's label above them, and the truth dashed."""
+    drawn = curves.smooth()
     for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
         if drawn.low is not None and drawn.high is not None:
             ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.16, linewidth=0)
         ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
         if drawn.truth is not None:
             ax.plot(WAVELENGTHS, drawn.truth[:, c], color=INK, dashes=(4, 3), linewidth=1.1)
+    for (text, nm, top), hue in zip(curves.peak_labels(), HUES, strict=True):
+        ax.text(nm, top, text, ha="center", color=hue, fontsize=9)
     ax.set_xlim(380, 720)
+    ax.set_ylim(*curves.limits())
+    ax.set_xticks(range(400, 721, 40))
     ax.set_xlabel("wavelength, nm")
     ax.set_ylabel("relative response, peak = 1")
+    ax.grid(color="#e4e4df", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.axhline(0, color=QUIET, linewidth=0.8)
+    ax.tick_params(colors=QUIET, length=0)
+    ax.spines[:].set_visible(False)
 
 
 def _curves(document: Json, ax: Any, shot: int) -> None:
     draw_curves(ax, curves_of(document))
     _title(ax, f"{camera_of(document)}, {lamps_of(document)}: {document['verdict']['status']}")
-    ax.legend(frameon=False)
 
 
 def _residuals(document: Json, ax: Any, shot: int) -> None:

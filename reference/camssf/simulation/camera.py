@@ -31,6 +31,7 @@ class Sensor:
         read_noise: standard deviation, electrons.
         dark_current: mean thermal signal in every frame, DN.
         compression: compression of the files: None, or "ljpeg" for lossless JPEG tiles (needs imagecodecs).
+        make, model: what the files name; "" for "camssf" and the camera's name.
     """
 
     cfa: str = "RGGB"
@@ -43,6 +44,8 @@ class Sensor:
     read_noise: float = 2.5
     dark_current: float = 0.0
     compression: str | None = None
+    make: str = ""
+    model: str = ""
 
 
 def refuse(*rules: tuple[bool, str, str]) -> None:

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.errors import CalibrationError
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.read.tiff import Tiff
 from camssf.simulation.shot_plan import FileTags
 from camssf.spectra import CameraCurves
 from camssf.spectra.bundled import illuminant, observer_1931
 
 MAKE = "camssf"
-"""Maker in the tags of a simulated photo."""
+"""Maker in the tags of a simulated photo, unless another is given."""
+MARK = "camssf simulated camera"
+"""UniqueCameraModel of every simulated photo, whatever its make and model."""
 
 
 def write_dng(
@@ -34,8 +38,8 @@ def write_dng(
     height, width = samples.shape
     pattern = bytes("RGB".index(letter) for letter in tags.cfa)
     extra: list[tuple[int, int, int, Any, bool]] = [
-        (271, 2, 0, MAKE, True),
-        (272, 2, 0, camera.name.encode("ascii", "replace").decode(), True),
+        (271, 2, 0, _ascii(tags.make or MAKE), True),
+        (272, 2, 0, _ascii(tags.model or camera.name), True),
         (274, 3, 1, 1, True),
         (33421, 3, 2, (2, 2), True),
         (33422, 1, 4, pattern, True),
@@ -43,7 +47,7 @@ def write_dng(
         (34855, 3, 1, round(tags.iso), True),
         (50706, 1, 4, bytes((1, 4, 0, 0)), True),
         (50707, 1, 4, bytes((1, 1, 0, 0)), True),
-        (50708, 2, 0, "camssf simulated camera", True),
+        (50708, 2, 0, MARK, True),
         (50713, 3, 2, (2, 2), True),
         (50714, 5, 4, _rationals(np.full(4, tags.black), 100), True),
         (50717, 4, 1, tags.white_level, True),
@@ -80,6 +84,20 @@ def write_truth(path: Path, camera: CameraCurves) -> None:
     rows = np.column_stack([WAVELENGTHS, curves])
     lines = [f"{nm:.1f},{r:.9g},{g:.9g},{b:.9g}" for nm, r, g, b in rows.tolist()]
     path.write_text("\n".join(["wavelength_nm,red,green,blue", *lines, ""]), encoding="utf-8")
+
+
+def is_simulated(path: Path) -> bool:
+    """Whether a file is a DNG that `write_dng` wrote."""
+    try:
+        with path.open("rb") as stream:
+            tiff = Tiff(path, stream)
+            return tiff.text(tiff.main[0], 50708) == MARK
+    except (OSError, CalibrationError):
+        return False
+
+
+def _ascii(text: str) -> str:
+    return text.encode("ascii", "replace").decode()
 
 
 def _color_matrix(camera: CameraCurves) -> Floats:

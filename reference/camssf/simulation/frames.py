@@ -8,7 +8,6 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from os import PathLike
@@ -16,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.files import local_folder, made_folder
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
-from camssf.photo.read.unit import read_unit
 from camssf.photo.shot import Shot
 from camssf.simulation.camera import Sensor, check_sensor
-from camssf.simulation.dng import MAKE, write_dng, write_truth
+from camssf.simulation.dng import is_simulated, write_dng, write_truth
 from camssf.simulation.scene import (
     Scene,
     check_scene,
@@ -175,9 +173,8 @@ def _check_replaced(path: Path) -> None:
     if not path.is_file():
         return
     if path.suffix == ".dng":
-        with suppress(CalibrationError):
-            if read_unit(path).unit.make == MAKE:
-                return
+        if is_simulated(path):
+            return
     elif (path.parent / "corners.json").is_file():
         return
     raise InvalidArgument(f"{path} is not a simulated file; it would be replaced.", "Name another folder by -o.")

@@ -22,6 +22,7 @@ class FileTags:
         cfa, black, white_level: as in `Sensor`, DN.
         exposure: exposure time, s.
         iso: sensitivity.
+        make, model: of the camera; "" for camssf and the camera's name.
     """
 
     cfa: str
@@ -29,6 +30,8 @@ class FileTags:
     white_level: int
     exposure: float = 0.01
     iso: float = 100.0
+    make: str = ""
+    model: str = ""
 
 
 Light: TypeAlias = Callable[[NDArray[np.float32], ChartProjection], NDArray[np.float32]]
@@ -72,7 +75,8 @@ class ShotPlan:
     def file_tags(self, frame: str) -> FileTags:
         """The tags in the file of "chart", "white" or "dark"."""
         sensor = self.sensor
-        return replace(FileTags(sensor.cfa, sensor.black, sensor.white_level), **self.tags.get(frame, {}))
+        true = FileTags(sensor.cfa, sensor.black, sensor.white_level, make=sensor.make, model=sensor.model)
+        return replace(true, **self.tags.get(frame, {}))
 
 
 Change: TypeAlias = Callable[[ShotPlan], ShotPlan]

@@ -1,7 +1,7 @@
 """Reads measured cameras by name, by file, or from an object of colour-science.
 
-The names are the 52 cameras of rawtoaces-data that the basis `cameras` was learned from, and the two of
-colour-science. Curves are interpolated smoothly, with Sprague's method, as reflectances are.
+The names are the 52 cameras of rawtoaces-data that the basis `cameras` was learned from, the two of colour-science,
+and the demo's phone, which is drawn. Curves are interpolated smoothly, with Sprague's method, as reflectances are.
 """
 
 from __future__ import annotations
@@ -62,15 +62,18 @@ with `wavelengths`, `values` and `labels`; or a pair of arrays, wavelengths (w,)
 
 SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
 """Source of the curves in data/cameras.npz; data/README.md has the file's hash."""
-
+DRAWN = "a draw from the basis phones, no known phone"
+"""Source of the curves in data/demo-phone.json."""
 
 LIBRARY = ("Nikon 5100 (NPL)", "Sigma SDMerill (NPL)")
 """Colour-science's cameras, in data/npl.json, which `python -m tools.npl` writes."""
+DEMO_PHONE = "Demo phone"
+"""A draw from the basis `phones` that is no known phone, in data/demo-phone.json (`python -m tools.demo_phone`)."""
 
 
 def camera_names() -> tuple[str, ...]:
     """Names that `read_camera` accepts."""
-    return (*shipped_cameras(), *LIBRARY)
+    return (*shipped_cameras(), *LIBRARY, DEMO_PHONE)
 
 
 @cache
@@ -128,10 +131,11 @@ def _known_camera(name: str) -> CameraCurves:
     nodes = shipped_cameras().get(name)
     if nodes is not None:
         return CameraCurves(name, _on_grid(WAVELENGTHS[::10], nodes), f"{name} ({SHIPPED_SOURCE})")
-    table = json.loads((files("camssf") / "data" / "npl.json").read_text("utf-8"))["cameras"][name]
+    place, source = ("demo-phone.json", DRAWN) if name == DEMO_PHONE else ("npl.json", "colour-science")
+    table = json.loads((files("camssf") / "data" / place).read_text("utf-8"))["cameras"][name]
     curves = np.array(table["values"])
     values = _on_grid(table["start"] + table["step"] * np.arange(len(curves)), curves)
-    return CameraCurves(name, values, f"{name} (colour-science)")
+    return CameraCurves(name, values, f"{name} ({source})")
 
 
 def _measured_camera(path: Path, name: str | None) -> CameraCurves:

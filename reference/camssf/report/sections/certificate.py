@@ -15,6 +15,56 @@ from camssf.report.sections.text import Json, brief, camera_name, number
 from camssf.rules import rules
 
 UNKNOWN = "not stated"
+_LIKE = (
+    "The curves are like those that the basis was learned from.",
+    "The curves are unlike those that the basis was learned from.",
+)
+_LAMP = (
+    "A smooth error of the named lamp would explain nothing more.",
+    "A smooth error of the named lamp would explain the signals better.",
+)
+_WHITE = ("The white fits the colour matrix in the file.", "The white does not fit the colour matrix in the file.")
+_VEIL = ("The darkest patch is dark: little stray light.", "The darkest patch is too bright: stray light.")
+_RIVAL = ("No other lamp fits better than the named one.", "Another lamp fits better than the named one.")
+_PHONE = ("By its signals this is a phone.", "By its signals this may be no phone.")
+CHECK_SENTENCES = {
+    "explanation": (
+        "No single fault explains what the curves do not.",
+        "A single fault explains what the curves do not.",
+    ),
+    "black": ("Black level and stray light are as stated.", "Stray light or a wrong black level would explain more."),
+    "goodness_of_fit": (
+        "The curves explain the signals within their errors.",
+        "The curves do not explain the signals within their errors.",
+    ),
+    "hopeless": ("The misfit is small enough for an answer.", "The misfit is too large for any answer."),
+    "dark_white": ("The white is bright enough.", "The white is too dark."),
+    "veil": _VEIL,
+    "fog": _VEIL,
+    "few_patches": ("Enough patches could be used.", "Too few patches could be used."),
+    "dirty": ("The patches are clean.", "A patch is dirty, or reflects the lamp."),
+    "greens": ("The sensor's two green channels agree.", "The sensor's two green channels differ."),
+    "poor_pose": ("The patches look like this chart's.", "The patches do not look like this chart's."),
+    "white_balance_mismatch": _WHITE,
+    "white_balance_mismatch_unnamed": _WHITE,
+    "vague": ("The band is narrow enough.", "The band is too wide."),
+    "other_makers": ("The camera is like others of its maker.", "The camera is unlike others of its maker."),
+    "unnamed": _PHONE,
+    "unnameable": _PHONE,
+    "band_ratio": ("The photo has narrowed the band.", "The photo has narrowed the band too little."),
+    "improbable_curves": _LIKE,
+    "unusual_phone": _LIKE,
+    "unusual_phone_unnamed": _LIKE,
+    "unusual_camera": _LIKE,
+    "smooth": ("The noise is that of a sensor's own samples.", "There is less noise than in a sensor's own samples."),
+    "rough": ("Each patch is even.", "A patch is uneven: texture, dirt or a reflection."),
+    "rival": _RIVAL,
+    "condemned": _RIVAL,
+    "lamp_residual": _LAMP,
+    "lamp_residual_camera": _LAMP,
+    "chart_fading": ("The chart has kept its colours.", "The chart has faded."),
+}
+"""A sentence for each check of the verdict: if it holds, and if it does not."""
 MARKS = {
     "accepted": ("✓", "Accepted", "Every check passed."),
     "doubtful": ("!", "Doubtful", "The curves are usable with the reservations below."),
@@ -37,7 +87,7 @@ def facts_of(document: Json, provenance: Provenance) -> tuple[Fact, ...]:
     unit = passport.unit.filled(provenance.unit) if passport else provenance.unit
     serials = (passport.lamp_serials if passport else ()) or ("",) * len(shots)
     lamps = [
-        shot["lamp"]["name"] + (f", serial {serial}" if serial else "")
+        ("not named" if "light" in shot else shot["lamp"]["name"]) + (f", serial {serial}" if serial else "")
         for shot, serial in zip(shots, serials, strict=False)
     ]
     table = f"{chart['name']}, table {chart['table']}" if chart["table"] else chart["name"]
@@ -91,7 +141,6 @@ def big_numbers(document: Json) -> tuple[tuple[Markup, Markup], ...]:
     found = [
         (number(math.fsum(scores["rmsre_percent"]) / 3) + Markup(" %"), "RMSRE: relative error on unseen patches"),
         (number(scores["delta_e00"], 2), Markup("ΔE<sub>00</sub> of the patch colours")),
-        (number(max(document["gap"]), 2), "largest relative duality gap"),
     ]
     width = curves_of(document).half_width()
     if width is not None:
@@ -126,8 +175,9 @@ class Held:
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One check of the verdict: its name with the unit, the value of each shot, and the worst state."""
+    """One check of the verdict: a sentence, its number with the unit, each shot's value, and the worst state."""
 
+    sentence: str
     what: str
     each: tuple[Held, ...]
     state: str
@@ -147,7 +197,9 @@ def checks_of(document: Json) -> tuple[CheckRow, ...]:
         what = name if rule is None else rule.what
         if rule is not None and rule.unit != "1" and rule.unit not in what:
             what += f", {rule.unit}"
-        checks.append(CheckRow(what, tuple(each), max((one.state for one in each), key=STATES.index)))
+        state = max((one.state for one in each), key=STATES.index)
+        held, broken = CHECK_SENTENCES.get(name, (what, what))
+        checks.append(CheckRow(held if state == "held" else broken, what, tuple(each), state))
     return tuple(sorted(checks, key=lambda check: check.each[0].shot is not None))
 
 
@@ -207,13 +259,10 @@ def channels_of(document: Json) -> tuple[str, tuple[tuple[str, tuple[Markup, ...
         ("Peak, nm", [Markup(f"{WAVELENGTHS[k]:.1f}") for k in curves.ssf.argmax(axis=0)]),
         ("RMSRE on unseen patches, %", [number(v) for v in scores["rmsre_percent"]]),
         ("Channel gain, relative to green", [number(v, 4) for v in document["channel_gain"]]),
-        ("Relative duality gap", [number(v, 1) for v in document["gap"]]),
         ("Penalty γ (l1)", [brief(v) for v in document["gamma"]]),
     ]
     width = curves.half_width()
     if width is not None:
         rows.insert(1, ("Half of the 95 % band's width, 400 to 700 nm", [number(float(v), 2) for v in width]))
-    if scores["rmse"] is not None:
-        rows.insert(1, ("RMSE against the truth, 400 to 700 nm", [number(v) for v in scores["rmse"]]))
     caption = f"Unseen patches: {scores['unseen']}. Quadratic penalty λ₂ = {brief(document['l2'])}."
     return caption, tuple((name, tuple(cells)) for name, cells in rows)

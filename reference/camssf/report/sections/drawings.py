@@ -131,8 +131,13 @@ def _minus(text: str) -> str:
 # The curves
 
 
-def curve_plot(curves: DrawnCurves, width: int, height: int, step: int, kind: str) -> Plot:
-    """The plot of the curves; `step` is the distance of readouts in nm, `kind` is wide or narrow."""
+def curve_plot(
+    curves: DrawnCurves, width: int, height: int, step: int, kind: str, nearest: Floats | None = None
+) -> Plot:
+    """The plot of the curves; `step` is the distance of readouts in nm, `kind` is wide or narrow.
+
+    `nearest` (681, 3) are a known camera's curves, drawn dotted.
+    """
     wide = kind == "wide"
     low, high = curves.limits()
     axes = _Axes((width, height), (52, 46, 12, 46) if wide else (30, 52, 14, 40), (380.0, 720.0), (low, high))
@@ -144,18 +149,20 @@ def curve_plot(curves: DrawnCurves, width: int, height: int, step: int, kind: st
     left, top, right, _ = axes.frame
     axes.texts.append(Label((left + right) / 2, height - 6, "wavelength, nm"))
     axes.texts.append(Label(left if wide else 4, top - 26, "relative response", "start"))
-    nm = WAVELENGTHS[THIN]
+    nm, drawn = WAVELENGTHS[THIN], curves.smooth()
     bands = []
-    if curves.low is not None and curves.high is not None:
+    if drawn.low is not None and drawn.high is not None:
         bands = [
-            (f"band {c}", axes.ring(nm, curves.low[THIN, i], curves.high[THIN, i])) for i, c in enumerate(CHANNELS)
+            (f"band {c}", axes.ring(nm, drawn.low[THIN, i], drawn.high[THIN, i])) for i, c in enumerate(CHANNELS)
         ]
-    lines = [(f"curve {c}", axes.path(nm, curves.ssf[THIN, i])) for i, c in enumerate(CHANNELS)]
+    lines = [(f"curve {c}", axes.path(nm, drawn.ssf[THIN, i])) for i, c in enumerate(CHANNELS)]
     if curves.truth is not None:
         lines += [("truth", axes.path(nm, curves.truth[THIN, i])) for i in range(3)]
+    if nearest is not None:
+        lines += [(f"nearest {c}", axes.path(nm, nearest[THIN, i])) for i, c in enumerate(CHANNELS)]
     names = [
-        Label(float(axes.x(at)), float(axes.y(response)), text if wide else c, side, f"peak {c}")
-        for c, (text, at, response, side) in zip(CHANNELS, curves.peak_labels(), strict=True)
+        Label(float(axes.x(at)), float(axes.y(response)), text if wide else c, "middle", f"peak {c}")
+        for c, (text, at, response) in zip(CHANNELS, curves.peak_labels(), strict=True)
     ]
     order = curves.ssf.argmax(axis=0)
     peaks = ", ".join(f"{c} at {WAVELENGTHS[k]:.0f} nm" for c, k in zip(CHANNELS, order, strict=True))
