@@ -17,7 +17,7 @@ class ErrorsTest {
         .filter { CalibrationException::class.java.isAssignableFrom(it) && !Modifier.isAbstract(it.modifiers) }
 
     private val codes = kinds.associate { kind ->
-        val made = kind.getConstructor(String::class.java, String::class.java).newInstance("What.", "How.")
+        val made = kind.constructors.single { !it.isSynthetic }.newInstance("What.", "How.", null, null, null)
         kind.simpleName to (made as CalibrationException).code
     }
 

@@ -123,6 +123,31 @@ class FailuresTest {
     }
 
     @Test
+    fun `whatever the app's own source throws is a refusal with its cause`() {
+        SsfCalibrator.open("phones").use { calibrator ->
+            val faults = listOf(IllegalStateException("no camera"), IOException("gone"), ClassCastException())
+            for (thrown in faults) {
+                val sources = listOf(
+                    PhotoSource { throw thrown },
+                    PhotoSource.dng {
+                        object : DngSource by DngSource.of(photo) {
+                            override fun read(at: Long, into: ByteArray, offset: Int, length: Int): Unit = throw thrown
+                        }
+                    },
+                )
+                for (source in sources) {
+                    val error = refusal(calibrator, source)
+                    assertEquals(UnreadableRaw::class.java to thrown, error.javaClass to error.cause)
+                    val white = Shot(PhotoSource.of(photo), Lamp.read("E"), corners, white = source)
+                    assertSame(thrown, (calibrator.calibrate(Capture(white, chart)) as Refused).error.cause)
+                }
+            }
+            val closed = CalibratorClosed()
+            assertSame(closed, refusal(calibrator, PhotoSource { throw closed }).cause) // of another calibrator
+        }
+    }
+
+    @Test
     fun `after close nothing works`() {
         val calibrator = SsfCalibrator.open()
         val capture = Capture(shot(PhotoSource { throw UnreadableRaw("a", "b") }), chart)

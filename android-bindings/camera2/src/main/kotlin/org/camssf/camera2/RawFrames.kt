@@ -41,7 +41,9 @@ public class RawFrame internal constructor(
     public val noiseReduction: Int?,
     public val lensShadingApplied: Boolean?,
     public val shortfalls: List<Shortfall>,
-)
+) {
+    override fun toString(): String = "RawFrame($mosaic, $shortfalls)"
+}
 
 /**
  * One RAW frame whose samples stay in its image, outside the heap, until they are measured.
@@ -57,7 +59,9 @@ public class OpenRawFrame internal constructor(
     public val noiseReduction: Int?,
     public val lensShadingApplied: Boolean?,
     public val shortfalls: List<Shortfall>,
-)
+) {
+    override fun toString(): String = "OpenRawFrame($shortfalls)"
+}
 
 /** Converts Camera2's RAW_SENSOR frames to mosaics. */
 public object RawFrames {

@@ -10,6 +10,8 @@ public class RawPixels private constructor(
     public val area: Region,
     private val cells: Int,
 ) {
+    override fun toString(): String = "RawPixels($area, $rows × $columns)"
+
     /** Number of pixels in a row. */
     public val columns: Int get() = area.width / (2 * cells)
 

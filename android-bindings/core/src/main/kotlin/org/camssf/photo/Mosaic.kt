@@ -57,7 +57,9 @@ public class Mosaic(
         public val camera: PhysicalCamera = PhysicalCamera(),
         public val captured: String = "",
         public val uniqueModel: String = "",
-    )
+    ) {
+        override fun toString(): String = "Origin($name, $make $model, exposure=$exposure, iso=$iso, $camera)"
+    }
 
     /**
      * Meaning of the samples: colour filters, levels and noise.
@@ -79,6 +81,8 @@ public class Mosaic(
     ) {
         internal val sharedBlack: DoubleArray = black.copyOf()
         private val ownProfile = noiseProfile?.copyOf()
+
+        override fun toString(): String = "Sensor($cfa, black=${sharedBlack.joinToString()}, white=$white)"
 
         /** (2, 2) row-major black level of each position of the cell, DN; a copy at each call. */
         public val black: DoubleArray get() = sharedBlack.copyOf()
@@ -102,6 +106,9 @@ public class Mosaic(
         badPixels: List<BadPixels> = emptyList(),
         unknownOpcodes: List<Int> = emptyList(),
     ) {
+        override fun toString(): String =
+            "Corrections(gainMaps=$gainMaps, badPixels=$badPixels, unknownOpcodes=$unknownOpcodes)"
+
         /** Lens-shading maps of the file. */
         public val gainMaps: List<GainMap> = gainMaps.frozen()
 
@@ -131,6 +138,9 @@ public class Mosaic(
         private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
         private val ownNeutral = asShotNeutral?.copyOf()
         private val ownWhite = asShotWhiteXY?.copyOf()
+
+        override fun toString(): String =
+            "Colours(asShotNeutral=${ownNeutral?.joinToString()}, neutrals=${this.neutrals})"
 
         /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
         public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
@@ -247,6 +257,8 @@ public class Mosaic(
         }
         return samples[(y - region.top) * region.width + x - region.left].toInt() and 0xffff
     }
+
+    override fun toString(): String = "Mosaic($name, $width × $height, ${sensor.cfa}, $region)"
 
     /** The colour filter over column x and row y of the active area: 'R', 'G' or 'B'. */
     public fun color(x: Int, y: Int): Char = cfa[(y and 1) * 2 + (x and 1)]

@@ -106,7 +106,7 @@ internal class Banded(
     private var number = -1
 
     override val facts: Facts
-        get() = known ?: (if (eager) band(0) else source.read(strip())).facts.also { known = it }
+        get() = known ?: (if (eager) band(0) else read(strip())).facts.also { known = it }
 
     private fun strip() = Region(region.left, region.top, region.right, minOf(region.top + 2, region.bottom))
 
@@ -140,12 +140,15 @@ internal class Banded(
         band = null // release it before the next one is read
         val top = region.top + at * height
         val bottom = top + minOf(height, region.bottom - top)
-        val found = source.read(Region(region.left, top, region.right, bottom))
+        val found = read(Region(region.left, top, region.right, bottom))
         known = found.facts
         number = at
         band = found
         return found
     }
+
+    /** `facts` is read here, so that what a source in Java gives instead of a photo, null, fails here too. */
+    private fun read(part: Region): Mosaic = fromApp("The photo cannot be read") { source.read(part).also { it.facts } }
 
     override fun release() {
         band = null

@@ -2,6 +2,7 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.frozen
+import org.camssf.short
 import java.util.Collections
 
 /**
@@ -20,6 +21,15 @@ public class Hypothesis internal constructor(
 ) {
     /** Kind of each shot's light: "daylight", ...; "" for a named lamp. Empty if all lamps were named. */
     public val kinds: List<String> = kinds.frozen()
+
+    private fun parts() = listOf(basis, logEvidence, probability, kinds)
+
+    override fun equals(other: Any?): Boolean = other is Hypothesis && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    override fun toString(): String =
+        "Hypothesis(${(listOf(basis) + kinds).joinToString()}, probability=${short(probability)})"
 }
 
 /**
@@ -44,6 +54,8 @@ public class EstimatedLamp internal constructor(
 
     /** (681) one standard deviation of [power], within and between the hypotheses; a copy at each call. */
     public val std: DoubleArray get() = sharedStd.copyOf()
+
+    override fun toString(): String = "EstimatedLamp(${short(kelvin)} ± ${short(kelvinStd)} K, $kinds)"
 }
 
 /**
@@ -92,6 +104,8 @@ public class Ssf internal constructor(
 
     /** Of each shot the estimated light, null where its lamp was named; empty if all were. */
     public val lights: List<EstimatedLamp?> = lights.frozen()
+
+    override fun toString(): String = "Ssf(basis=$basis, halfWidth=${short(halfWidth)})"
 
     /** The curves and what belongs to them; shapes and units as of the public properties of these names. */
     internal class Curves(
