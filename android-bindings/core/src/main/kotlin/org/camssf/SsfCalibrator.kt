@@ -59,6 +59,8 @@ public class SsfCalibrator private constructor(
     private val engines: List<Engine>,
     private val logger: Logger?,
 ) : Closeable {
+    override fun toString(): String = "SsfCalibrator($basis)"
+
     private val gate = Gate { engines.forEach { it.close() } }
 
     /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
@@ -80,8 +82,10 @@ public class SsfCalibrator private constructor(
     public fun calibrate(
         capture: Capture,
         settings: Settings = Settings(),
-        progress: Progress? = null,
-    ): Calibration = gate.through { run(capture, settings, tell(progress)) }
+        progress: ProgressListener? = null,
+    ): Calibration = gate.through {
+        run(capture, settings, tell(Course.of(capture, settings, engines.size, prior), progress))
+    }
 
     /**
      * Runs [calibrate] on a thread of `dispatcher`, because it reads files and may wait for the model. Cancelling the
@@ -94,7 +98,7 @@ public class SsfCalibrator private constructor(
         capture: Capture,
         settings: Settings = Settings(),
         dispatcher: CoroutineDispatcher = Dispatchers.IO,
-        progress: Progress? = null,
+        progress: ProgressListener? = null,
     ): Calibration {
         gate.check()
         return runInterruptible(dispatcher) { calibrate(capture, settings, progress) }
@@ -108,7 +112,7 @@ public class SsfCalibrator private constructor(
      */
     @Throws(InterruptedException::class)
     public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = gate.through {
-        interruptible { Measuring(Capture(shot, chart), tell(null)).run().shots[0] }
+        interruptible { Measuring(Capture(shot, chart), tell()).run().shots[0] }
     }
 
     /**
@@ -126,11 +130,12 @@ public class SsfCalibrator private constructor(
         chart: ChartTable,
         whiteReflectance: Double? = null,
         settings: Settings = Settings(),
-        progress: Progress? = null,
+        progress: ProgressListener? = null,
     ): Calibration = gate.through {
         val begun = Begun(chart, shots.map { it.lamp }, shots.frozen())
+        val course = Course.of(begun.lamps, settings, engines.size, prior)
         refusing({ begun }) {
-            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(progress))
+            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(course, progress))
         }
     }
 
@@ -141,7 +146,7 @@ public class SsfCalibrator private constructor(
 
     private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
         val solution = Solve(engines, capture, settings, tell).run()
-        tell("done", 1.0)
+        tell.begin(Stage.DONE)
         return solution
     }
 
@@ -175,19 +180,24 @@ public class SsfCalibrator private constructor(
     override fun close(): Unit = gate.close()
 
     /** Reports to `progress` and the logger, and ends the run if it was interrupted or closed. */
-    private fun tell(progress: Progress?): Tell = object : Tell {
-        private var before: String? = null
+    private fun tell(course: Course? = null, progress: ProgressListener? = null): Tell = object : Tell {
+        private var before: Pair<Stage, Int?>? = null
         private var since = 0L
 
-        override fun invoke(stage: String, part: Double) {
+        override fun begin(stage: Stage, shot: Int?) {
             check()
-            if (logger != null) {
+            if (logger != null && before != stage to shot) {
                 val now = System.nanoTime()
-                before?.let { logger.log("$it: ${(now - since) / 1_000_000} ms") }
-                before = stage
+                before?.let { (stage, shot) -> logger.log("${named(stage, shot)}: ${(now - since) / 1_000_000} ms") }
+                before = stage to shot
                 since = now
             }
-            progress?.report(stage, part)
+            course?.begin(stage, shot)?.let { progress?.report(it) }
+        }
+
+        override fun proceed() {
+            check()
+            course?.proceed()?.let { progress?.report(it) }
         }
 
         override fun check() {
@@ -195,6 +205,9 @@ public class SsfCalibrator private constructor(
             gate.check()
         }
     }
+
+    /** Whether the basis has a prior: the paper's has none, and is compared with nothing. */
+    private val prior get() = basis != OnnxEngine.PAPER
 
     public companion object {
         /**

@@ -36,7 +36,7 @@ class AnyLightTest {
     fun `the light is in the answer and in the document`() = SsfCalibrator.open("phones").use { calibrator ->
         assertTrue(capture.shots[0].lamp.unnamed)
         var solving = 0
-        val found = calibrator.calibrate(capture) { stage, _ -> if (stage == "solving") solving++ } as Calibrated
+        val found = calibrator.calibrate(capture) { if (it.stage == Stage.SOLVING) solving++ } as Calibrated
         // One before all, one for each kind, one for each light that is asked for.
         assertTrue(solving in 6..9, "$solving")
         val light = found.ssf.lights.single()!!
@@ -104,8 +104,8 @@ class AnyLightTest {
     fun `a step between two hypotheses ends it`() = SsfCalibrator.open("phones").use { calibrator ->
         var solving = 0
         assertThrows(CancellationException::class.java) {
-            calibrator.calibrate(capture) { stage, _ ->
-                if (stage == "solving" && ++solving == 3) throw CancellationException("enough")
+            calibrator.calibrate(capture) {
+                if (it.stage == Stage.SOLVING && ++solving == 3) throw CancellationException("enough")
             }
         }
         assertEquals(3, solving)

@@ -55,14 +55,14 @@ class ClosingTest {
     @Test
     fun `a listener may close, and its run ends`() {
         val calibrator = SsfCalibrator.open("phones")
-        val stages = ArrayList<String>()
+        val stages = ArrayList<Stage>()
         assertThrows(CalibratorClosed::class.java) {
-            calibrator.calibrate(capture()) { stage, _ ->
-                stages += stage
-                if (stage == "solving") calibrator.close()
+            calibrator.calibrate(capture()) { progress ->
+                stages += progress.stage
+                if (progress.stage == Stage.SOLVING) calibrator.close()
             }
         }
-        assertEquals("solving", stages.last())
+        assertEquals(Stage.SOLVING, stages.last())
         calibrator.close()
     }
 
@@ -91,7 +91,7 @@ class ClosingTest {
         val lines = ArrayList<String>()
         SsfCalibrator.open("phones") { lines += it }.use { calibrator ->
             calibrator.calibrate(capture())
-            assertTrue(lines.any { Regex("reading photo: \\d+ ms").matches(it) }, lines.toString())
+            assertTrue(lines.any { Regex("reading the photo, shot 1: \\d+ ms").matches(it) }, lines.toString())
             assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
             lines.clear()
             calibrator.calibrate(capture { throw UnreadableRaw("a.dng", "b") })
