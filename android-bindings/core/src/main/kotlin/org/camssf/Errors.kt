@@ -1,7 +1,8 @@
 package org.camssf
 
 /**
- * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON.
+ * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON. Kotlin
+ * alone has RuntimeUnfit, which no result contains: [SsfCalibrator.open] throws it.
  *
  * ```
  * CalibrationException
@@ -26,6 +27,7 @@ package org.camssf
  * ├── CameraUnusual          camera_unusual      the camera, unlike those of every basis
  * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface can have
  * ├── PassportInvalid        passport_invalid    a signed document
+ * ├── RuntimeUnfit           runtime_unfit       ONNX Runtime, missing or of a version that reports its use
  * └── OutOfMemory            out_of_memory       the photo, too large for the free memory
  * ```
  *
@@ -249,6 +251,15 @@ public class OutOfMemory(
                 "(android:largeHeap in its manifest)."
     }
 }
+
+/** ONNX Runtime is missing, cannot load its native library, or is of a version that camssf does not run with. */
+public class RuntimeUnfit(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("runtime_unfit", message, advice, value, threshold, cause)
 
 /** A passport was changed, has expired, was revoked, or is not signed by a trusted key: do not trust its content. */
 public class PassportInvalid(

@@ -37,8 +37,8 @@ public enum class Stage(
  * How far a calibration is, at the begin of a step.
  *
  * @property stage what is done next.
- * @property part share of the work that is finished, 0 to 1: never smaller than before, and 1 only at [Stage.DONE]. The
- *   work of each step is a measured mean (docs/android.md), so a part is no promise of time.
+ * @property part share of the work that is finished, 0 to 1: never smaller than before, and 1 only at [Stage.DONE].
+ *   The work of each step is a median measured on a desktop (docs/android.md), so a part is no promise of time.
  * @property shot index of the shot that is measured, from 0; null after [Stage.MEASURING].
  */
 public class Progress internal constructor(
@@ -64,6 +64,19 @@ internal fun named(stage: Stage, shot: Int?): String =
 public fun interface ProgressListener {
     /** Called at the begin of each step. */
     public fun report(progress: Progress)
+}
+
+/** What [SsfCalibrator.calibrationFlow] emits. */
+public sealed class CalibrationState {
+    /** The calibration runs. */
+    public class Running internal constructor(public val progress: Progress) : CalibrationState() {
+        override fun toString(): String = "$progress"
+    }
+
+    /** The calibration has ended; the last state of a flow. */
+    public class Finished internal constructor(public val calibration: Calibration) : CalibrationState() {
+        override fun toString(): String = "$calibration"
+    }
 }
 
 /**
@@ -102,15 +115,20 @@ internal class Course private constructor(private val steps: List<Step>) {
     }
 
     companion object {
-        /** Medians in ms of 12-megapixel DNGs of a phone's form, from `ProgressWorkTest`; docs/android.md has the table. */
-        private const val READ = 60.0
-        private const val FIND = 60.0
-        private const val MEASURE = 60.0
+        // Medians in ms, one to six shots of 12 megapixels, uncompressed DNGs, a desktop's JVM, 2026-11-23:
+        // mvn -f android-bindings -pl core -am test -Dtest=ProgressTest -Dprogress.work
+        private const val READ = 28.0
+        private const val FIND = 29.0
 
-        /** Of one basis and one shot; further shots make the problem larger. */
-        private const val SOLVE = 10.0
-        private const val JUDGE = 3.0
-        private const val PER_SHOT = 0.5
+        /** Of each frame: chart, white, dark. */
+        private const val MEASURE = 105.0
+
+        /** Of one fit, and of one lamp that is compared, each on one basis with one shot. */
+        private const val SOLVE = 15.0
+        private const val JUDGE = 6.0
+
+        /** How much longer the latter two take for each further shot, relative to the first. */
+        private const val PER_SHOT = 1.7
 
         /**
          * The steps of measuring and solving a capture.
@@ -143,7 +161,8 @@ internal class Course private constructor(private val steps: List<Step>) {
             val folds = if (settings.fit == null) Solve.FOLDS else 0
             val alone = if (k > 1 && prior) k else 0
             val named = k - unnamed
-            val compared = if (prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED) 1 + named * Light.RIVALS.size else 0
+            val comparing = prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED
+            val compared = if (comparing) 1 + named * Light.RIVALS.size else 0
             // The parts of the capture are solved with the basis and the kinds of light that the whole has found.
             return listOf(Step(Stage.SOLVING, null, SOLVE * families * kinds * size, runs)) +
                 List(folds) { Step(Stage.VALIDATING, null, SOLVE * size) } +

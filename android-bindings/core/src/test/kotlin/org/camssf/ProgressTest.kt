@@ -26,7 +26,7 @@ class ProgressTest {
 
     private fun run(calibrator: SsfCalibrator, shots: List<Shot>): List<Progress> {
         val steps = ArrayList<Progress>()
-        val found = calibrator.calibrate(Capture(shots, LargePhotos.chart)) { steps += it }
+        val found = calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart)) { steps += it }
         assertTrue(found is Calibrated, "$found")
         return steps
     }
@@ -65,7 +65,7 @@ class ProgressTest {
             calibrator.solve(measured, LargePhotos.chart) { later += it }
             check(later, 0)
         }
-        SsfCalibrator.open("gaussian").use { check(run(it, shots), 2) }
+        SsfCalibrator.open("gaussian").use { check(run(it, shots.take(1)), 1) }
     }
 
     /** A source that fails ends the run where it stands. */
@@ -74,7 +74,7 @@ class ProgressTest {
         val (one, two) = shots(2, 360, 264)
         val lost = Shot(PhotoSource { throw UnreadableRaw("a", "b") }, two.lamp, two.corners)
         val steps = ArrayList<Progress>()
-        calibrator.calibrate(Capture(listOf(one, lost), LargePhotos.chart)) { steps += it }
+        calibrator.calibrateBlocking(Capture(listOf(one, lost), LargePhotos.chart)) { steps += it }
         assertEquals("reading the photo, shot 2: ${(100 * steps.last().part).toInt()} %", "${steps.last()}")
         assertTrue(steps.last().part < 0.5)
     }
@@ -91,9 +91,10 @@ class ProgressTest {
                     repeat(if (k == 1) 12 else 6) { turn ->
                         var last: Stage? = null
                         var since = 0L
-                        calibrator.calibrate(Capture(shots, LargePhotos.chart)) {
+                        calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart)) {
                             val now = System.nanoTime()
-                            if (turn > 1) last?.let { stage -> times.getOrPut(stage) { ArrayList() } += (now - since) / 1e6 }
+                            val spent = (now - since) / 1e6
+                            if (turn > 1) last?.let { stage -> times.getOrPut(stage) { ArrayList() } += spent }
                             last = it.stage
                             since = System.nanoTime()
                         }

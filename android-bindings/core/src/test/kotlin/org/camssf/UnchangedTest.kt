@@ -112,14 +112,14 @@ class UnchangedTest {
             val capture = Capture(shots, ChartTable.read("classic24"))
             numbers.fill(0.0)
             shots.clear()
-            val found = calibrator.calibrate(capture)
+            val found = calibrator.calibrateBlocking(capture)
             val text = found.toJson()
             vandalise(found, "found")
             vandalise(capture, "capture")
             assertEquals(emptyList<String>(), changed)
             assertTrue(arrays >= 30 && lists >= 6, "$arrays arrays, $lists lists")
             assertEquals(text, found.toJson())
-            assertEquals(text, calibrator.calibrate(capture).toJson())
+            assertEquals(text, calibrator.calibrateBlocking(capture).toJson())
         }
     }
 

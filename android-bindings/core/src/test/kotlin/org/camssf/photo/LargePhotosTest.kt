@@ -63,7 +63,7 @@ class LargePhotosTest {
         SsfCalibrator.open().use { calibrator ->
             val capture = Capture(LargePhotos.shot(listOf(file), width, height), LargePhotos.chart)
             val stages = ArrayList<Stage>()
-            calibrator.calibrate(capture) { stages += it.stage } // compiled, and in the file's cache
+            calibrator.calibrateBlocking(capture) { stages += it.stage } // compiled, and in the file's cache
             for (stage in stages.distinct() - Stage.DONE) {
                 for (later in listOf(0L, 30L, 120L)) {
                     val felt = (1..3).minOf { felt(calibrator, capture, stage, later) }
@@ -77,7 +77,7 @@ class LargePhotosTest {
     private fun felt(calibrator: SsfCalibrator, capture: Capture, stage: Stage, later: Long): Long = runBlocking {
         val begun = CompletableDeferred<Unit>()
         val job = launch(Dispatchers.Default) {
-            calibrator.calibrateSuspending(capture) { if (it.stage == stage) begun.complete(Unit) }
+            calibrator.calibrate(capture) { if (it.stage == stage) begun.complete(Unit) }
         }
         begun.await()
         delay(later)

@@ -105,7 +105,7 @@ class PhysicalCameraTest {
         val one = Shot(frame("a", wide), Lamp.read("E"), corners)
         val two = Shot(frame("b", wide(id = "2", serial = "S2")), Lamp.read("E"), corners)
         SsfCalibrator.open("phones").use { calibrator ->
-            val found = calibrator.calibrate(Capture(listOf(one, two), chart)) as Refused
+            val found = calibrator.calibrateBlocking(Capture(listOf(one, two), chart)) as Refused
             assertEquals("unit_differs", found.error.code)
             assertTrue(found.error.message.startsWith("b was taken by another camera or lens than a: camera '2'"))
             assertFalse("S2" in found.toJson())

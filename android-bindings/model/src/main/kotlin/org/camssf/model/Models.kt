@@ -17,6 +17,7 @@ public object Models {
      *
      * @throws IllegalStateException the file is missing from the jar (an app's packaging rules can remove it).
      */
+    @JvmStatic
     public fun open(name: String): InputStream =
         checkNotNull(Models::class.java.getResourceAsStream("/org/camssf/model/$name")) {
             "$name is missing from the app: keep the resources org/camssf/model/* when packaging."
@@ -27,6 +28,7 @@ public object Models {
      *
      * @throws IllegalStateException the file is missing or differs from the one that this jar was built with.
      */
+    @JvmStatic
     public fun read(name: String): ByteArray = checked(name, open(name).use { it.readBytes() })
 
     internal fun checked(name: String, content: ByteArray): ByteArray {
@@ -38,6 +40,7 @@ public object Models {
     }
 
     /** SHA-256 of bytes, lower-case hex. */
+    @JvmStatic
     public fun sha256(content: ByteArray): String =
         MessageDigest.getInstance("SHA-256").digest(content).joinToString("") { "%02x".format(it) }
 }
