@@ -6,33 +6,6 @@ import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
 import kotlin.math.min
 
-/** The stages of a calibration, in their order; the first three for each shot in turn. */
-public enum class Stage(
-    /** The stage for a user, in lower case. */
-    public val words: String,
-) {
-    /** Opens the photo and reads its metadata. */
-    READING("reading the photo"),
-
-    /** Moves the corners to the printed borders. */
-    FINDING("looking for the chart"),
-
-    /** Measures the patches of all frames of a shot. */
-    MEASURING("measuring the patches"),
-
-    /** Recovers the curves. */
-    SOLVING("solving"),
-
-    /** Recovers them again without each fold of the chart, and from each shot alone. */
-    VALIDATING("validating"),
-
-    /** Compares other lamps with the named ones. */
-    JUDGING("judging"),
-
-    /** The result is there. */
-    DONE("done"),
-}
-
 /**
  * How far a calibration is, at the begin of a step.
  *
@@ -154,7 +127,7 @@ internal class Course private constructor(private val steps: List<Step>) {
         private fun solving(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): List<Step> {
             val k = lamps.size
             val unnamed = lamps.count { it.unnamed }
-            // Every kind of every unnamed light with every family, the test of the family, and the lights' posteriors.
+            // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.
             val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
             val runs = if (unnamed == 0) 1 else families * kinds + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)

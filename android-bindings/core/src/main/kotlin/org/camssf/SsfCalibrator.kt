@@ -109,8 +109,8 @@ public class SsfCalibrator private constructor(
     }
 
     /**
-     * Progress and outcome of [calibrate], which runs each time that the flow is collected. A collector that is slower
-     * than the calibration receives the latest state only; the outcome is never lost.
+     * Progress and outcome of [calibrate], which runs each time that the flow is collected. A collector that is
+     * slower than the calibration receives the latest state only; the outcome is never lost.
      */
     public fun calibrationFlow(
         capture: Capture,
@@ -248,8 +248,8 @@ public class SsfCalibrator private constructor(
         } catch (error: LinkageError) {
             throw RuntimeUnfit(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
-                "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the native library " +
-                    "of the device's ABI; on a desktop onnxruntime of the same version.",
+                "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the " +
+                    "native library of the device's ABI; on a desktop onnxruntime of the same version.",
                 cause = error,
             )
         }

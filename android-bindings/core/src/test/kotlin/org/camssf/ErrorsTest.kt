@@ -25,7 +25,8 @@ class ErrorsTest {
     fun `the codes are Python's`() {
         val text = File(root, "reference/camssf/errors.py").readText()
         val known = Regex("""(?m)^ {4}code(?:: ClassVar\[str])? = "(\w+)"$""").findAll(text).map { it.groupValues[1] }
-        val wanted = known.toSet() - "calibration_error" + "runtime_unfit" // the app's build: Python's is pinned by pip
+        // ONNX Runtime's version is the app's build's; in Python pip pins it.
+        val wanted = known.toSet() - "calibration_error" + "runtime_unfit"
         assertEquals(wanted.sorted(), codes.values.sorted())
     }
 

@@ -131,7 +131,7 @@ class FailuresTest {
                     PhotoSource { throw thrown },
                     PhotoSource.dng {
                         object : DngSource by DngSource.of(photo) {
-                            override fun read(at: Long, into: ByteArray, offset: Int, length: Int): Unit = throw thrown
+                            override fun read(at: Long, into: ByteArray, offset: Int, length: Int) = throw thrown
                         }
                     },
                 )

@@ -79,7 +79,7 @@ class ProgressTest {
         assertTrue(steps.last().part < 0.5)
     }
 
-    /** Prints the work of each step: the medians that [Course] holds. `mvn test -Dtest=ProgressTest -Dprogress.work` */
+    /** Prints the work of each step, the medians that [Course] holds: -Dtest=ProgressTest -Dprogress.work. */
     @Test
     @EnabledIfSystemProperty(named = "progress.work", matches = ".*")
     fun `work of each step`() {

@@ -14,7 +14,6 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.documents.ResultJson
 import org.camssf.photo.Capture
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
@@ -131,7 +130,9 @@ class SsfCalibratorTest {
         SsfCalibrator.open().use { calibrator ->
             fun steps(of: Shot): Pair<Calibration, Int> {
                 var judging = 0
-                val found = calibrator.calibrateBlocking(Capture(of, chart)) { if (it.stage == Stage.JUDGING) judging++ }
+                val found = calibrator.calibrateBlocking(Capture(of, chart)) {
+                    if (it.stage == Stage.JUDGING) judging++
+                }
                 return found to judging
             }
             val (sound, asked) = steps(shot())
@@ -283,6 +284,6 @@ class SsfCalibratorTest {
     @Test
     fun `the version is Python's`() {
         val version = Regex("version = \"(.*)\"").find(File(root, "pyproject.toml").readText())!!.groupValues[1]
-        assertEquals(version, ResultJson.VERSION)
+        assertEquals(version, Camssf.VERSION)
     }
 }

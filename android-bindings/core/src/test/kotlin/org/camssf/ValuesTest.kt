@@ -54,7 +54,8 @@ class ValuesTest {
             assertEquals(one.verdict, two.verdict)
             assertEquals(one.assumptions, two.assumptions)
             assertEquals(one.ssf.choice, two.ssf.choice)
-            val line = Regex("""Calibrated\((accepted|doubtful: [a-z_, ]+), Ssf\(basis=phones, halfWidth=0\.\d+\)\)""")
+            val line =
+                Regex("""Calibrated\((accepted|doubtful: [a-z_, ]+), Ssf\(basis=phones, halfWidth=0\.\d+\)\)""")
             assertTrue(line.matches("$one"), "$one")
             assertTrue("chart-turned-0.dng" in "${one.capture}" && "Lamp(E" in "${one.capture.shots[0].lamp}")
             val bright = Shot(PhotoSource { throw Overexposed("Too bright.", "Less.") }, corners)

@@ -59,18 +59,18 @@ public object PreviewFrames {
      * dropped.
      *
      * @param guide used by this listener only.
-     * @param said receives each frame's guidance; its exceptions reach the handler, after the image has been closed.
+     * @param receiver receives each frame's guidance; its exceptions reach the handler, after the image has been closed.
      */
     @JvmStatic
-    public fun listener(guide: CaptureGuide, said: GuidanceListener): ImageReader.OnImageAvailableListener =
+    public fun listener(guide: CaptureGuide, receiver: GuidanceListener): ImageReader.OnImageAvailableListener =
         ImageReader.OnImageAvailableListener { reader ->
             val guidance = reader.acquireLatestImage()?.use { guide.look(picture(it), it.timestamp) }
-            if (guidance != null) said.guide(guidance)
+            if (guidance != null) receiver.guide(guidance)
         }
 
     /**
-     * The guidance of a preview's frames, as long as the flow is collected: it sets the reader's listener, and removes
-     * it at the end. A collector that is slower than the camera receives the latest guidance only.
+     * The guidance of a preview's frames, as long as the flow is collected: it sets the reader's listener, and
+     * removes it at the end. A collector that is slower than the camera receives the latest guidance only.
      *
      * @param reader the preview's, in `ImageFormat.YUV_420_888`; the flow neither owns nor closes it.
      * @param guide used by this flow only.
@@ -119,8 +119,10 @@ public object PreviewFrames {
         frame: Size,
         result: CaptureResult? = null,
         zoom: Double = 1.0,
-    ): PreviewMap =
-        PreviewMap.ofPicture(crop(camera, result, zoom).shapedAs(frame.width, frame.height), frame.width, frame.height)
+    ): PreviewMap {
+        val crop = crop(camera, result, zoom).shapedAs(frame.width, frame.height)
+        return PreviewMap.ofPicture(crop, frame.width, frame.height)
+    }
 
     /**
      * The map from a view that shows the preview to the mosaic: `toMosaic` converts taps, `fromMosaic` corners to be

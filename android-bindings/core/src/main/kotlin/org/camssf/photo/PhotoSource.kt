@@ -70,8 +70,8 @@ private const val READ_AGAIN = "Check that the photo is still there and that the
 
 /**
  * Runs code of the app, such as its [PhotoSource] or a content provider: whatever exception it throws (no file, no
- * permission, no network, a fault of its own) becomes an [UnreadableRaw] with this cause. Errors of camssf, cancelling
- * and interrupting pass unchanged.
+ * permission, no network, a fault of its own) becomes an [UnreadableRaw] with this cause. Errors of camssf,
+ * cancelling and interrupting pass unchanged.
  */
 internal inline fun <T> fromApp(what: String, work: () -> T): T = try {
     work()

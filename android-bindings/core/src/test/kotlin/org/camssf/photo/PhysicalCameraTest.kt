@@ -98,7 +98,7 @@ class PhysicalCameraTest {
         val chart = ChartTable.read("classic24")
         fun frame(name: String, camera: PhysicalCamera) = PhotoSource.of(
             Mosaic(
-                Mosaic.Origin(name, whole.make, whole.model, sha256 = name, camera = camera),
+                Mosaic.Origin(name, whole.origin.make, whole.origin.model, sha256 = name, camera = camera),
                 whole.width, whole.height, whole.region, whole.samples, whole.sensor, whole.corrections,
             ),
         )

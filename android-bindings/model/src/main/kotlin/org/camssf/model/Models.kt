@@ -1,7 +1,6 @@
 package org.camssf.model
 
 import java.io.InputStream
-import java.security.MessageDigest
 
 /** The files in this jar: the models, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
@@ -41,6 +40,5 @@ public object Models {
 
     /** SHA-256 of bytes, lower-case hex. */
     @JvmStatic
-    public fun sha256(content: ByteArray): String =
-        MessageDigest.getInstance("SHA-256").digest(content).joinToString("") { "%02x".format(it) }
+    public fun sha256(content: ByteArray): String = Sha256().add(content).hex()
 }

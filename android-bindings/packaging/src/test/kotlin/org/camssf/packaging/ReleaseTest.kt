@@ -117,7 +117,8 @@ class ReleaseTest {
 
     @Test
     fun `JSON's library runs, and is not compiled against`() {
-        val scopes = elements(file("core", ".pom"), "dependency").associate { text(it, "artifactId") to text(it, "scope") }
+        val dependencies = elements(file("core", ".pom"), "dependency")
+        val scopes = dependencies.associate { text(it, "artifactId") to text(it, "scope") }
         assertEquals("runtime", scopes.getValue("kotlinx-serialization-json-jvm"))
         assertEquals("compile", scopes.getValue("kotlinx-coroutines-core-jvm"))
     }
@@ -141,7 +142,8 @@ class ReleaseTest {
             assertTrue(Regex(""""bomFormat"\s*:\s*"CycloneDX"""").containsMatchIn(said))
             assertTrue(Regex("pkg:maven/org\\.camssf/camssf-$name@${Regex.escape(version)}").containsMatchIn(said))
             for (each in elements(file(name, ".pom"), "dependency")) {
-                val url = "pkg:maven/${text(each, "groupId")}/${text(each, "artifactId")}@${text(each, "version").trim('[', ']')}"
+                val only = text(each, "version").trim('[', ']')
+                val url = "pkg:maven/${text(each, "groupId")}/${text(each, "artifactId")}@$only"
                 if ("android-all" !in url) assertTrue(url in said, url)
             }
             assertTrue("junit" !in said && "robolectric/robolectric" !in said, "what only tests need is in it")
