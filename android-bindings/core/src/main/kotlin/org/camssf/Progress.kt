@@ -68,7 +68,7 @@ internal class Course private constructor(private val steps: List<Step>) {
     private var run = 0
     private var before = 0.0
 
-    /** The next step of a stage begins. */
+    /** The next step of a stage begins; one that was not planned stands where the last one did. */
     fun begin(stage: Stage, shot: Int?): Progress {
         if (stage == Stage.DONE) return Progress(stage, 1.0, null)
         val next = (at + 1 until steps.size).firstOrNull { steps[it].stage == stage && steps[it].shot == shot }
@@ -77,15 +77,17 @@ internal class Course private constructor(private val steps: List<Step>) {
             at = next
             run = 0
         }
-        return Progress(stage, before / whole, shot)
+        return Progress(stage, part(), shot)
     }
 
     /** Within the step that has begun, the next run of a model begins; the first one began with the step. */
     fun proceed(): Progress {
         val step = steps[at]
         run = min(run + 1, step.runs - 1)
-        return Progress(step.stage, (before + step.work * run / step.runs) / whole, step.shot)
+        return Progress(step.stage, part(), step.shot)
     }
+
+    private fun part(): Double = if (at < 0) 0.0 else (before + steps[at].work * run / steps[at].runs) / whole
 
     companion object {
         // Medians in ms, one to six shots of 12 megapixels, uncompressed DNGs, a desktop's JVM, 2026-11-23:

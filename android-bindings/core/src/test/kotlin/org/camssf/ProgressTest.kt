@@ -68,6 +68,22 @@ class ProgressTest {
         SsfCalibrator.open("gaussian").use { check(run(it, shots.take(1)), 1) }
     }
 
+    /** A run that begins again, because another table fits the chart, or another fit than was planned. */
+    @Test
+    fun `steps that were not planned stand where the last one did`() {
+        val course = Course.of(listOf(Lamp.auto()), Settings(listOf(1, 2, 3)), 3, true)
+        val steps = ArrayList<Progress>()
+        steps += course.begin(Stage.SOLVING, null)
+        repeat(40) { steps += course.proceed() }
+        steps += course.begin(Stage.SOLVING, null)
+        repeat(3) { steps += course.proceed() }
+        steps += course.begin(Stage.VALIDATING, null)
+        steps += course.begin(Stage.JUDGING, null)
+        assertTrue(steps.zipWithNext().all { (one, next) -> one.part <= next.part }, "$steps")
+        assertTrue(steps.last().part < 1.0 && steps.last().part > 0.5, "$steps")
+        assertEquals(1.0, course.begin(Stage.DONE, null).part)
+    }
+
     /** A source that fails ends the run where it stands. */
     @Test
     fun `a refusal is never done`() = SsfCalibrator.open("phones").use { calibrator ->
