@@ -76,6 +76,7 @@ public object PreviewFrames {
      * @param guide used by this flow only.
      * @param handler of a worker thread, on which the frames are searched.
      */
+    @JvmStatic
     public fun guidance(reader: ImageReader, guide: CaptureGuide, handler: Handler): Flow<Guidance> = callbackFlow {
         val looking = listener(guide) { trySend(it) }
         reader.setOnImageAvailableListener(

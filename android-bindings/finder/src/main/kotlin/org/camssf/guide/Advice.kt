@@ -130,6 +130,8 @@ public sealed class Guidance(public val advice: Advice, public val amount: Doubl
     ) : Guidance(advice, amount) {
         /** True if all conditions have held for some frames, [Advice.NOW]: take the photo. */
         public val ready: Boolean get() = advice == Advice.NOW
+
+        override fun toString(): String = "$words $measures"
     }
 }
 
