@@ -115,9 +115,10 @@ class ProgressTest {
                             since = System.nanoTime()
                         }
                     }
-                    println("$basis, $k shots: " + times.toSortedMap().map { (stage, each) ->
-                        "$stage ${each.sorted().let { "%.1f".format(it[it.size / 2]) }}"
-                    })
+                    val medians = times.toSortedMap().map { (stage, each) ->
+                        "$stage ${"%.1f".format(each.sorted()[each.size / 2])}"
+                    }
+                    println("$basis, $k shots: $medians")
                 }
             }
         }

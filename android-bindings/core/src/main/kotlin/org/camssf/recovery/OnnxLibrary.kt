@@ -49,8 +49,8 @@ internal object OnnxLibrary {
             "ONNX Runtime $version reports its use to its maker, and camssf does not run with it.",
             "Another dependency has raised it: make the build take $VERSION, in Gradle with " +
                 "implementation(\"com.microsoft.onnxruntime:onnxruntime-android\") " +
-                "{ version { strictly(\"$VERSION\") } } (on a desktop onnxruntime); or set $SWITCH=1 in the process's environment before ONNX Runtime is " +
-                "loaded, on Android with android.system.Os.setenv.",
+                "{ version { strictly(\"$VERSION\") } } (on a desktop onnxruntime); or set $SWITCH=1 in the " +
+                "process's environment before ONNX Runtime is loaded, on Android with android.system.Os.setenv.",
         )
     }
 
