@@ -29,6 +29,13 @@ class PhotosTest {
     private val result = result(photo)
     private val whole = CameraUnit("Maker", "Model 1", "", "body 9", "Wide 24 mm", 24.7, 1.8)
 
+    private fun CameraUnit.copy(
+        serial: String = this.serial,
+        lens: String = this.lens,
+        focalLength: Double? = this.focalLength,
+        aperture: Double? = this.aperture,
+    ) = CameraUnit(make, model, cameraId, serial, lens, focalLength, aperture)
+
     /** [Fixtures.SMALL] of these photos. */
     private fun result(vararg of: Photo): ByteArray {
         val whole = Json.parseToJsonElement(Fixtures.SMALL).jsonObject
