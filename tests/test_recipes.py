@@ -84,6 +84,15 @@ def test_the_page_names_the_oldest_compilers_and_its_own() -> None:
     assert f"<kotlin.version>{own}<" in (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
 
 
+@pytest.mark.parametrize("page", [JVM_PAGE, ANDROID_PAGE], ids=["jvm", "android"])
+def test_a_first_result_takes_twelve_lines_and_four_imports(page: str) -> None:
+    first = next(block for block in blocks(page, "kotlin") if "is Refused" in block)
+    lines = [line for line in first.splitlines() if line.strip() and not line.startswith("//")]
+    imports = [line for line in lines if line.startswith("import ")]
+    assert len(imports) <= 4
+    assert len(lines) - len(imports) <= 12
+
+
 @pytest.mark.requirement("R-RECIPE")
 @pytest.mark.parametrize("kotlin", kotlin_versions())
 def test_a_new_jvm_project_by_the_page_alone(kotlin: str, tmp_path: Path, cache: Path) -> None:
@@ -170,7 +179,7 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
 
     private fun log(words: String) = show(words)
 
-    fun chosen(
+    suspend fun chosen(
         uri: Uri, x1: Double, y1: Double, x2: Double, y2: Double, x3: Double, y3: Double, x4: Double, y4: Double,
     ) {{
 {first}
@@ -190,7 +199,7 @@ SCREEN_TEST = """package example
 
 import android.net.Uri
 import java.io.File
-import org.junit.Assert.assertEquals
+import kotlinx.coroutines.runBlocking
 import org.junit.Assert.assertTrue
 import org.junit.Test
 import org.junit.runner.RunWith
@@ -207,8 +216,8 @@ class ScreenTest {{
         val photo = File(app.filesDir, "photo.dng")
         File("{photo}").copyTo(photo)
         val screen = Screen(app.contentResolver, app.filesDir)
-        screen.chosen(Uri.fromFile(photo), {corners})
-        assertEquals(emptyList<String>(), screen.shown)
+        runBlocking {{ screen.chosen(Uri.fromFile(photo), {corners}) }}
+        assertTrue("${{screen.shown}}", screen.shown.single().startsWith("red at 600 nm 0."))
         val result = File(app.filesDir, "result.json").readText()
         assertTrue(result, "\\"ssf\\":" in result)
         File("result.json").writeText(result)

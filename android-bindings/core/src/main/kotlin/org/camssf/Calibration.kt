@@ -32,12 +32,15 @@ public class Settings @JvmOverloads constructor(
 ) {
     /** 1-based numbers of the patches that enter the fit; null for all. */
     public val fit: List<Int>? = fit?.frozen()
-}
 
-/** Receives the stage in words and the part done, 0 to 1, on the thread that calibrates. */
-public fun interface Progress {
-    /** Called at each step. */
-    public fun report(stage: String, part: Double)
+    private fun parts() = listOf(fit, l2, gamma, nonnegative, lightPerPatch)
+
+    override fun equals(other: Any?): Boolean = other is Settings && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    override fun toString(): String =
+        "Settings(fit=$fit, l2=$l2, gamma=$gamma, nonnegative=$nonnegative, lightPerPatch=$lightPerPatch)"
 }
 
 /** The outcome of a capture: [Calibrated] or [Refused]. Immutable; safe to pass between threads. */
@@ -81,6 +84,8 @@ public class Calibrated internal constructor(private val solution: Solution, pri
 
     override fun toJson(): String = ResultJson.of(solution, model)
 
+    override fun toString(): String = "Calibrated($verdict, $ssf)"
+
     /** The curves as CSV: wavelength_nm,red,green,blue with peak 1, then the standard deviations if there are any. */
     public fun toCsv(): String = CurvesCsv.of(solution.ssf)
 }
@@ -98,4 +103,6 @@ public class Refused internal constructor(
     override val assumptions: List<Assumption> get() = emptyList()
 
     override fun toJson(): String = ResultJson.of(begun, verdict)
+
+    override fun toString(): String = "Refused($error)"
 }

@@ -1,7 +1,8 @@
 package org.camssf
 
 /**
- * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON.
+ * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON. Kotlin
+ * alone has RuntimeUnfit, which no result contains: [SsfCalibrator.open] throws it.
  *
  * ```
  * CalibrationException
@@ -26,6 +27,7 @@ package org.camssf
  * ├── CameraUnusual          camera_unusual      the camera, unlike those of every basis
  * ├── ColourOutOfReach       colour_out_of_reach a colour that no surface can have
  * ├── PassportInvalid        passport_invalid    a signed document
+ * ├── RuntimeUnfit           runtime_unfit       ONNX Runtime, missing or of a version that reports its use
  * └── OutOfMemory            out_of_memory       the photo, too large for the free memory
  * ```
  *
@@ -48,7 +50,7 @@ public sealed class CalibrationException(
 }
 
 /** An argument has a wrong shape, value or name. */
-public class InvalidArgument @JvmOverloads constructor(
+public class InvalidArgument(
     message: String,
     advice: String,
     value: Double? = null,
@@ -67,7 +69,7 @@ public sealed class RawError(
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
 /** The file is missing, truncated, damaged, or not an image. */
-public class UnreadableRaw @JvmOverloads constructor(
+public class UnreadableRaw(
     message: String,
     advice: String,
     value: Double? = null,
@@ -76,7 +78,7 @@ public class UnreadableRaw @JvmOverloads constructor(
 ) : RawError("unreadable_raw", message, advice, value, threshold, cause)
 
 /** The file is valid, but camssf does not support its format. */
-public class UnsupportedRaw @JvmOverloads constructor(
+public class UnsupportedRaw(
     message: String,
     advice: String,
     value: Double? = null,
@@ -85,7 +87,7 @@ public class UnsupportedRaw @JvmOverloads constructor(
 ) : RawError("unsupported_raw", message, advice, value, threshold, cause)
 
 /** The samples are not the sensor's: demosaiced, merged or tone-mapped. */
-public class NotSensorRaw @JvmOverloads constructor(
+public class NotSensorRaw(
     message: String,
     advice: String,
     value: Double? = null,
@@ -104,7 +106,7 @@ public sealed class ChartError(
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
 /** The photo shows no chart of the requested kind, or shows it mirrored. */
-public class ChartNotFound @JvmOverloads constructor(
+public class ChartNotFound(
     message: String,
     advice: String,
     value: Double? = null,
@@ -113,7 +115,7 @@ public class ChartNotFound @JvmOverloads constructor(
 ) : ChartError("chart_not_found", message, advice, value, threshold, cause)
 
 /** The chart does not agree with its table, or too few patches are left. */
-public class ChartUnfit @JvmOverloads constructor(
+public class ChartUnfit(
     message: String,
     advice: String,
     value: Double? = null,
@@ -132,7 +134,7 @@ public sealed class CaptureError(
 ) : CalibrationException(code, message, advice, value, threshold, cause)
 
 /** Too many samples are clipped. */
-public class Overexposed @JvmOverloads constructor(
+public class Overexposed(
     message: String,
     advice: String,
     value: Double? = null,
@@ -141,7 +143,7 @@ public class Overexposed @JvmOverloads constructor(
 ) : CaptureError("overexposed", message, advice, value, threshold, cause)
 
 /** The signals are too close to the black level. */
-public class Underexposed @JvmOverloads constructor(
+public class Underexposed(
     message: String,
     advice: String,
     value: Double? = null,
@@ -150,7 +152,7 @@ public class Underexposed @JvmOverloads constructor(
 ) : CaptureError("underexposed", message, advice, value, threshold, cause)
 
 /** The light varies across the chart and no white frame corrects it. */
-public class UnevenLight @JvmOverloads constructor(
+public class UnevenLight(
     message: String,
     advice: String,
     value: Double? = null,
@@ -159,7 +161,7 @@ public class UnevenLight @JvmOverloads constructor(
 ) : CaptureError("uneven_light", message, advice, value, threshold, cause)
 
 /** Chart, white and dark frame were taken with different settings. */
-public class FramesDiffer @JvmOverloads constructor(
+public class FramesDiffer(
     message: String,
     advice: String,
     value: Double? = null,
@@ -168,7 +170,7 @@ public class FramesDiffer @JvmOverloads constructor(
 ) : CaptureError("frames_differ", message, advice, value, threshold, cause)
 
 /** The photos are from different physical cameras or lenses. */
-public class UnitDiffers @JvmOverloads constructor(
+public class UnitDiffers(
     message: String,
     advice: String,
     value: Double? = null,
@@ -177,7 +179,7 @@ public class UnitDiffers @JvmOverloads constructor(
 ) : CaptureError("unit_differs", message, advice, value, threshold, cause)
 
 /** Neighbouring patches are blurred into each other. */
-public class Blurred @JvmOverloads constructor(
+public class Blurred(
     message: String,
     advice: String,
     value: Double? = null,
@@ -186,7 +188,7 @@ public class Blurred @JvmOverloads constructor(
 ) : CaptureError("blurred", message, advice, value, threshold, cause)
 
 /** Stray light lies over the chart. */
-public class Glare @JvmOverloads constructor(
+public class Glare(
     message: String,
     advice: String,
     value: Double? = null,
@@ -195,7 +197,7 @@ public class Glare @JvmOverloads constructor(
 ) : CaptureError("glare", message, advice, value, threshold, cause)
 
 /** The lamp's spectrum has no power on the grid, or contradicts the photo. */
-public class LampUnfit @JvmOverloads constructor(
+public class LampUnfit(
     message: String,
     advice: String,
     value: Double? = null,
@@ -204,7 +206,7 @@ public class LampUnfit @JvmOverloads constructor(
 ) : CalibrationException("lamp_unfit", message, advice, value, threshold, cause)
 
 /** The duality gap of the answer is too large: the curves cannot be trusted. */
-public class NotConverged @JvmOverloads constructor(
+public class NotConverged(
     message: String,
     advice: String,
     value: Double? = null,
@@ -216,7 +218,7 @@ public class NotConverged @JvmOverloads constructor(
  * The camera is unlike all cameras that the bases were learned from, or of another family than its maker's name
  * suggests. In this version it makes a result doubtful, as a reason with this code, and never refuses it.
  */
-public class CameraUnusual @JvmOverloads constructor(
+public class CameraUnusual(
     message: String,
     advice: String,
     value: Double? = null,
@@ -225,7 +227,7 @@ public class CameraUnusual @JvmOverloads constructor(
 ) : CalibrationException("camera_unusual", message, advice, value, threshold, cause)
 
 /** No surface can have this colour under this lamp. */
-public class ColourOutOfReach @JvmOverloads constructor(
+public class ColourOutOfReach(
     message: String,
     advice: String,
     value: Double? = null,
@@ -234,7 +236,7 @@ public class ColourOutOfReach @JvmOverloads constructor(
 ) : CalibrationException("colour_out_of_reach", message, advice, value, threshold, cause)
 
 /** The photo does not fit into the memory available to the program. */
-public class OutOfMemory @JvmOverloads constructor(
+public class OutOfMemory(
     message: String,
     advice: String,
     value: Double? = null,
@@ -250,8 +252,17 @@ public class OutOfMemory @JvmOverloads constructor(
     }
 }
 
+/** ONNX Runtime is missing, cannot load its native library, or is of a version that camssf does not run with. */
+public class RuntimeUnfit(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CalibrationException("runtime_unfit", message, advice, value, threshold, cause)
+
 /** A passport was changed, has expired, was revoked, or is not signed by a trusted key: do not trust its content. */
-public class PassportInvalid @JvmOverloads constructor(
+public class PassportInvalid(
     message: String,
     advice: String,
     value: Double? = null,

@@ -9,5 +9,6 @@ public object Grid {
     public const val STEP: Double = 0.5
 
     /** Wavelengths (681), nm; a new array at each call. */
+    @JvmStatic
     public val WAVELENGTHS: DoubleArray get() = DoubleArray(SIZE) { 380.0 + STEP * it }
 }

@@ -45,7 +45,7 @@ internal class Solve(
         }
         checkEnough(freeFit.selected(signals.sharedUsed).size)
         val gamma = settings.gamma?.let { doubleArrayOf(it) }
-        val ssf = curves(freeFit, SOLVING, signals.sharedUsed, gamma)
+        val ssf = curves(freeFit, Stage.SOLVING, signals.sharedUsed, gamma)
         val likeliest = freeFit.likeliestTable(ssf, signals.sharedUsed)
         if (likeliest !== table) {
             val other = MeasuredCapture(capture.shots, likeliest, capture.whiteReflectance)
@@ -57,14 +57,14 @@ internal class Solve(
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }.map { shot ->
             val own = BooleanArray(k * n) { signals.sharedUsed[it] && it / n == shot }
-            curves(fit, VALIDATING, own, gamma)
+            curves(fit, Stage.VALIDATING, own, gamma)
         }
         val inputs = VerdictInputs(signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
         val verdict = Judge.judge(
             Case(inputs, capture.shots, alone, neutrals(), family, unnamed) {
-                Rivals.of(freeFit.withChartOf(ssf), ssf, signals.sharedUsed) { tell(JUDGING.first, JUDGING.second) }
+                Rivals.of(freeFit.withChartOf(ssf), ssf, signals.sharedUsed) { tell.begin(Stage.JUDGING) }
             },
         )
         val level = fit.level(ssf)
@@ -136,12 +136,12 @@ internal class Solve(
     /** Reports the stage, which may end a cancelled run, then fits. */
     private fun curves(
         fit: CaptureFit,
-        stage: Pair<String, Double>,
+        stage: Stage,
         used: BooleanArray,
         gamma: DoubleArray?,
     ): Ssf {
-        tell(stage.first, stage.second)
-        return fit.curves(used, gamma) { tell(stage.first, stage.second) }
+        tell.begin(stage)
+        return fit.curves(used, gamma) { tell.proceed() }
     }
 
     /**
@@ -177,7 +177,7 @@ internal class Solve(
         for (fold in 0 until folds) {
             val out = selected.filterIndexed { at, _ -> at % folds == fold }
             val others = BooleanArray(k * n) { used[it] && it % n !in out }
-            val without = curves(fit, VALIDATING, others, ssf.sharedGamma)
+            val without = curves(fit, Stage.VALIDATING, others, ssf.sharedGamma)
             val own = fit.level(without)
             val band = fit.bands(others, without)
             for (j in 0 until k) {
@@ -209,16 +209,12 @@ internal class Solve(
         shot.photo.neutrals.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
-    private companion object {
+    companion object {
         /**
          * Number of folds of the cross-validation: each patch is predicted by a fit without the patches of its fold.
          */
         val FOLDS get() = Rules.shipped.whole("calibration.folds")
 
-        val FAINTEST get() = Rules.shipped.number("calibration.faintest")
-
-        val SOLVING = "solving" to 0.9
-        val VALIDATING = "validating" to 0.95
-        val JUDGING = "judging" to 0.98
+        private val FAINTEST get() = Rules.shipped.number("calibration.faintest")
     }
 }

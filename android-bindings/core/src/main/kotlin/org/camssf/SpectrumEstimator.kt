@@ -39,6 +39,8 @@ public class SpectrumEstimator private constructor(
     /** How XYZ and Lab are stated. */
     public val view: View,
 ) {
+    override fun toString(): String = "SpectrumEstimator($lamps, $prior, $view)"
+
     /** One combination of lamps. */
     private class Answer(
         val names: List<String>,

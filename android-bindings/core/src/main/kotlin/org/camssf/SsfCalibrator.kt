@@ -2,6 +2,9 @@ package org.camssf
 
 import kotlinx.coroutines.CoroutineDispatcher
 import kotlinx.coroutines.Dispatchers
+import kotlinx.coroutines.flow.Flow
+import kotlinx.coroutines.flow.channelFlow
+import kotlinx.coroutines.flow.conflate
 import kotlinx.coroutines.runInterruptible
 import org.camssf.documents.Solution
 import org.camssf.photo.Begun
@@ -13,6 +16,7 @@ import org.camssf.photo.Shot
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
+import org.camssf.recovery.OnnxLibrary
 import org.camssf.recovery.SHIPPED_BASES
 import org.camssf.spectra.ChartTable
 import org.camssf.verdict.Reason
@@ -40,7 +44,7 @@ public fun interface Logger {
  * val shot = Shot(PhotoSource.of(mosaic), Lamp.read("D55"), corners)
  * SsfCalibrator.open().use { calibrator ->
  *     when (val found = calibrator.calibrate(Capture(shot, chart))) {
- *         is Calibrated -> draw(found.ssf.curve(0), found.ssf.band(0))
+ *         is Calibrated -> draw(found.ssf.curve(Channel.RED), found.ssf.band(Channel.RED))
  *         is Refused -> tell(found.error.message, found.error.advice)
  *     }
  * }
@@ -59,6 +63,8 @@ public class SsfCalibrator private constructor(
     private val engines: List<Engine>,
     private val logger: Logger?,
 ) : Closeable {
+    override fun toString(): String = "SsfCalibrator($basis)"
+
     private val gate = Gate { engines.forEach { it.close() } }
 
     /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
@@ -77,28 +83,43 @@ public class SsfCalibrator private constructor(
      */
     @JvmOverloads
     @Throws(InterruptedException::class)
-    public fun calibrate(
+    public fun calibrateBlocking(
         capture: Capture,
         settings: Settings = Settings(),
-        progress: Progress? = null,
-    ): Calibration = gate.through { run(capture, settings, tell(progress)) }
+        progress: ProgressListener? = null,
+    ): Calibration = gate.through {
+        run(capture, settings, tell(Course.of(capture, settings, engines.size, prior), progress))
+    }
 
     /**
-     * Runs [calibrate] on a thread of `dispatcher`, because it reads files and may wait for the model. Cancelling the
+     * Runs [calibrateBlocking] on a thread of `dispatcher`, so it may be called from the main thread. Cancelling the
      * coroutine's job interrupts that thread; the run then ends after the current row of samples or the current model
      * run. `progress` is called on that thread, not on the caller's dispatcher.
      *
      * @throws CalibratorClosed see [close].
      */
-    public suspend fun calibrateSuspending(
+    public suspend fun calibrate(
         capture: Capture,
         settings: Settings = Settings(),
         dispatcher: CoroutineDispatcher = Dispatchers.IO,
-        progress: Progress? = null,
+        progress: ProgressListener? = null,
     ): Calibration {
         gate.check()
-        return runInterruptible(dispatcher) { calibrate(capture, settings, progress) }
+        return runInterruptible(dispatcher) { calibrateBlocking(capture, settings, progress) }
     }
+
+    /**
+     * Progress and outcome of [calibrate], which runs each time that the flow is collected. A collector that is
+     * slower than the calibration receives the latest state only; the outcome is never lost.
+     */
+    public fun calibrationFlow(
+        capture: Capture,
+        settings: Settings = Settings(),
+        dispatcher: CoroutineDispatcher = Dispatchers.IO,
+    ): Flow<CalibrationState> = channelFlow {
+        val found = calibrate(capture, settings, dispatcher) { trySend(CalibrationState.Running(it)) }
+        send(CalibrationState.Finished(found))
+    }.conflate()
 
     /**
      * Measures one shot, so that its frames can be released at once; [solve] takes several measured shots later.
@@ -108,7 +129,7 @@ public class SsfCalibrator private constructor(
      */
     @Throws(InterruptedException::class)
     public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = gate.through {
-        interruptible { Measuring(Capture(shot, chart), tell(null)).run().shots[0] }
+        interruptible { Measuring(Capture(shot, chart), tell()).run().shots[0] }
     }
 
     /**
@@ -126,11 +147,12 @@ public class SsfCalibrator private constructor(
         chart: ChartTable,
         whiteReflectance: Double? = null,
         settings: Settings = Settings(),
-        progress: Progress? = null,
+        progress: ProgressListener? = null,
     ): Calibration = gate.through {
         val begun = Begun(chart, shots.map { it.lamp }, shots.frozen())
+        val course = Course.of(begun.lamps, settings, engines.size, prior)
         refusing({ begun }) {
-            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(progress))
+            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(course, progress))
         }
     }
 
@@ -141,7 +163,7 @@ public class SsfCalibrator private constructor(
 
     private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
         val solution = Solve(engines, capture, settings, tell).run()
-        tell("done", 1.0)
+        tell.begin(Stage.DONE)
         return solution
     }
 
@@ -175,19 +197,24 @@ public class SsfCalibrator private constructor(
     override fun close(): Unit = gate.close()
 
     /** Reports to `progress` and the logger, and ends the run if it was interrupted or closed. */
-    private fun tell(progress: Progress?): Tell = object : Tell {
-        private var before: String? = null
+    private fun tell(course: Course? = null, progress: ProgressListener? = null): Tell = object : Tell {
+        private var before: Pair<Stage, Int?>? = null
         private var since = 0L
 
-        override fun invoke(stage: String, part: Double) {
+        override fun begin(stage: Stage, shot: Int?) {
             check()
-            if (logger != null) {
+            if (logger != null && before != stage to shot) {
                 val now = System.nanoTime()
-                before?.let { logger.log("$it: ${(now - since) / 1_000_000} ms") }
-                before = stage
+                before?.let { (stage, shot) -> logger.log("${named(stage, shot)}: ${(now - since) / 1_000_000} ms") }
+                before = stage to shot
                 since = now
             }
-            progress?.report(stage, part)
+            course?.begin(stage, shot)?.let { progress?.report(it) }
+        }
+
+        override fun proceed() {
+            check()
+            course?.proceed()?.let { progress?.report(it) }
         }
 
         override fun check() {
@@ -195,6 +222,9 @@ public class SsfCalibrator private constructor(
             gate.check()
         }
     }
+
+    /** Whether the basis has a prior: the paper's has none, and is compared with nothing. */
+    private val prior get() = basis != OnnxEngine.PAPER
 
     public companion object {
         /**
@@ -208,18 +238,18 @@ public class SsfCalibrator private constructor(
          * Loads the shipped model of a basis, for "auto" all but the paper's, and checks hash, grid and vocabulary.
          *
          * @param logger receives the stages and the outcome of each run; null for none.
-         * @throws InvalidArgument there is no such basis, the app contains another model than this version's, or ONNX
-         *   Runtime is missing.
+         * @throws InvalidArgument there is no such basis, or the app contains another model than this version's.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
         public fun open(basis: String = "auto", logger: Logger? = null): SsfCalibrator = try {
             SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)), logger)
         } catch (error: LinkageError) {
-            throw InvalidArgument(
+            throw RuntimeUnfit(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
-                "Add com.microsoft.onnxruntime:onnxruntime-android of version 1.28.0, with the native library " +
-                    "of the device's ABI; on a desktop onnxruntime of the same version.",
+                "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the " +
+                    "native library of the device's ABI; on a desktop onnxruntime of the same version.",
                 cause = error,
             )
         }

@@ -50,6 +50,8 @@ public class Standardiser private constructor(
     /** How colours are stated. */
     public val view: View,
 ) {
+    override fun toString(): String = "Standardiser($lamps, $reference, $view)"
+
     private val scale = DoubleArray(3) { reference.reflectance / reference.sharedRaw[it] }
 
     /** The compared lamps with their weights; a given lamp is the only one. */

@@ -2,8 +2,11 @@ package org.camssf
 
 /** Reports the progress of a run and ends a run that was cancelled. */
 internal interface Tell {
-    /** Calls [check], then reports the stage in words and the part done, 0 to 1. */
-    operator fun invoke(stage: String, part: Double)
+    /** Calls [check], then reports that a step of a stage begins; `shot` is an index. */
+    fun begin(stage: Stage, shot: Int? = null)
+
+    /** Calls [check], then reports the next run of a model within the step. */
+    fun proceed()
 
     /** Throws if the thread was interrupted or the calibrator was closed; cheap enough for inner loops. */
     fun check()
@@ -11,7 +14,9 @@ internal interface Tell {
     companion object {
         /** Reports nothing and never ends a run. */
         val NOBODY: Tell = object : Tell {
-            override fun invoke(stage: String, part: Double) = Unit
+            override fun begin(stage: Stage, shot: Int?) = Unit
+
+            override fun proceed() = Unit
 
             override fun check() = Unit
         }

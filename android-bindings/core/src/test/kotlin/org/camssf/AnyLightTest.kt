@@ -36,7 +36,7 @@ class AnyLightTest {
     fun `the light is in the answer and in the document`() = SsfCalibrator.open("phones").use { calibrator ->
         assertTrue(capture.shots[0].lamp.unnamed)
         var solving = 0
-        val found = calibrator.calibrate(capture) { stage, _ -> if (stage == "solving") solving++ } as Calibrated
+        val found = calibrator.calibrateBlocking(capture) { if (it.stage == Stage.SOLVING) solving++ } as Calibrated
         // One before all, one for each kind, one for each light that is asked for.
         assertTrue(solving in 6..9, "$solving")
         val light = found.ssf.lights.single()!!
@@ -64,7 +64,7 @@ class AnyLightTest {
 
     @Test
     fun `a named lamp is told as ever`() = SsfCalibrator.open("phones").use { calibrator ->
-        val found = calibrator.calibrate(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Calibrated
+        val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Calibrated
         assertEquals(emptyList<Any?>(), found.ssf.lights + found.ssf.choice)
         val shot = Json.parseToJsonElement(found.toJson()).jsonObject.getValue("shots").jsonArray.single().jsonObject
         assertNull(shot["light"])
@@ -72,7 +72,7 @@ class AnyLightTest {
 
     @Test
     fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.open().use { calibrator ->
-        val found = calibrator.calibrate(capture) as Refused
+        val found = calibrator.calibrateBlocking(capture) as Refused
         assertEquals("lamp_unfit", found.error.code)
         assertTrue("the light was not named" in found.error.message, found.error.message)
         assertTrue("daylight, bulb, white-led, fluorescent" in found.error.advice, found.error.advice)
@@ -95,7 +95,7 @@ class AnyLightTest {
             assertTrue("3 shots was not named; at most 2" in error.message, error.message)
         }
         SsfCalibrator.open("gaussian").use { calibrator ->
-            val error = assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }
+            val error = assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(capture) }
             assertTrue("light cannot be estimated" in error.message, error.message)
         }
     }
@@ -104,8 +104,8 @@ class AnyLightTest {
     fun `a step between two hypotheses ends it`() = SsfCalibrator.open("phones").use { calibrator ->
         var solving = 0
         assertThrows(CancellationException::class.java) {
-            calibrator.calibrate(capture) { stage, _ ->
-                if (stage == "solving" && ++solving == 3) throw CancellationException("enough")
+            calibrator.calibrateBlocking(capture) {
+                if (it.stage == Stage.SOLVING && ++solving == 3) throw CancellationException("enough")
             }
         }
         assertEquals(3, solving)

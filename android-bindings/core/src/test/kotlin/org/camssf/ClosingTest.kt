@@ -38,7 +38,7 @@ class ClosingTest {
         val calibrator = SsfCalibrator.open("phones")
         val ended = AtomicReference<Throwable>()
         val run = thread {
-            ended.set(runCatching { calibrator.calibrate(capture(source)) }.exceptionOrNull())
+            ended.set(runCatching { calibrator.calibrateBlocking(capture(source)) }.exceptionOrNull())
         }
         reading.await()
         val closing = thread { calibrator.close() }
@@ -49,20 +49,20 @@ class ClosingTest {
         run.join(10_000)
         assertFalse(closing.isAlive || run.isAlive)
         assertEquals(CalibratorClosed::class.java, ended.get()?.javaClass)
-        assertThrows(CalibratorClosed::class.java) { calibrator.calibrate(capture()) }
+        assertThrows(CalibratorClosed::class.java) { calibrator.calibrateBlocking(capture()) }
     }
 
     @Test
     fun `a listener may close, and its run ends`() {
         val calibrator = SsfCalibrator.open("phones")
-        val stages = ArrayList<String>()
+        val stages = ArrayList<Stage>()
         assertThrows(CalibratorClosed::class.java) {
-            calibrator.calibrate(capture()) { stage, _ ->
-                stages += stage
-                if (stage == "solving") calibrator.close()
+            calibrator.calibrateBlocking(capture()) { progress ->
+                stages += progress.stage
+                if (progress.stage == Stage.SOLVING) calibrator.close()
             }
         }
-        assertEquals("solving", stages.last())
+        assertEquals(Stage.SOLVING, stages.last())
         calibrator.close()
     }
 
@@ -75,7 +75,7 @@ class ClosingTest {
             thread {
                 started.countDown()
                 error.set(
-                    runCatching { while (true) calibrator.calibrate(capture()) }.exceptionOrNull(),
+                    runCatching { while (true) calibrator.calibrateBlocking(capture()) }.exceptionOrNull(),
                 )
             }
         }
@@ -90,11 +90,11 @@ class ClosingTest {
     fun `a logger hears each stage and what came of it`() {
         val lines = ArrayList<String>()
         SsfCalibrator.open("phones") { lines += it }.use { calibrator ->
-            calibrator.calibrate(capture())
-            assertTrue(lines.any { Regex("reading photo: \\d+ ms").matches(it) }, lines.toString())
+            calibrator.calibrateBlocking(capture())
+            assertTrue(lines.any { Regex("reading the photo, shot 1: \\d+ ms").matches(it) }, lines.toString())
             assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
             lines.clear()
-            calibrator.calibrate(capture { throw UnreadableRaw("a.dng", "b") })
+            calibrator.calibrateBlocking(capture { throw UnreadableRaw("a.dng", "b") })
             assertEquals("refused, unreadable_raw", lines.last())
             assertTrue(lines.none { File.separator + "golden" in it })
         }
@@ -104,12 +104,12 @@ class ClosingTest {
     fun `a heap that is too small is a refusal with advice`() {
         SsfCalibrator.open("phones").use { calibrator ->
             val source = PhotoSource { throw OutOfMemoryError("Java heap space") }
-            val found = calibrator.calibrate(capture(source)) as Refused
+            val found = calibrator.calibrateBlocking(capture(source)) as Refused
             assertEquals("out_of_memory", found.error.code)
             assertEquals(listOf("out_of_memory"), found.verdict.reasons.map { it.code })
             assertTrue("12 megapixels" in found.error.advice && "largeHeap" in found.error.advice)
             assertThrows(OutOfMemory::class.java) { calibrator.measure(capture(source).shots[0], chart) }
-            assertTrue(calibrator.calibrate(capture()) is Calibrated) // and the next run stands
+            assertTrue(calibrator.calibrateBlocking(capture()) is Calibrated) // and the next run stands
         }
     }
 }

@@ -46,7 +46,7 @@ class FailuresTest {
     }
 
     private fun refusal(calibrator: SsfCalibrator, frame: PhotoSource): CalibrationException =
-        (calibrator.calibrate(Capture(shot(frame), chart)) as Refused).error
+        (calibrator.calibrateBlocking(Capture(shot(frame), chart)) as Refused).error
 
     @Test
     fun `an interrupt during reading is an interrupt`() {
@@ -76,7 +76,7 @@ class FailuresTest {
         SsfCalibrator.open().use { calibrator ->
             for (frame in frames) {
                 val calls = listOf<() -> Any>(
-                    { calibrator.calibrate(Capture(shot(frame), chart)) },
+                    { calibrator.calibrateBlocking(Capture(shot(frame), chart)) },
                     { calibrator.measure(shot(frame), chart) },
                 )
                 for (call in calls) {
@@ -123,17 +123,42 @@ class FailuresTest {
     }
 
     @Test
+    fun `whatever the app's own source throws is a refusal with its cause`() {
+        SsfCalibrator.open("phones").use { calibrator ->
+            val faults = listOf(IllegalStateException("no camera"), IOException("gone"), ClassCastException())
+            for (thrown in faults) {
+                val sources = listOf(
+                    PhotoSource { throw thrown },
+                    PhotoSource.dng {
+                        object : DngSource by DngSource.of(photo) {
+                            override fun read(at: Long, into: ByteArray, offset: Int, length: Int) = throw thrown
+                        }
+                    },
+                )
+                for (source in sources) {
+                    val error = refusal(calibrator, source)
+                    assertEquals(UnreadableRaw::class.java to thrown, error.javaClass to error.cause)
+                    val white = Shot(PhotoSource.of(photo), Lamp.read("E"), corners, white = source)
+                    assertSame(thrown, (calibrator.calibrateBlocking(Capture(white, chart)) as Refused).error.cause)
+                }
+            }
+            val closed = CalibratorClosed()
+            assertSame(closed, refusal(calibrator, PhotoSource { throw closed }).cause) // of another calibrator
+        }
+    }
+
+    @Test
     fun `after close nothing works`() {
         val calibrator = SsfCalibrator.open()
         val capture = Capture(shot(PhotoSource { throw UnreadableRaw("a", "b") }), chart)
         calibrator.close()
         calibrator.close()
         val next = Continuation<Calibration>(EmptyCoroutineContext) { }
-        val suspending: suspend () -> Calibration = { calibrator.calibrateSuspending(capture) }
+        val suspending: suspend () -> Calibration = { calibrator.calibrate(capture) }
 
         @Suppress("UNCHECKED_CAST")
         val calls = listOf<() -> Any?>(
-            { calibrator.calibrate(capture) },
+            { calibrator.calibrateBlocking(capture) },
             { calibrator.measure(shot(PhotoSource.of(photo)), chart) },
             { calibrator.solve(emptyList(), chart) },
             { (suspending as (Continuation<Calibration>) -> Any?)(next) },
@@ -150,7 +175,7 @@ class FailuresTest {
             val said = listOf(170.0, 5000.0).map { by ->
                 val moved = corners.moved(by)
                 assertThrows(InvalidArgument::class.java) {
-                    calibrator.calibrate(Capture(shot(PhotoSource.of(photo), moved), chart))
+                    calibrator.calibrateBlocking(Capture(shot(PhotoSource.of(photo), moved), chart))
                 }.toString()
             } + assertThrows(InvalidArgument::class.java) {
                 calibrator.measure(shot(PhotoSource.of(photo), corners.moved(-20.0)), chart)
@@ -205,7 +230,7 @@ class FailuresTest {
                 val thrown =
                     assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "auto") }
                 val error = thrown.targetException
-                assertEquals("org.camssf.InvalidArgument", error.javaClass.name, error.toString())
+                assertEquals("org.camssf.RuntimeUnfit", error.javaClass.name, error.toString())
                 assertTrue("onnxruntime-android of version 1.28.0" in error.toString(), error.toString())
             }
         }

@@ -2,6 +2,8 @@ package org.camssf
 
 import kotlinx.coroutines.CancellationException
 import kotlinx.coroutines.async
+import kotlinx.coroutines.flow.last
+import kotlinx.coroutines.flow.toList
 import kotlinx.coroutines.runBlocking
 import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.JsonElement
@@ -12,7 +14,6 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.documents.ResultJson
 import org.camssf.photo.Capture
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
@@ -51,31 +52,25 @@ class SsfCalibratorTest {
     @Test
     fun `curves, bands, proof and reasons`() {
         SsfCalibrator.open().use { calibrator ->
-            val told = ArrayList<Pair<String, Double>>()
-            val found = calibrated(
-                calibrator.calibrate(Capture(shot(), chart)) { stage, part -> told += stage to part },
-            )
+            val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             for (c in 0..2) {
                 assertEquals(1.0, found.ssf.curve(c).max())
                 assertTrue(found.ssf.band(c)!!.all { it >= 0 } && found.ssf.gap[c] < 1e-6)
             }
             assertEquals(24, found.signals.patches)
             assertTrue("white_from_patch" in found.assumptions.map { it.code })
-            assertEquals("reading photo" to 0.0, told.first())
-            assertEquals("done" to 1.0, told.last())
-            assertTrue(told.zipWithNext().all { (a, b) -> a.second <= b.second })
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             assertEquals("camssf-result/1", document.getValue("format").jsonPrimitive.content)
             assertEquals(24, document.getValue("shots").jsonArray[0].jsonObject.getValue("patches").jsonArray.size)
             assertEquals(682, found.toCsv().trim().lines().size)
-            assertEquals(found.toJson(), calibrated(calibrator.calibrate(Capture(shot(), chart))).toJson())
+            assertEquals(found.toJson(), calibrated(calibrator.calibrateBlocking(Capture(shot(), chart))).toJson())
         }
     }
 
     @Test
     fun `a document holds the proof and how the codes vary together`() {
         fun document(basis: String): Pair<Calibrated, JsonObject> = SsfCalibrator.open(basis).use { calibrator ->
-            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             found to Json.parseToJsonElement(found.toJson()).jsonObject
         }
 
@@ -103,7 +98,7 @@ class SsfCalibratorTest {
         SsfCalibrator.open().use { calibrator ->
             assertEquals("auto", calibrator.basis)
             assertEquals(setOf("phones", "cameras", "ryyb"), calibrator.modelHashes.keys)
-            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val told = document.getValue("choice").jsonArray.map { it.jsonObject }
             val bases = told.map { it.getValue("basis").jsonPrimitive.content }
@@ -116,7 +111,7 @@ class SsfCalibratorTest {
             assertEquals(calibrator.modelHashes.getValue(found.ssf.basis), model)
         }
         SsfCalibrator.open("phones").use { calibrator ->
-            val found = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             assertEquals(0, document.getValue("choice").jsonArray.size)
             assertEquals(1.0, numbers(document, "prior_scale"))
@@ -135,7 +130,9 @@ class SsfCalibratorTest {
         SsfCalibrator.open().use { calibrator ->
             fun steps(of: Shot): Pair<Calibration, Int> {
                 var judging = 0
-                val found = calibrator.calibrate(Capture(of, chart)) { stage, _ -> if (stage == "judging") judging++ }
+                val found = calibrator.calibrateBlocking(Capture(of, chart)) {
+                    if (it.stage == Stage.JUDGING) judging++
+                }
                 return found to judging
             }
             val (sound, asked) = steps(shot())
@@ -150,7 +147,7 @@ class SsfCalibratorTest {
     @Test
     fun `measured now and solved later is the same`() {
         SsfCalibrator.open().use { calibrator ->
-            val whole = calibrated(calibrator.calibrate(Capture(shot(), chart)))
+            val whole = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val later = calibrated(calibrator.solve(listOf(calibrator.measure(shot(), chart)), chart))
             assertEquals(whole.toJson(), later.toJson())
         }
@@ -172,7 +169,7 @@ class SsfCalibratorTest {
     fun `a chart that is not there is refused with what was learned`() {
         SsfCalibrator.open().use { calibrator ->
             val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
-            val found = calibrator.calibrate(Capture(shot(at = elsewhere), chart)) as Refused
+            val found = calibrator.calibrateBlocking(Capture(shot(at = elsewhere), chart)) as Refused
             assertEquals("chart_not_found", found.error.code)
             assertEquals(Status.REFUSED, found.verdict.outcome)
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
@@ -189,9 +186,9 @@ class SsfCalibratorTest {
                 Capture(emptyList(), chart),
                 Capture(listOf(shot()), chart, 0.9),
             )
-            for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrate(capture) }
+            for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(capture) }
             assertThrows(InvalidArgument::class.java) {
-                calibrator.calibrate(Capture(shot(), chart), Settings(fit = listOf(0)))
+                calibrator.calibrateBlocking(Capture(shot(), chart), Settings(fit = listOf(0)))
             }
         }
     }
@@ -203,7 +200,7 @@ class SsfCalibratorTest {
             thread {
                 Thread.currentThread().interrupt()
                 stopped = try {
-                    calibrator.calibrate(Capture(shot(), chart))
+                    calibrator.calibrateBlocking(Capture(shot(), chart))
                     false
                 } catch (_: InterruptedException) {
                     true
@@ -216,35 +213,68 @@ class SsfCalibratorTest {
     @Test
     fun `a cancelled job stops at the next step`() = runBlocking {
         SsfCalibrator.open().use { calibrator ->
-            val steps = ArrayList<String>()
+            val steps = ArrayList<Stage>()
             val job = async {
                 lateinit var own: kotlinx.coroutines.Job
                 own = coroutineContext[kotlinx.coroutines.Job]!!
-                calibrator.calibrateSuspending(Capture(shot(), chart)) { stage, _ ->
-                    steps += stage
-                    if (stage == "solving") own.cancel()
+                calibrator.calibrate(Capture(shot(), chart)) {
+                    steps += it.stage
+                    if (it.stage == Stage.SOLVING) own.cancel()
                 }
             }
             assertThrows(CancellationException::class.java) { runBlocking { job.await() } }
-            assertEquals(1, steps.count { it == "solving" })
+            assertEquals(1, steps.count { it == Stage.SOLVING })
         }
+    }
+
+    @Test
+    fun `a curve at a wavelength`() = SsfCalibrator.open("phones").use { calibrator ->
+        val ssf = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart))).ssf
+        for (channel in Channel.entries) {
+            val (curve, band) = ssf.curve(channel) to ssf.band(channel)!!
+            assertEquals(1.0, curve.max())
+            assertEquals(curve[440], ssf.at(600.0, channel))
+            assertEquals((curve[440] + curve[441]) / 2, ssf.at(600.25, channel), 1e-15)
+            assertEquals(band[440], ssf.bandAt(600.0, channel))
+            assertEquals(curve[0] to curve[680], ssf.at(380.0, channel) to ssf.at(720.0, channel))
+        }
+        for (nm in listOf(379.9, 720.1, Double.NaN)) {
+            assertThrows(InvalidArgument::class.java) { ssf.at(nm, Channel.RED) }
+        }
+    }
+
+    @Test
+    fun `a flow ends with the outcome, or with what the call threw`() = runBlocking {
+        val calibrator = SsfCalibrator.open("phones")
+        val flow = calibrator.calibrationFlow(Capture(shot(), chart))
+        repeat(2) {
+            val states = flow.toList()
+            assertTrue((states.last() as CalibrationState.Finished).calibration is Calibrated)
+            val parts = states.dropLast(1).map { (it as CalibrationState.Running).progress.part }
+            assertEquals(parts.sorted(), parts)
+        }
+        val elsewhere = shot(at = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0))
+        val refused = calibrator.calibrationFlow(Capture(elsewhere, chart)).last()
+        assertTrue((refused as CalibrationState.Finished).calibration is Refused)
+        calibrator.close()
+        assertTrue(runCatching { flow.toList() }.exceptionOrNull() is CalibratorClosed)
     }
 
     @Test
     fun `suspending gives the same`() = runBlocking {
         SsfCalibrator.open().use { calibrator ->
-            val found = calibrator.calibrateSuspending(Capture(shot(), chart))
-            assertEquals(calibrator.calibrate(Capture(shot(), chart)).toJson(), found.toJson())
+            val found = calibrator.calibrate(Capture(shot(), chart))
+            assertEquals(calibrator.calibrateBlocking(Capture(shot(), chart)).toJson(), found.toJson())
         }
     }
 
     @Test
     fun `threads share a calibrator`() {
         SsfCalibrator.open().use { calibrator ->
-            val wanted = calibrator.calibrate(Capture(shot(), chart)).toJson()
+            val wanted = calibrator.calibrateBlocking(Capture(shot(), chart)).toJson()
             val found = arrayOfNulls<String>(4)
             val threads = List(4) { i ->
-                thread { found[i] = calibrator.calibrate(Capture(shot(), chart)).toJson() }
+                thread { found[i] = calibrator.calibrateBlocking(Capture(shot(), chart)).toJson() }
             }
             threads.forEach { it.join() }
             assertTrue(found.all { it == wanted })
@@ -254,6 +284,6 @@ class SsfCalibratorTest {
     @Test
     fun `the version is Python's`() {
         val version = Regex("version = \"(.*)\"").find(File(root, "pyproject.toml").readText())!!.groupValues[1]
-        assertEquals(version, ResultJson.VERSION)
+        assertEquals(version, Camssf.VERSION)
     }
 }

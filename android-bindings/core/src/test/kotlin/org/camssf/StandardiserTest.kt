@@ -225,7 +225,7 @@ class StandardiserTest {
         val chart = ChartTable.read("classic24")
         val lamp = Lamp.read("E")
         val found = SsfCalibrator.open().use {
-            it.calibrate(Capture(Shot(PhotoSource.of(file), lamp, corners), chart)) as Calibrated
+            it.calibrateBlocking(Capture(Shot(PhotoSource.of(file), lamp, corners), chart)) as Calibrated
         }
         val means = found.capture.shots[0].means
         val black = means.black

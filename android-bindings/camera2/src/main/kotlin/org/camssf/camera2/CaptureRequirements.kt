@@ -24,6 +24,12 @@ public class Shortfall(
     public val fatal: Boolean,
     public val advice: String,
 ) {
+    private fun parts() = listOf(key, found, wanted, fatal, advice)
+
+    override fun equals(other: Any?): Boolean = other is Shortfall && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
     /** The shortfall as one line. */
     override fun toString(): String = "$key is $found, wanted $wanted: $advice"
 }

@@ -5,11 +5,18 @@ import android.hardware.camera2.CameraCharacteristics
 import android.hardware.camera2.CaptureResult
 import android.media.Image
 import android.media.ImageReader
+import android.os.Handler
+import android.util.Size
+import kotlinx.coroutines.channels.awaitClose
+import kotlinx.coroutines.flow.Flow
+import kotlinx.coroutines.flow.callbackFlow
+import kotlinx.coroutines.flow.conflate
 import org.camssf.InvalidArgument
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
 import org.camssf.guide.CaptureGuide
 import org.camssf.guide.Guidance
+import org.camssf.guide.GuidanceListener
 import org.camssf.photo.PreviewCrop
 import org.camssf.photo.PreviewFit
 import org.camssf.photo.PreviewMap
@@ -52,14 +59,38 @@ public object PreviewFrames {
      * dropped.
      *
      * @param guide used by this listener only.
-     * @param said receives each frame's guidance; its exceptions reach the handler, after the image has been closed.
+     * @param receiver receives each frame's guidance; its exceptions reach the handler, after the image has been closed.
      */
     @JvmStatic
-    public fun listener(guide: CaptureGuide, said: (Guidance) -> Unit): ImageReader.OnImageAvailableListener =
+    public fun listener(guide: CaptureGuide, receiver: GuidanceListener): ImageReader.OnImageAvailableListener =
         ImageReader.OnImageAvailableListener { reader ->
             val guidance = reader.acquireLatestImage()?.use { guide.look(picture(it), it.timestamp) }
-            if (guidance != null) said(guidance)
+            if (guidance != null) receiver.guide(guidance)
         }
+
+    /**
+     * The guidance of a preview's frames, as long as the flow is collected: it sets the reader's listener, and
+     * removes it at the end. A collector that is slower than the camera receives the latest guidance only.
+     *
+     * @param reader the preview's, in `ImageFormat.YUV_420_888`; the flow neither owns nor closes it.
+     * @param guide used by this flow only.
+     * @param handler of a worker thread, on which the frames are searched.
+     */
+    @JvmStatic
+    public fun guidance(reader: ImageReader, guide: CaptureGuide, handler: Handler): Flow<Guidance> = callbackFlow {
+        val looking = listener(guide) { trySend(it) }
+        reader.setOnImageAvailableListener(
+            { source ->
+                try {
+                    looking.onImageAvailable(source)
+                } catch (error: InvalidArgument) {
+                    close(error)
+                }
+            },
+            handler,
+        )
+        awaitClose { reader.setOnImageAvailableListener(null, null) }
+    }.conflate()
 
     /**
      * Focal length of the lens / longer side of the whole sensor, for [CaptureGuide]; 0.75 if the camera does not
@@ -78,8 +109,7 @@ public object PreviewFrames {
      * ([org.camssf.finder.Sighting.corners]).
      *
      * @param camera the camera of both.
-     * @param width of the frames, px.
-     * @param height of the frames, px.
+     * @param frame size of the frames, px.
      * @param result of a preview frame, for its crop region; null if the app sets none.
      * @param zoom `CONTROL_ZOOM_RATIO`, if the app sets one.
      */
@@ -87,19 +117,21 @@ public object PreviewFrames {
     @JvmOverloads
     public fun map(
         camera: CameraCharacteristics,
-        width: Int,
-        height: Int,
+        frame: Size,
         result: CaptureResult? = null,
         zoom: Double = 1.0,
-    ): PreviewMap = PreviewMap.ofPicture(crop(camera, result, zoom).shapedAs(width, height), width, height)
+    ): PreviewMap {
+        val crop = crop(camera, result, zoom).shapedAs(frame.width, frame.height)
+        return PreviewMap.ofPicture(crop, frame.width, frame.height)
+    }
 
     /**
      * The map from a view that shows the preview to the mosaic: `toMosaic` converts taps, `fromMosaic` corners to be
      * drawn over the view.
      *
      * @param camera the camera of both.
-     * @param stream width and height of the stream that the view shows, px, in the sensor's orientation.
-     * @param view width and height of the view, px.
+     * @param stream size of the stream that the view shows, px, in the sensor's orientation.
+     * @param view size of the view, px.
      * @param display rotation of the screen: 0, 90, 180 or 270 degrees.
      * @param fit how the stream fills the view.
      * @param result of a preview frame, for its crop region; null if the app sets none.
@@ -109,8 +141,8 @@ public object PreviewFrames {
     @JvmOverloads
     public fun view(
         camera: CameraCharacteristics,
-        stream: Pair<Int, Int>,
-        view: Pair<Int, Int>,
+        stream: Size,
+        view: Size,
         display: Int,
         fit: PreviewFit = PreviewFit.FILL,
         result: CaptureResult? = null,
@@ -119,8 +151,8 @@ public object PreviewFrames {
         val front = camera.get(CameraCharacteristics.LENS_FACING) == CameraCharacteristics.LENS_FACING_FRONT
         val sensor = camera.get(CameraCharacteristics.SENSOR_ORIENTATION) ?: 0
         val turned = PreviewMap.rotationOf(sensor, display, front)
-        val crop = crop(camera, result, zoom).shapedAs(stream.first, stream.second)
-        return PreviewMap.ofView(crop, turned, front, view.first, view.second, fit)
+        val crop = crop(camera, result, zoom).shapedAs(stream.width, stream.height)
+        return PreviewMap.ofView(crop, turned, front, view.width, view.height, fit)
     }
 
     /** The area that previews show, in samples of the pre-correction active array, which is the mosaic. */

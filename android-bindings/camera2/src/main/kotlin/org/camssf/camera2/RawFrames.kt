@@ -17,6 +17,7 @@ import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.OutOfMemory
 import org.camssf.UnsupportedRaw
+import org.camssf.model.Sha256
 import org.camssf.photo.GainMap
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Neutral
@@ -24,7 +25,11 @@ import org.camssf.photo.PhotoSource
 import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
 import java.nio.ByteOrder
-import java.security.MessageDigest
+
+/** Uses what API 24 lacks, after a look at the version; animal-sniffer leaves it out. */
+@Retention(AnnotationRetention.BINARY)
+@Target(AnnotationTarget.FUNCTION)
+internal annotation class NewerAndroid
 
 /**
  * One RAW frame and how it was captured.
@@ -41,7 +46,9 @@ public class RawFrame internal constructor(
     public val noiseReduction: Int?,
     public val lensShadingApplied: Boolean?,
     public val shortfalls: List<Shortfall>,
-)
+) {
+    override fun toString(): String = "RawFrame($mosaic, $shortfalls)"
+}
 
 /**
  * One RAW frame whose samples stay in its image, outside the heap, until they are measured.
@@ -57,7 +64,9 @@ public class OpenRawFrame internal constructor(
     public val noiseReduction: Int?,
     public val lensShadingApplied: Boolean?,
     public val shortfalls: List<Shortfall>,
-)
+) {
+    override fun toString(): String = "OpenRawFrame($shortfalls)"
+}
 
 /** Converts Camera2's RAW_SENSOR frames to mosaics. */
 public object RawFrames {
@@ -204,40 +213,34 @@ public object RawFrames {
          * frame.
          */
         fun sha256(): String {
-            val digest = MessageDigest.getInstance("SHA-256")
-            val bytes = ByteArray(2 * area.width)
+            val hash = Sha256()
             val row = ShortArray(area.width)
             for (y in 0 until area.height) {
                 if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
                 samples.copy(Region(0, y, area.width, y + 1), row)
-                for (x in row.indices) {
-                    bytes[2 * x] = row[x].toByte()
-                    bytes[2 * x + 1] = (row[x].toInt() shr 8).toByte()
-                }
-                digest.update(bytes)
+                hash.add(row, 0, row.size)
             }
-            return digest.digest().joinToString("") { "%02x".format(it) }
+            return hash.hex()
         }
     }
 
     private fun physical(camera: CameraCharacteristics, result: CaptureResult): PhysicalCamera {
         val active = camera.get(CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE)
         return PhysicalCamera(
-            id = newer<CaptureResult.Key<String>>("LOGICAL_MULTI_CAMERA_ACTIVE_PHYSICAL_ID")?.let { result.get(it) }
-                ?: cameraId(result).orEmpty(),
+            id = cameraId(result),
             focalLength = result.get(CaptureResult.LENS_FOCAL_LENGTH)?.toDouble()?.takeIf { it > 0 },
             aperture = result.get(CaptureResult.LENS_APERTURE)?.toDouble()?.takeIf { it > 0 },
             activeArea = active?.let { Region(it.left, it.top, it.right, it.bottom) },
         )
     }
 
-    /** A key that this version of Android may not have: the physical camera's key needs API 29. */
-    private inline fun <reified T> newer(name: String): T? =
-        runCatching { CaptureResult::class.java.getField(name).get(null) as? T }.getOrNull()
-
-    /** The camera's id; null before API 31. */
-    private fun cameraId(result: CaptureResult): String? =
-        runCatching { CaptureResult::class.java.getMethod("getCameraId").invoke(result) as? String }.getOrNull()
+    /** Id of the camera that took the frame, of a logical camera the physical one; "" before API 29. */
+    @NewerAndroid
+    private fun cameraId(result: CaptureResult): String {
+        if (Build.VERSION.SDK_INT < Build.VERSION_CODES.Q) return ""
+        val physical = result.get(CaptureResult.LOGICAL_MULTI_CAMERA_ACTIVE_PHYSICAL_ID)
+        return physical ?: if (Build.VERSION.SDK_INT < Build.VERSION_CODES.S) "" else result.cameraId.orEmpty()
+    }
 
     private fun sensor(
         camera: CameraCharacteristics,

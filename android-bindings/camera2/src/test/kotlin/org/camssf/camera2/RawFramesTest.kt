@@ -9,6 +9,7 @@ import android.hardware.camera2.params.BlackLevelPattern
 import android.hardware.camera2.params.ColorSpaceTransform
 import android.hardware.camera2.params.LensShadingMap
 import android.media.Image
+import android.os.Build
 import android.util.Pair
 import android.util.Range
 import android.util.Rational
@@ -36,6 +37,7 @@ import org.robolectric.shadow.api.Shadow
 import org.robolectric.shadows.ShadowBuild
 import org.robolectric.shadows.ShadowCameraCharacteristics
 import org.robolectric.shadows.ShadowCaptureResult
+import org.robolectric.util.ReflectionHelpers
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.security.MessageDigest
@@ -80,6 +82,20 @@ class RawFramesTest {
     }
 
     @Test
+    fun `before API 29 no frame knows its physical camera`() {
+        val own = result { it[CaptureResult.LOGICAL_MULTI_CAMERA_ACTIVE_PHYSICAL_ID] = "3" }
+        val now = Build.VERSION.SDK_INT
+        try {
+            for ((version, id) in listOf(28 to "", 29 to "3", 35 to "3")) {
+                ReflectionHelpers.setStaticField(Build.VERSION::class.java, "SDK_INT", version)
+                assertEquals(id, read(image(), result = own).mosaic.origin.camera.id)
+            }
+        } finally {
+            ReflectionHelpers.setStaticField(Build.VERSION::class.java, "SDK_INT", now)
+        }
+    }
+
+    @Test
     fun `a region is copied alone`() {
         for (image in listOf(image(8, 6, 17), image(6, 4, 12))) {
             val whole = read(image).mosaic
@@ -102,12 +118,12 @@ class RawFramesTest {
         assertEquals(listOf(0, false), listOf(frame.noiseReduction, frame.lensShadingApplied))
         val part = frame.photo.read(Region(1, 1, 5, 4))
         for (y in 1 until 4) for (x in 1 until 5) assertEquals(whole[x, y], part[x, y])
-        assertEquals(whole.gainMaps.size, part.gainMaps.size)
+        assertEquals(whole.corrections.gainMaps.size, part.corrections.gainMaps.size)
         // as a result names a frame without a file: the hash of all its samples
         val bytes = ByteBuffer.allocate(48).order(ByteOrder.LITTLE_ENDIAN)
         whole.samples.forEach { bytes.putShort(it) }
         val digest = MessageDigest.getInstance("SHA-256").digest(bytes.array())
-        assertEquals(digest.joinToString("") { "%02x".format(it) }, part.sha256)
+        assertEquals(digest.joinToString("") { "%02x".format(it) }, part.origin.sha256)
         `when`(image.format).thenThrow(IllegalStateException("Image is already closed"))
         assertCode<InvalidArgument>("closed") { frame.photo.read(null) }
     }
@@ -127,42 +143,42 @@ class RawFramesTest {
     @Test
     fun `the frame's own levels go before the camera's`() {
         val own = read(image())
-        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.black, 0.0)
-        assertEquals(1010.0, own.mosaic.white, 0.0)
+        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.sensor.black, 0.0)
+        assertEquals(1010.0, own.mosaic.sensor.white, 0.0)
         val bare = result {
             it.remove(CaptureResult.SENSOR_DYNAMIC_BLACK_LEVEL)
             it.remove(CaptureResult.SENSOR_DYNAMIC_WHITE_LEVEL)
         }
         val static = read(image(), result = bare)
-        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.black, 0.0)
-        assertEquals(1023.0, static.mosaic.white, 0.0)
+        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.sensor.black, 0.0)
+        assertEquals(1023.0, static.mosaic.sensor.white, 0.0)
     }
 
     @Test
     fun `filters, exposure, colours and noise are the camera's`() {
         val mosaic = read(image()).mosaic
         assertEquals("frame", mosaic.name)
-        assertEquals("GRBG", mosaic.cfa)
-        assertEquals(0.01, mosaic.exposure!!, 1e-15)
-        assertEquals(200.0, mosaic.iso!!, 0.0)
-        assertEquals(6, mosaic.orientation)
-        assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.75), mosaic.asShotNeutral!!, 0.0)
-        assertArrayEquals(DoubleArray(9) { (it + 1) / 10.0 }, mosaic.colorMatrix1!!, 1e-15)
-        assertNull(mosaic.colorMatrix2)
+        assertEquals("GRBG", mosaic.sensor.cfa)
+        assertEquals(0.01, mosaic.origin.exposure!!, 1e-15)
+        assertEquals(200.0, mosaic.origin.iso!!, 0.0)
+        assertEquals(6, mosaic.origin.orientation)
+        assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.75), mosaic.colours.asShotNeutral!!, 0.0)
+        assertArrayEquals(DoubleArray(9) { (it + 1) / 10.0 }, mosaic.colours.colorMatrix1!!, 1e-15)
+        assertNull(mosaic.colours.colorMatrix2)
         // GRBG: R is position 1, the noisier green position 3, B position 2.
-        assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), mosaic.noiseProfile!!, 1e-18)
+        assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), mosaic.sensor.noiseProfile!!, 1e-18)
     }
 
     /** By it the calibrator believes in phones or cameras before it looks. */
     @Test
     fun `the maker is the phone's own`() {
         ShadowBuild.setManufacturer("Google")
-        assertEquals("Google", read(image()).mosaic.make)
+        assertEquals("Google", read(image()).mosaic.origin.make)
     }
 
     @Test
     fun `the shading map becomes a gain map a filter position`() {
-        val maps = read(image()).mosaic.gainMaps
+        val maps = read(image()).mosaic.corrections.gainMaps
         // GRBG in the order R, green of the even row, green of the odd row, B.
         assertEquals(listOf(1 to 0, 0 to 0, 1 to 1, 0 to 1), maps.map { it.area.left to it.area.top })
         maps.forEachIndexed { channel, map ->
@@ -179,7 +195,7 @@ class RawFramesTest {
     fun `a map that is in the samples already is not handed on`() {
         val shaded = camera { it[CameraCharacteristics.SENSOR_INFO_LENS_SHADING_APPLIED] = true }
         val frame = read(image(), shaded)
-        assertTrue(frame.mosaic.gainMaps.isEmpty())
+        assertTrue(frame.mosaic.corrections.gainMaps.isEmpty())
         assertEquals(true, frame.lensShadingApplied)
     }
 
@@ -233,18 +249,18 @@ class RawFramesTest {
         val file = DngReader.read(DngSource.of(bytes, "frame"))
         assertArrayEquals(file.samples, frame.samples)
         assertEquals(listOf(file.width, file.height), listOf(frame.width, frame.height))
-        assertEquals(file.cfa, frame.cfa)
-        assertEquals(listOf(file.orientation, file.region), listOf(frame.orientation, frame.region))
-        assertEquals(listOf(file.exposure, file.iso), listOf(frame.exposure, frame.iso))
-        assertArrayEquals(file.black, frame.black, 0.005) // written in 1/100
-        assertArrayEquals(file.colorMatrix1, frame.colorMatrix1, 1e-15)
-        assertArrayEquals(file.asShotNeutral, frame.asShotNeutral, 0.0)
-        assertArrayEquals(file.noiseProfile, frame.noiseProfile, 1e-18)
-        assertEquals(listOf(21), frame.neutrals.map { it.illuminant })
-        assertEquals(listOf(21), file.neutrals.map { it.illuminant })
-        assertArrayEquals(file.neutrals[0].white, frame.neutrals[0].white, 1e-15)
-        assertEquals(4, file.gainMaps.size)
-        for ((ours, theirs) in frame.gainMaps zip file.gainMaps) {
+        assertEquals(file.sensor.cfa, frame.sensor.cfa)
+        assertEquals(listOf(file.origin.orientation, file.region), listOf(frame.origin.orientation, frame.region))
+        assertEquals(listOf(file.origin.exposure, file.origin.iso), listOf(frame.origin.exposure, frame.origin.iso))
+        assertArrayEquals(file.sensor.black, frame.sensor.black, 0.005) // written in 1/100
+        assertArrayEquals(file.colours.colorMatrix1, frame.colours.colorMatrix1, 1e-15)
+        assertArrayEquals(file.colours.asShotNeutral, frame.colours.asShotNeutral, 0.0)
+        assertArrayEquals(file.sensor.noiseProfile, frame.sensor.noiseProfile, 1e-18)
+        assertEquals(listOf(21), frame.colours.neutrals.map { it.illuminant })
+        assertEquals(listOf(21), file.colours.neutrals.map { it.illuminant })
+        assertArrayEquals(file.colours.neutrals[0].white, frame.colours.neutrals[0].white, 1e-15)
+        assertEquals(4, file.corrections.gainMaps.size)
+        for ((ours, theirs) in frame.corrections.gainMaps zip file.corrections.gainMaps) {
             assertArrayEquals(theirs.gains, ours.gains, 0f)
             assertEquals(theirs.area, ours.area)
             assertEquals(listOf(theirs.rowPitch, theirs.pointsV), listOf(ours.rowPitch, ours.pointsV))

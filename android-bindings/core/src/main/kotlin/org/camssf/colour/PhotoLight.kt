@@ -28,6 +28,8 @@ public class PhotoLight internal constructor(
         (0..2).maxOf { reference.sharedError[it] / reference.sharedRaw[it] },
     )
 
+    override fun toString(): String = "PhotoLight(${lamp?.name ?: "unnamed"}, $reference)"
+
     /** The lamp, or the four kinds, with what the reference says of them. */
     private fun choices(camera: ColourCamera): List<LitReference> {
         val ratios = if (raw == null || camera.own == null) {

@@ -10,6 +10,8 @@ public class RawPixels private constructor(
     public val area: Region,
     private val cells: Int,
 ) {
+    override fun toString(): String = "RawPixels($area, $rows × $columns)"
+
     /** Number of pixels in a row. */
     public val columns: Int get() = area.width / (2 * cells)
 
@@ -35,8 +37,8 @@ public class RawPixels private constructor(
         if (area.left < held.left || area.top < held.top || area.right > held.right || area.bottom > held.bottom) {
             throw InvalidArgument("$area leaves the samples of ${photo.name}, $held.", "Read that part too.")
         }
-        val order = photo.cfa
-        val black = photo.black
+        val order = photo.sensor.cfa
+        val black = photo.sensor.black
         // Position of red and blue in the cell; the other two are green.
         val red = order.indexOf('R')
         val blue = order.indexOf('B')
@@ -62,7 +64,7 @@ public class RawPixels private constructor(
                     if (value > most) most = value
                 }
             }
-            val full = most >= photo.white
+            val full = most >= photo.sensor.white
             into[3 * pixel] = if (full) Float.NaN else (r * share - black[red]).toFloat()
             into[3 * pixel + 1] = if (full) Float.NaN else (g * share / 2 - greens).toFloat()
             into[3 * pixel + 2] = if (full) Float.NaN else (b * share - black[blue]).toFloat()

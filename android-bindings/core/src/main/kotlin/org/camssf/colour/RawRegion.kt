@@ -11,6 +11,7 @@ import org.camssf.photo.LensShading
 import org.camssf.photo.Mosaic
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Region
+import org.camssf.short
 import kotlin.math.hypot
 
 /**
@@ -28,6 +29,8 @@ public class RawRegion internal constructor(
 
     /** (3) standard error of [raw], DN; a copy at each call. */
     public val standardError: DoubleArray get() = sharedError.copyOf()
+
+    override fun toString(): String = "RawRegion($area, raw=${sharedRaw.joinToString { short(it) }})"
 
     public companion object {
         /**

@@ -26,6 +26,8 @@ public class SurfacePrior private constructor(
     internal val changes: List<DoubleArray>,
     internal val logWeights: DoubleArray,
 ) {
+    override fun toString(): String = "SurfacePrior($name)"
+
     public companion object {
         /**
          * The prior of a name: "general" (760 surfaces and 97 skins, each skin counted eight times) or "skin" (the 97

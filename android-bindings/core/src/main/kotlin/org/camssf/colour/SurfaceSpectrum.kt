@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.short
 import kotlin.math.ln
 import kotlin.math.log10
 import kotlin.math.max
@@ -44,7 +45,14 @@ public enum class SkinIndex(
  * @property value of the index.
  * @property standardDeviation of the value.
  */
-public class IndexValue internal constructor(public val value: Double, public val standardDeviation: Double)
+public class IndexValue internal constructor(public val value: Double, public val standardDeviation: Double) {
+    override fun equals(other: Any?): Boolean =
+        other is IndexValue && value == other.value && standardDeviation == other.standardDeviation
+
+    override fun hashCode(): Int = 31 * value.hashCode() + standardDeviation.hashCode()
+
+    override fun toString(): String = "${short(value)} ± ${short(standardDeviation)}"
+}
 
 /**
  * Lamps of the photos that were compared, and their weight.
@@ -52,7 +60,14 @@ public class IndexValue internal constructor(public val value: Double, public va
  * @property names of the lamps or their kinds, one for each photo.
  * @property weight probability among the combinations compared; 1 if all lamps were named.
  */
-public class WeighedLamps internal constructor(public val names: List<String>, public val weight: Double)
+public class WeighedLamps internal constructor(public val names: List<String>, public val weight: Double) {
+    override fun equals(other: Any?): Boolean =
+        other is WeighedLamps && names == other.names && weight == other.weight
+
+    override fun hashCode(): Int = 31 * names.hashCode() + weight.hashCode()
+
+    override fun toString(): String = "${names.joinToString()}: ${short(weight)}"
+}
 
 /**
  * The reflectance of a surface from 380 to 720 nm every 10 nm, and its colour, with their covariance. Three or six
@@ -82,6 +97,9 @@ public class SurfaceSpectrum internal constructor(
         val lab: DoubleArray,
         val labCovariance: DoubleArray,
     )
+
+    override fun toString(): String =
+        "SurfaceSpectrum(lab=${numbers.lab.joinToString { short(it) }}, distance=${short(distance)})"
 
     /** (35) reflectance at [WAVELENGTHS]. */
     public val reflectance: DoubleArray get() = numbers.reflectance.copyOf()

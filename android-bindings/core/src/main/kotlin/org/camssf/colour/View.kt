@@ -1,6 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.InvalidArgument
+import org.camssf.short
 import kotlin.math.sqrt
 
 /** CIE standard observer. */
@@ -39,7 +40,13 @@ public enum class Adapted(
 public class View @JvmOverloads constructor(
     public val observer: Observer = Observer.CIE_1931,
     public val white: Adapted = Adapted.LAMP,
-)
+) {
+    override fun equals(other: Any?): Boolean = other is View && observer == other.observer && white == other.white
+
+    override fun hashCode(): Int = 31 * observer.hashCode() + white.hashCode()
+
+    override fun toString(): String = "View(${observer.word}, ${white.word})"
+}
 
 /**
  * The white or grey surface, in the same light, that raw signals are divided by.
@@ -59,6 +66,9 @@ public class Reference @JvmOverloads constructor(
 ) {
     internal val sharedRaw: DoubleArray = raw.copyOf()
     internal val sharedError: DoubleArray = standardError.copyOf()
+
+    override fun toString(): String =
+        "Reference(raw=${sharedRaw.joinToString { short(it) }}, reflectance=${short(reflectance)})"
 
     /** (3) raw signals; a copy at each call. */
     public val raw: DoubleArray get() = sharedRaw.copyOf()
@@ -122,7 +132,13 @@ public enum class Part {
 public class WeighedLamp internal constructor(
     public val name: String,
     public val weight: Double,
-)
+) {
+    override fun equals(other: Any?): Boolean = other is WeighedLamp && name == other.name && weight == other.weight
+
+    override fun hashCode(): Int = 31 * name.hashCode() + weight.hashCode()
+
+    override fun toString(): String = "$name: ${short(weight)}"
+}
 
 /**
  * A standard colour with its covariance. Y of a perfect white diffuser is 1. Arrays are copies at each call. Safe to
@@ -136,6 +152,9 @@ public class StandardColour internal constructor(
     internal val parts: List<Spread>,
     public val reach: Double,
 ) {
+    override fun toString(): String =
+        "StandardColour(lab=${sharedLab.joinToString { short(it) }}, reach=${short(reach)})"
+
     /** (3) XYZ for the view's observer, adapted to its white. */
     public val xyz: DoubleArray get() = sharedXyz.copyOf()
 

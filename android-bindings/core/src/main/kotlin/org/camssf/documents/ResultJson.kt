@@ -8,6 +8,7 @@ import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonObjectBuilder
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.buildJsonObject
+import org.camssf.Camssf
 import org.camssf.Grid
 import org.camssf.fit.Colour
 import org.camssf.flatten
@@ -127,7 +128,7 @@ internal object ResultJson {
             "generator",
             buildJsonObject {
                 text("name", "camssf")
-                text("version", VERSION)
+                text("version", Camssf.VERSION)
             },
         )
         put(
@@ -241,7 +242,4 @@ internal object ResultJson {
         put("wavelength_nm", array(Grid.WAVELENGTHS))
         listOf("red", "green", "blue").forEachIndexed { c, name -> put(name, array(channels[c])) }
     }
-
-    /** Version of camssf, equal to the Python package's. */
-    const val VERSION = "0.1.0"
 }

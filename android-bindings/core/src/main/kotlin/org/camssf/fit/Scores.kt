@@ -4,6 +4,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LeastSquares
 import org.camssf.Rules
 import org.camssf.photo.Signals
+import org.camssf.short
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import kotlin.math.sqrt
@@ -25,6 +26,9 @@ public class Scores internal constructor(
 ) {
     /** (3) root mean square relative error of the signals (the paper's Eq. 13), %; a copy at each call. */
     public val rmsrePercent: DoubleArray get() = sharedRmsre.copyOf()
+
+    override fun toString(): String =
+        "Scores(rmsrePercent=${sharedRmsre.joinToString { short(it) }}, deltaE00=${short(deltaE00)})"
 
     internal companion object {
         /** A signal not above this share of the white has no relative error and is left out of RMSRE. */

@@ -23,4 +23,7 @@ public class BadPixels(
 
     /** Opcode 5: rectangles. */
     public val areas: List<Region> = areas.frozen()
+
+    override fun toString(): String =
+        "BadPixels(list=$list, constant=$constant, ${ownPoints.size / 2} points, ${areas.size} areas)"
 }

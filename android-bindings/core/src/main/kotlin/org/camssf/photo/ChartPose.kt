@@ -3,6 +3,7 @@ package org.camssf.photo
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
 import org.camssf.frozen
+import org.camssf.short
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import kotlin.math.max
@@ -28,6 +29,8 @@ public class ChartPose internal constructor(
 ) {
     /** Messages for the user about how the pose was found. */
     public val notes: List<String> = notes.frozen()
+
+    override fun toString(): String = "ChartPose($layout, $corners, score=${short(score)})"
 
     /** Outer corners of the block of patches (outer borders of the corner patches), named as on the chart. */
     public val corners: Corners get() = Corners.of(*sharedCorners)

@@ -33,4 +33,6 @@ public class FrameMeans internal constructor(
 
     /** (n, 2) mean of the green on R's rows and of the green on B's rows, DN. */
     public val greens: DoubleArray get() = ownGreens.copyOf()
+
+    override fun toString(): String = "FrameMeans(${sharedMean.size / 3} patches)"
 }

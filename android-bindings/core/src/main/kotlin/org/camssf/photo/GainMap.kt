@@ -48,6 +48,8 @@ public class GainMap(
     ) {
         internal val sharedGains: FloatArray = gains.copyOf()
 
+        override fun toString(): String = "Net($pointsV × $pointsH points, $mapPlanes planes)"
+
         /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
         public val gains: FloatArray get() = sharedGains.copyOf()
     }
@@ -75,4 +77,7 @@ public class GainMap(
 
     /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
     public val gains: FloatArray get() = net.gains
+
+    override fun toString(): String =
+        "GainMap(list=$list, plane=$plane, $area, ${net.pointsV} × ${net.pointsH} points)"
 }

@@ -34,6 +34,8 @@ public class MeasuredShot internal constructor(
      */
     public fun toText(): String = SavedShot.write(this)
 
+    override fun toString(): String = "MeasuredShot($photo, ${lamp.name})"
+
     public companion object {
         /**
          * Reads a shot that [toText] wrote; all numbers are equal bit for bit.
@@ -58,4 +60,6 @@ public class MeasuredCapture internal constructor(
 ) {
     /** The shots, k of them. */
     public val shots: List<MeasuredShot> = shots.frozen()
+
+    override fun toString(): String = "MeasuredCapture($chart, $shots)"
 }

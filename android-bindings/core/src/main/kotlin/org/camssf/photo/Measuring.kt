@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
+import org.camssf.Stage
 import org.camssf.Tell
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -61,9 +62,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
     }
 
     private fun measure(shot: Shot, j: Int): MeasuredShot {
-        val k = capture.shots.size
-        val at = if (k > 1) " ${j + 1} of $k" else ""
-        tell("reading photo$at", j.toDouble() / k)
+        tell.begin(Stage.READING, j)
         val corners = shot.corners
         val region = ChartPose.region(corners)
         val watch = { tell.check() }
@@ -73,10 +72,10 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         val saturation = photo.facts.sensor.white
         val facts = Photo.of(photo)
         inWork = InWork(shot.lamp, facts, saturation, null)
-        tell("looking for the chart$at", (j + 0.4) / k)
+        tell.begin(Stage.FINDING, j)
         val pose = ChartPose.refine(photo, corners, capture.chart)
         inWork = InWork(shot.lamp, facts, saturation, pose)
-        tell("measuring the patches$at", (j + 0.7) / k)
+        tell.begin(Stage.MEASURING, j)
         val means = PatchMeans.measure(photo, pose, white, dark, shot.lensShading)
         val whiteFacts = white?.let(Photo::of)
         val darkFacts = dark?.let(Photo::of)

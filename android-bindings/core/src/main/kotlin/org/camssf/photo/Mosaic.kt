@@ -57,7 +57,9 @@ public class Mosaic(
         public val camera: PhysicalCamera = PhysicalCamera(),
         public val captured: String = "",
         public val uniqueModel: String = "",
-    )
+    ) {
+        override fun toString(): String = "Origin($name, $make $model, exposure=$exposure, iso=$iso, $camera)"
+    }
 
     /**
      * Meaning of the samples: colour filters, levels and noise.
@@ -79,6 +81,8 @@ public class Mosaic(
     ) {
         internal val sharedBlack: DoubleArray = black.copyOf()
         private val ownProfile = noiseProfile?.copyOf()
+
+        override fun toString(): String = "Sensor($cfa, black=${sharedBlack.joinToString()}, white=$white)"
 
         /** (2, 2) row-major black level of each position of the cell, DN; a copy at each call. */
         public val black: DoubleArray get() = sharedBlack.copyOf()
@@ -102,6 +106,9 @@ public class Mosaic(
         badPixels: List<BadPixels> = emptyList(),
         unknownOpcodes: List<Int> = emptyList(),
     ) {
+        override fun toString(): String =
+            "Corrections(gainMaps=$gainMaps, badPixels=$badPixels, unknownOpcodes=$unknownOpcodes)"
+
         /** Lens-shading maps of the file. */
         public val gainMaps: List<GainMap> = gainMaps.frozen()
 
@@ -132,6 +139,9 @@ public class Mosaic(
         private val ownNeutral = asShotNeutral?.copyOf()
         private val ownWhite = asShotWhiteXY?.copyOf()
 
+        override fun toString(): String =
+            "Colours(asShotNeutral=${ownNeutral?.joinToString()}, neutrals=${this.neutrals})"
+
         /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
         public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
 
@@ -151,65 +161,8 @@ public class Mosaic(
     /** The metadata, without the samples. */
     internal val facts: Facts get() = Facts(origin, width, height, sensor, corrections, colours)
 
-    /** See [Origin]. */
+    /** Name of the file, for messages; as in [origin]. */
     public val name: String get() = origin.name
-
-    /** See [Origin]. */
-    public val make: String get() = origin.make
-
-    /** See [Origin]. */
-    public val model: String get() = origin.model
-
-    /** See [Origin]. */
-    public val exposure: Double? get() = origin.exposure
-
-    /** See [Origin]. */
-    public val iso: Double? get() = origin.iso
-
-    /** See [Origin]. */
-    public val orientation: Int get() = origin.orientation
-
-    /** See [Origin]. */
-    public val sha256: String get() = origin.sha256
-
-    /** See [Sensor]. */
-    public val cfa: String get() = sensor.cfa
-
-    /** See [Sensor]; a copy at each call. */
-    public val black: DoubleArray get() = sensor.black
-
-    /** See [Sensor]. */
-    public val white: Double get() = sensor.white
-
-    /** See [Sensor]; a copy at each call. */
-    public val noiseProfile: DoubleArray? get() = sensor.noiseProfile
-
-    /** See [Sensor]. */
-    public val maskedAreas: List<Region> get() = sensor.maskedAreas
-
-    /** See [Corrections]. */
-    public val gainMaps: List<GainMap> get() = corrections.gainMaps
-
-    /** See [Corrections]. */
-    public val badPixels: List<BadPixels> get() = corrections.badPixels
-
-    /** See [Corrections]. */
-    public val unknownOpcodes: List<Int> get() = corrections.unknownOpcodes
-
-    /** See [Colours]; a copy at each call. */
-    public val colorMatrix1: DoubleArray? get() = colours.colorMatrix1
-
-    /** See [Colours]; a copy at each call. */
-    public val colorMatrix2: DoubleArray? get() = colours.colorMatrix2
-
-    /** See [Colours]; a copy at each call. */
-    public val asShotNeutral: DoubleArray? get() = colours.asShotNeutral
-
-    /** See [Colours]; a copy at each call. */
-    public val asShotWhiteXY: DoubleArray? get() = colours.asShotWhiteXY
-
-    /** See [Colours]. */
-    public val neutrals: List<Neutral> get() = colours.neutrals
 
     init {
         val whole = region.left >= 0 && region.top >= 0 && region.right <= width && region.bottom <= height
@@ -225,14 +178,15 @@ public class Mosaic(
                 "Give one of the orders ${CFA_ORDERS.joinToString()} and four black levels.",
             )
         }
-        if (!(white > 0 && white.isFinite()) || !sensor.sharedBlack.all { it.isFinite() }) {
+        if (!(sensor.white > 0 && sensor.white.isFinite()) || !sensor.sharedBlack.all { it.isFinite() }) {
             throw InvalidArgument(
-                "$name: a white level of $white over black levels of ${sensor.sharedBlack.joinToString()}.",
+                "$name: a white level of ${sensor.white} over black levels of ${sensor.sharedBlack.joinToString()}.",
                 "Give them in DN, as the sensor's characteristics or the file have them.",
             )
         }
-        if (orientation !in 1..8) {
-            throw InvalidArgument("$name: an orientation of $orientation.", "Give TIFF's, 1 to 8; 1 where unknown.")
+        if (origin.orientation !in 1..8) {
+            val found = "$name: an orientation of ${origin.orientation}."
+            throw InvalidArgument(found, "Give TIFF's, 1 to 8; 1 where unknown.")
         }
     }
 
@@ -248,8 +202,10 @@ public class Mosaic(
         return samples[(y - region.top) * region.width + x - region.left].toInt() and 0xffff
     }
 
+    override fun toString(): String = "Mosaic($name, $width × $height, ${sensor.cfa}, $region)"
+
     /** The colour filter over column x and row y of the active area: 'R', 'G' or 'B'. */
-    public fun color(x: Int, y: Int): Char = cfa[(y and 1) * 2 + (x and 1)]
+    public fun color(x: Int, y: Int): Char = sensor.cfa[(y and 1) * 2 + (x and 1)]
 
     public companion object {
         /** The Bayer orders that camssf reads. */

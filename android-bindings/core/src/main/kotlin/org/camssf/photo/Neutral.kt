@@ -12,6 +12,8 @@ public class Neutral(public val illuminant: Int, white: DoubleArray) {
     /** (3) R, G, B, scaled to green 1; a copy at each call. */
     public val white: DoubleArray get() = own.copyOf()
 
+    override fun toString(): String = "Neutral(illuminant=$illuminant, white=${own.joinToString()})"
+
     public companion object {
         /** CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15). */
         private val WHITE_POINTS = mapOf(

@@ -23,6 +23,8 @@ public class PatchMeans internal constructor(
     /** (3) the file's black level of R, G, B, DN; a copy at each call. */
     public val black: DoubleArray get() = sharedBlack.copyOf()
 
+    override fun toString(): String = "PatchMeans(chart=$chart, white=$white, dark=$dark)"
+
     public companion object {
         /**
          * Measures the same samples of every patch in all frames of one shot, by the numbered rules of

@@ -37,6 +37,8 @@ public class Photo internal constructor(
     public val captured: String = "",
     public val uniqueModel: String = "",
 ) {
+    override fun toString(): String = "Photo($name, $make $model, $width × $height)"
+
     public companion object {
         /**
          * Reads the metadata of a DNG, not its samples.

@@ -20,7 +20,8 @@ public fun interface PhotoSource {
     /**
      * Reads the photo: at least `region` of its active area, or all of it if `region` is null.
      *
-     * @throws CalibrationException the photo cannot be read.
+     * @throws CalibrationException the photo cannot be read. Any other exception becomes an [UnreadableRaw] with that
+     *   cause, so a calibration ends as an [org.camssf.Refused].
      */
     public fun read(region: Region?): Mosaic
 
@@ -56,25 +57,28 @@ private class DngPhoto(private val open: () -> DngSource) : ByRows {
     }
 
     private fun <T> using(work: (DngSource) -> T): T {
-        val source = opened(open)
+        val source = fromApp("The photo cannot be opened", open)
         try {
             return source.use(work)
         } catch (error: IOException) {
-            throw UnreadableRaw("${source.name} cannot be closed: ${error.message}.", AGAIN, cause = error)
-        }
-    }
-
-    private companion object {
-        private const val AGAIN = "Check that the photo is still there and that the app may read it, and try again."
-
-        /** A content provider may throw any exception: no file, no permission, no network. */
-        private fun opened(open: () -> DngSource): DngSource = try {
-            open()
-        } catch (error: Exception) {
-            if (error is CalibrationException || error is CancellationException || error is InterruptedException) {
-                throw error
-            }
-            throw UnreadableRaw("The photo cannot be opened: ${error.message ?: error}.", AGAIN, cause = error)
+            throw UnreadableRaw("${source.name} cannot be closed: ${error.message}.", READ_AGAIN, cause = error)
         }
     }
 }
+
+private const val READ_AGAIN = "Check that the photo is still there and that the app may read it, and try again."
+
+/**
+ * Runs code of the app, such as its [PhotoSource] or a content provider: whatever exception it throws (no file, no
+ * permission, no network, a fault of its own) becomes an [UnreadableRaw] with this cause. Errors of camssf,
+ * cancelling and interrupting pass unchanged.
+ */
+internal inline fun <T> fromApp(what: String, work: () -> T): T = try {
+    work()
+} catch (error: Exception) {
+    if (error is CalibrationException || error is CancellationException || error is InterruptedException) throw error
+    throw unreadable(what, error)
+}
+
+internal fun unreadable(what: String, error: Exception) =
+    UnreadableRaw("$what: ${error.message ?: error}.", READ_AGAIN, cause = error)

@@ -16,7 +16,7 @@ import kotlin.math.max
  * @property aperture the f-number.
  * @property activeArea of the sensor, in samples of the stored picture.
  */
-public data class PhysicalCamera @JvmOverloads constructor(
+public class PhysicalCamera @JvmOverloads constructor(
     public val id: String = "",
     public val serial: String = "",
     public val lens: String = "",
@@ -24,6 +24,16 @@ public data class PhysicalCamera @JvmOverloads constructor(
     public val aperture: Double? = null,
     public val activeArea: Region? = null,
 ) {
+    private fun parts() = listOf(id, serial, lens, focalLength, aperture, activeArea)
+
+    override fun equals(other: Any?): Boolean = other is PhysicalCamera && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    /** Without the serial number, which belongs in no message. */
+    override fun toString(): String =
+        "PhysicalCamera(id=$id, lens=$lens, focalLength=$focalLength, aperture=$aperture, activeArea=$activeArea)"
+
     internal companion object {
         /**
          * Relative difference up to which two focal lengths or f-numbers count as equal, because files round them.

@@ -26,7 +26,7 @@ public enum class PreviewFit {
  * @property bottom last border.
  * @throws InvalidArgument the crop is empty, or a number is not finite.
  */
-public data class PreviewCrop(
+public class PreviewCrop(
     public val left: Double,
     public val top: Double,
     public val right: Double,
@@ -40,6 +40,14 @@ public data class PreviewCrop(
             )
         }
     }
+
+    private fun parts() = listOf(left, top, right, bottom)
+
+    override fun equals(other: Any?): Boolean = other is PreviewCrop && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    override fun toString(): String = "PreviewCrop(left=$left, top=$top, right=$right, bottom=$bottom)"
 
     /** Width, px. */
     public val width: Double get() = right - left
@@ -113,6 +121,8 @@ public class PreviewMap private constructor(
     private val forth: DoubleArray,
 ) {
     private val back = inverse(forth)
+
+    override fun toString(): String = "PreviewMap(crop=$crop, rotation=$rotation, mirrored=$mirrored)"
 
     /** Maps a point of the mosaic to the view or picture. */
     public fun fromMosaic(place: Point): Point = map(forth, place)

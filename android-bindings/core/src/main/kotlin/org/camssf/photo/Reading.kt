@@ -1,7 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.InvalidArgument
-import java.security.MessageDigest
+import org.camssf.model.Sha256
 
 /**
  * Receives samples of a photo in the order of reading: `count` samples of row y of the active area, from column x on,
@@ -79,7 +79,7 @@ internal interface ByRows : PhotoSource {
 internal class Whole(private val mosaic: Mosaic) : Reading {
     override val facts: Facts get() = mosaic.facts
     override val sha256: String by lazy {
-        mosaic.sha256.ifEmpty { Hash().also { it.add(mosaic, mosaic.region) }.hex() }
+        mosaic.origin.sha256.ifEmpty { Sha256().add(mosaic, mosaic.region).hex() }
     }
 
     override fun scan(region: Region, rows: Rows) = mosaic.give(region, rows)
@@ -106,7 +106,7 @@ internal class Banded(
     private var number = -1
 
     override val facts: Facts
-        get() = known ?: (if (eager) band(0) else source.read(strip())).facts.also { known = it }
+        get() = known ?: (if (eager) band(0) else read(strip())).facts.also { known = it }
 
     private fun strip() = Region(region.left, region.top, region.right, minOf(region.top + 2, region.bottom))
 
@@ -116,9 +116,9 @@ internal class Banded(
             val one = band(0)
             // If the source returned more than requested, the hash covers everything that it returned.
             if (one.region.height >= all.height) {
-                Hash().also { it.add(one, one.region) }.hex()
+                Sha256().add(one, one.region).hex()
             } else {
-                Hash().also { hash -> each(all) { mosaic, part -> hash.add(mosaic, part) } }.hex()
+                Sha256().also { hash -> each(all) { mosaic, part -> hash.add(mosaic, part) } }.hex()
             }
         }
     }
@@ -140,36 +140,26 @@ internal class Banded(
         band = null // release it before the next one is read
         val top = region.top + at * height
         val bottom = top + minOf(height, region.bottom - top)
-        val found = source.read(Region(region.left, top, region.right, bottom))
+        val found = read(Region(region.left, top, region.right, bottom))
         known = found.facts
         number = at
         band = found
         return found
     }
 
+    /** `facts` is read here, so that what a source in Java gives instead of a photo, null, fails here too. */
+    private fun read(part: Region): Mosaic =
+        fromApp("The photo cannot be read") { source.read(part).also { it.facts } }
+
     override fun release() {
         band = null
     }
 }
 
-/** SHA-256 of samples, row by row, low byte first. */
-internal class Hash {
-    private val digest = MessageDigest.getInstance("SHA-256")
-    private var bytes = ByteArray(0)
-
-    fun add(samples: ShortArray, from: Int, count: Int) {
-        if (bytes.size != 2 * count) bytes = ByteArray(2 * count)
-        for (x in 0 until count) {
-            val sample = samples[from + x].toInt()
-            bytes[2 * x] = sample.toByte()
-            bytes[2 * x + 1] = (sample shr 8).toByte()
-        }
-        digest.update(bytes)
-    }
-
-    fun add(mosaic: Mosaic, part: Region) = mosaic.give(part) { _, _, count, samples, at -> add(samples, at, count) }
-
-    fun hex(): String = digest.digest().joinToString("") { "%02x".format(it) }
+/** Adds the samples of a part, row by row. */
+internal fun Sha256.add(mosaic: Mosaic, part: Region): Sha256 {
+    mosaic.give(part) { _, _, count, samples, at -> add(samples, at, count) }
+    return this
 }
 
 /** Passes the rows of a part to `rows`. */

@@ -15,9 +15,9 @@ import kotlinx.serialization.json.long
 import org.camssf.CalibrationException
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.model.Models
 import org.camssf.spectra.Lamp
 import org.camssf.spectra.SourceFile
-import java.security.MessageDigest
 
 /**
  * Writes and reads a measured shot as text, "camssf-shot/1": a first line with the format and the SHA-256 of the
@@ -66,8 +66,7 @@ internal object SavedShot {
     private fun damaged(what: String, cause: Throwable?) =
         InvalidArgument("The saved shot is damaged: $what.", AGAIN, cause = cause)
 
-    private fun hash(content: String): String = MessageDigest.getInstance("SHA-256").digest(content.toByteArray())
-        .joinToString("") { "%02x".format(it) }
+    private fun hash(content: String): String = Models.sha256(content.toByteArray())
 
     private fun shot(entry: JsonObject): MeasuredShot {
         val pose = poseOf(entry.part("pose"))

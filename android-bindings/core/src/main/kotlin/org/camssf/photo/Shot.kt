@@ -32,6 +32,9 @@ public class Shot @JvmOverloads constructor(
         dark: PhotoSource? = null,
         lensShading: LensShading = LensShading.AS_STORED,
     ) : this(photo, Lamp.auto(), corners, white, dark, lensShading)
+
+    override fun toString(): String =
+        "Shot(${lamp.name}, $corners, white=${white != null}, dark=${dark != null}, lensShading=$lensShading)"
 }
 
 /**
@@ -51,4 +54,6 @@ public class Capture @JvmOverloads constructor(
 
     /** A capture of one shot. */
     public constructor(shot: Shot, chart: ChartTable) : this(listOf(shot), chart)
+
+    override fun toString(): String = "Capture($chart, $shots)"
 }

@@ -8,7 +8,13 @@ import org.camssf.frozen
  * @property code identifies the fallback.
  * @property message a sentence.
  */
-public class Assumption(public val code: String, public val message: String)
+public class Assumption(public val code: String, public val message: String) {
+    override fun equals(other: Any?): Boolean = other is Assumption && code == other.code && message == other.message
+
+    override fun hashCode(): Int = 31 * code.hashCode() + message.hashCode()
+
+    override fun toString(): String = "$code: $message"
+}
 
 /**
  * Signals y of k shots of n patches: the paper's Eq. (5), (chart - dark) / (white - dark).
@@ -52,6 +58,8 @@ public class Signals internal constructor(
 
     /** The fallbacks used. */
     public val assumptions: List<Assumption> = assumptions.frozen()
+
+    override fun toString(): String = "Signals(shots=$shots, patches=$patches, used=${sharedUsed.count { it }})"
 
     /** The signals under even illumination: each is multiplied by the light correction `level` (k, n). */
     internal fun levelled(level: DoubleArray): Signals = Signals(

@@ -1,7 +1,7 @@
 package org.camssf.recovery
 
 import ai.onnxruntime.OrtEnvironment
-import org.camssf.InvalidArgument
+import org.camssf.RuntimeUnfit
 import java.io.File
 
 /**
@@ -13,12 +13,15 @@ import java.io.File
 internal object OnnxLibrary {
     private const val SWITCH = "ORT_DISABLE_TELEMETRY"
     private const val LAST_MAJOR = 1
+
+    /** The version that camssf is tested with. */
+    const val VERSION = "1.28.0"
     private const val LAST_MINOR = 28
 
     /**
      * The process's environment of ONNX Runtime.
      *
-     * @throws InvalidArgument the version found would send usage data.
+     * @throws RuntimeUnfit the version found would send usage data.
      */
     fun environment(): OrtEnvironment {
         // The desktop's jar states its version before anything is loaded; the Android artefact only afterwards.
@@ -38,13 +41,15 @@ internal object OnnxLibrary {
      * Checks that this version of ONNX Runtime sends no usage data.
      *
      * @param switch value of ORT_DISABLE_TELEMETRY in the process's environment.
-     * @throws InvalidArgument it would send usage data.
+     * @throws RuntimeUnfit it would send usage data.
      */
     internal fun check(version: String, switch: String?) {
         if (switch == "1" || silent(version)) return
-        throw InvalidArgument(
+        throw RuntimeUnfit(
             "ONNX Runtime $version reports its use to its maker, and camssf does not run with it.",
-            "Take version 1.28.0 of onnxruntime-android (on a desktop onnxruntime); or set $SWITCH=1 in the " +
+            "Another dependency has raised it: make the build take $VERSION, in Gradle with " +
+                "implementation(\"com.microsoft.onnxruntime:onnxruntime-android\") " +
+                "{ version { strictly(\"$VERSION\") } } (on a desktop onnxruntime); or set $SWITCH=1 in the " +
                 "process's environment before ONNX Runtime is loaded, on Android with android.system.Os.setenv.",
         )
     }

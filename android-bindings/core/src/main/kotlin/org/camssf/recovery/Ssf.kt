@@ -1,8 +1,12 @@
 package org.camssf.recovery
 
+import org.camssf.Channel
 import org.camssf.Grid
+import org.camssf.InvalidArgument
 import org.camssf.frozen
+import org.camssf.short
 import java.util.Collections
+import kotlin.math.min
 
 /**
  * One of the compared hypotheses.
@@ -20,6 +24,15 @@ public class Hypothesis internal constructor(
 ) {
     /** Kind of each shot's light: "daylight", ...; "" for a named lamp. Empty if all lamps were named. */
     public val kinds: List<String> = kinds.frozen()
+
+    private fun parts() = listOf(basis, logEvidence, probability, kinds)
+
+    override fun equals(other: Any?): Boolean = other is Hypothesis && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    override fun toString(): String =
+        "Hypothesis(${(listOf(basis) + kinds).joinToString()}, probability=${short(probability)})"
 }
 
 /**
@@ -44,6 +57,8 @@ public class EstimatedLamp internal constructor(
 
     /** (681) one standard deviation of [power], within and between the hypotheses; a copy at each call. */
     public val std: DoubleArray get() = sharedStd.copyOf()
+
+    override fun toString(): String = "EstimatedLamp(${short(kelvin)} ± ${short(kelvinStd)} K, $kinds)"
 }
 
 /**
@@ -92,6 +107,8 @@ public class Ssf internal constructor(
 
     /** Of each shot the estimated light, null where its lamp was named; empty if all were. */
     public val lights: List<EstimatedLamp?> = lights.frozen()
+
+    override fun toString(): String = "Ssf(basis=$basis, halfWidth=${short(halfWidth)})"
 
     /** The curves and what belongs to them; shapes and units as of the public properties of these names. */
     internal class Curves(
@@ -173,26 +190,48 @@ public class Ssf internal constructor(
      */
     public val gainCode: DoubleArray get() = sharedGainCode.copyOf()
 
-    /** The curve (681) of a channel (0 red, 1 green, 2 blue), of peak 1. */
-    public fun curve(channel: Int): DoubleArray {
+    /** The curve (681) of a channel, of peak 1. */
+    public fun curve(channel: Channel): DoubleArray = curve(channel.ordinal)
+
+    /** One standard deviation (681) of [curve]; null on a basis without a prior. */
+    public fun deviation(channel: Channel): DoubleArray? = deviation(channel.ordinal)
+
+    /** Half-width (681) of the 95 % band about [curve], 1.96 standard deviations; null on a basis without a prior. */
+    public fun band(channel: Channel): DoubleArray? = band(channel.ordinal)
+
+    /**
+     * The curve of a channel at a wavelength, linear between the points of [Grid]; the peak is 1.
+     *
+     * @throws InvalidArgument the wavelength lies outside 380 to 720 nm.
+     */
+    public fun at(nm: Double, channel: Channel): Double = between(nm, curve(channel))
+
+    /** Half-width of the 95 % band about [at]; null on a basis without a prior. */
+    public fun bandAt(nm: Double, channel: Channel): Double? = band(channel)?.let { between(nm, it) }
+
+    private fun between(nm: Double, values: DoubleArray): Double {
+        val place = (nm - 380.0) / Grid.STEP
+        if (!(place >= 0.0 && place <= Grid.SIZE - 1)) {
+            throw InvalidArgument("$nm nm lies outside 380 to 720 nm.", "Ask for a wavelength of that range.")
+        }
+        val left = min(place.toInt(), Grid.SIZE - 2)
+        return values[left] + (place - left) * (values[left + 1] - values[left])
+    }
+
+    internal fun curve(channel: Int): DoubleArray {
         val peak = peak(channel)
         return DoubleArray(Grid.SIZE) { sharedValues[3 * it + channel] / peak }
     }
 
-    /** One standard deviation (681) of [curve]; null on a basis without a prior. */
-    public fun deviation(channel: Int): DoubleArray? {
+    internal fun deviation(channel: Int): DoubleArray? {
         val peak = peak(channel)
         return sharedStd?.let { std -> DoubleArray(Grid.SIZE) { std[3 * it + channel] / peak } }
     }
 
-    /** Half-width (681) of the 95 % band about [curve], 1.96 standard deviations; null on a basis without a prior. */
-    public fun band(channel: Int): DoubleArray? =
+    internal fun band(channel: Int): DoubleArray? =
         deviation(channel)?.let { std -> DoubleArray(std.size) { 1.96 * std[it] } }
 
-    private fun peak(channel: Int): Double {
-        require(channel in 0..2) { "there are three channels, 0 to 2, none is $channel" }
-        return (0 until Grid.SIZE).maxOf { sharedValues[3 * it + channel] }
-    }
+    private fun peak(channel: Int): Double = (0 until Grid.SIZE).maxOf { sharedValues[3 * it + channel] }
 
     /** The answer with the predictions (of n patches) and the lamp of shot j only. */
     internal fun only(j: Int, n: Int): Ssf = with(

@@ -16,6 +16,8 @@ public class ChartLayout internal constructor(
     public val sideX: Double,
     public val sideY: Double,
 ) {
+    override fun toString(): String = "ChartLayout($name, $columns × $rows)"
+
     public companion object {
         /** The layouts of all supported charts. */
         @JvmStatic

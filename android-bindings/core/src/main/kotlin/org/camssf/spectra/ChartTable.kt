@@ -42,6 +42,8 @@ public class ChartTable internal constructor(
     /** (n) patch names in reading order from the chart's top left. */
     public val patches: List<String> = patches.frozen()
 
+    override fun toString(): String = "ChartTable($name, $table)"
+
     /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches), so keep it. */
     public val values: DoubleArray get() = sharedValues.copyOf()
 

@@ -28,6 +28,8 @@ public class Lamp internal constructor(
     public val toleranceKelvin: Double? = null,
     internal val kinds: List<Lamp> = emptyList(),
 ) {
+    override fun toString(): String = if (unnamed) "Lamp($name)" else "Lamp($name, tolerance=${short(tolerance)})"
+
     /** True for an unnamed light, which has no spectrum, only possible kinds. */
     public val unnamed: Boolean get() = given == null
 

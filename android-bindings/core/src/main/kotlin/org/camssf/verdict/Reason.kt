@@ -16,4 +16,13 @@ public class Reason internal constructor(
     public val value: Double?,
     public val threshold: Double?,
     internal val fatal: Boolean = false,
-)
+) {
+    private fun parts() = listOf(code, message, advice, value, threshold)
+
+    override fun equals(other: Any?): Boolean = other is Reason && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    /** Code, message and advice. */
+    override fun toString(): String = "$code: $message $advice"
+}

@@ -41,4 +41,13 @@ public class Verdict internal constructor(
 ) {
     /** Empty only when accepted. */
     public val reasons: List<Reason> = reasons.frozen()
+
+    override fun equals(other: Any?): Boolean =
+        other is Verdict && outcome == other.outcome && reasons == other.reasons
+
+    override fun hashCode(): Int = 31 * outcome.hashCode() + reasons.hashCode()
+
+    /** The outcome and the codes of its reasons: "doubtful: glare, blurred". */
+    override fun toString(): String =
+        outcome.word + if (reasons.isEmpty()) "" else reasons.joinToString(prefix = ": ") { it.code }
 }

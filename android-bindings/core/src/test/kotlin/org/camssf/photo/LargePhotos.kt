@@ -100,7 +100,7 @@ internal object LargePhotos {
         val shot = shot(words.drop(2).map { File(it) }, width, height, BY_REGION in arguments)
         SsfCalibrator.open().use { calibrator ->
             val start = System.nanoTime()
-            val found = calibrator.calibrate(Capture(shot, chart))
+            val found = calibrator.calibrateBlocking(Capture(shot, chart))
             val memory = Runtime.getRuntime().maxMemory() shr 20
             println("${found.verdict.outcome} of $memory MB in ${(System.nanoTime() - start) / 1_000_000} ms")
             found.verdict.reasons.forEach { println("${it.code}: ${it.message}") }

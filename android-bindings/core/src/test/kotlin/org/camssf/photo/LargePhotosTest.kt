@@ -7,6 +7,7 @@ import kotlinx.coroutines.delay
 import kotlinx.coroutines.launch
 import kotlinx.coroutines.runBlocking
 import org.camssf.SsfCalibrator
+import org.camssf.Stage
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
@@ -61,9 +62,9 @@ class LargePhotosTest {
         val file = File(folder, "chart.dng").apply { LargePhotos.write(this, "chart", width, height) }
         SsfCalibrator.open().use { calibrator ->
             val capture = Capture(LargePhotos.shot(listOf(file), width, height), LargePhotos.chart)
-            val stages = ArrayList<String>()
-            calibrator.calibrate(capture) { stage, _ -> stages += stage } // compiled, and in the file's cache
-            for (stage in stages.distinct() - "done") {
+            val stages = ArrayList<Stage>()
+            calibrator.calibrateBlocking(capture) { stages += it.stage } // compiled, and in the file's cache
+            for (stage in stages.distinct() - Stage.DONE) {
                 for (later in listOf(0L, 30L, 120L)) {
                     val felt = (1..3).minOf { felt(calibrator, capture, stage, later) }
                     assertTrue(felt <= 100, "$felt ms after '$stage' + $later ms")
@@ -73,10 +74,10 @@ class LargePhotosTest {
     }
 
     /** Milliseconds from the cancelling, `later` ms after a stage began, to the end of the run. */
-    private fun felt(calibrator: SsfCalibrator, capture: Capture, stage: String, later: Long): Long = runBlocking {
+    private fun felt(calibrator: SsfCalibrator, capture: Capture, stage: Stage, later: Long): Long = runBlocking {
         val begun = CompletableDeferred<Unit>()
         val job = launch(Dispatchers.Default) {
-            calibrator.calibrateSuspending(capture) { now, _ -> if (now == stage) begun.complete(Unit) }
+            calibrator.calibrate(capture) { if (it.stage == stage) begun.complete(Unit) }
         }
         begun.await()
         delay(later)

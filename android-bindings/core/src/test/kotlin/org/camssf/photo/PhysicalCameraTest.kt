@@ -19,17 +19,26 @@ import java.io.File
 /** Photos of two physical cameras or lenses are refused, as far as both sides say: Python's tests/test_unit.py. */
 class PhysicalCameraTest {
     private val area = Region(0, 0, 4000, 3000)
-    private val wide = PhysicalCamera("0", "S1", "Phone wide 6.8 mm", 6.81, 1.85, area)
+    private val wide = wide()
+
+    private fun wide(
+        id: String = "0",
+        serial: String = "S1",
+        lens: String = "Phone wide 6.8 mm",
+        focalLength: Double = 6.81,
+        aperture: Double = 1.85,
+        activeArea: Region = area,
+    ) = PhysicalCamera(id, serial, lens, focalLength, aperture, activeArea)
 
     @Test
     fun `what differs is named`() {
         val cases = mapOf(
-            wide.copy(id = "2") to "camera '2' against '0'",
-            wide.copy(serial = "S2") to "another serial number",
-            wide.copy(lens = "Phone tele") to "lens 'Phone tele' against 'Phone wide 6.8 mm'",
-            wide.copy(focalLength = 19.0) to "focal length 19 mm against 6.81 mm",
-            wide.copy(aperture = 2.8) to "aperture f/2.8 against f/1.85",
-            wide.copy(activeArea = Region(8, 8, 4008, 3008)) to
+            wide(id = "2") to "camera '2' against '0'",
+            wide(serial = "S2") to "another serial number",
+            wide(lens = "Phone tele") to "lens 'Phone tele' against 'Phone wide 6.8 mm'",
+            wide(focalLength = 19.0) to "focal length 19 mm against 6.81 mm",
+            wide(aperture = 2.8) to "aperture f/2.8 against f/1.85",
+            wide(activeArea = Region(8, 8, 4008, 3008)) to
                 "active area 8, 8, 3008, 4008 against 0, 0, 3000, 4000",
         )
         for ((other, words) in cases) {
@@ -39,7 +48,7 @@ class PhysicalCameraTest {
             PhysicalCamera.check("a.dng", PhysicalCamera(), "b.dng", other)
             PhysicalCamera.check("a.dng", other, "b.dng", PhysicalCamera())
         }
-        PhysicalCamera.check("a.dng", wide, "b.dng", wide.copy(focalLength = 6.8, aperture = 1.86))
+        PhysicalCamera.check("a.dng", wide, "b.dng", wide(focalLength = 6.8, aperture = 1.86))
     }
 
     @Test
@@ -89,18 +98,18 @@ class PhysicalCameraTest {
         val chart = ChartTable.read("classic24")
         fun frame(name: String, camera: PhysicalCamera) = PhotoSource.of(
             Mosaic(
-                Mosaic.Origin(name, whole.make, whole.model, sha256 = name, camera = camera),
+                Mosaic.Origin(name, whole.origin.make, whole.origin.model, sha256 = name, camera = camera),
                 whole.width, whole.height, whole.region, whole.samples, whole.sensor, whole.corrections,
             ),
         )
         val one = Shot(frame("a", wide), Lamp.read("E"), corners)
-        val two = Shot(frame("b", wide.copy(id = "2", serial = "S2")), Lamp.read("E"), corners)
+        val two = Shot(frame("b", wide(id = "2", serial = "S2")), Lamp.read("E"), corners)
         SsfCalibrator.open("phones").use { calibrator ->
-            val found = calibrator.calibrate(Capture(listOf(one, two), chart)) as Refused
+            val found = calibrator.calibrateBlocking(Capture(listOf(one, two), chart)) as Refused
             assertEquals("unit_differs", found.error.code)
             assertTrue(found.error.message.startsWith("b was taken by another camera or lens than a: camera '2'"))
             assertFalse("S2" in found.toJson())
-            val framed = Shot(frame("a", wide), Lamp.read("E"), corners, frame("w", wide.copy(lens = "tele")))
+            val framed = Shot(frame("a", wide), Lamp.read("E"), corners, frame("w", wide(lens = "tele")))
             val error = assertThrows(UnitDiffers::class.java) { calibrator.measure(framed, chart) }
             val words = "The white frame w was taken by another camera or lens than the chart photo a"
             assertTrue(error.message.startsWith(words), error.message)

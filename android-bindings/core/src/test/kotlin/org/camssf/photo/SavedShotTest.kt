@@ -62,7 +62,7 @@ class SavedShotTest {
         val whole = DngSource.of(file).use { DngReader.read(it) }
         val camera = PhysicalCamera("0", "S1", "wide", 6.81, 1.85)
         val time = "2026-11-20T09:15:00+01:00"
-        val (make, model) = whole.make to whole.model
+        val (make, model) = whole.origin.make to whole.origin.model
         val origin = Mosaic.Origin("a", make, model, camera = camera, captured = time, uniqueModel = "A B")
         val mosaic = Mosaic(origin, whole.width, whole.height, whole.region, whole.samples, whole.sensor)
         val measured = SsfCalibrator.open("phones").use {

@@ -163,11 +163,11 @@ internal class Codes {
         shape(cells / factor, lines / factor, 3, 2 * factor)
         clear()
         val size = width * height
-        val black = mosaic.black
+        val black = mosaic.sensor.black
         val samples = mosaic.samples
         val stride = mosaic.region.width
         for (place in 0..3) {
-            val c = "RGB".indexOf(mosaic.cfa[place])
+            val c = "RGB".indexOf(mosaic.sensor.cfa[place])
             val dark = factor * factor * black[place]
             for (y in 0 until height) {
                 for (x in 0 until width) {

@@ -22,6 +22,8 @@ public class Plane @JvmOverloads constructor(
     public constructor(bytes: ByteArray, rowStride: Int, pixelStride: Int = 1) :
         this(ByteBuffer.wrap(bytes), rowStride, pixelStride)
 
+    override fun toString(): String = "Plane(rowStride=$rowStride, pixelStride=$pixelStride)"
+
     /**
      * Copies the first `count` pixels of row y; `reader` is a duplicate of this plane's buffer, so its position may
      * change.
@@ -75,6 +77,8 @@ public class Picture private constructor(
     public val height: Int,
     internal val source: Source,
 ) {
+    override fun toString(): String = "Picture($width × $height)"
+
     public companion object {
         private const val SMALLEST = 32
 

@@ -25,7 +25,10 @@ public class Sighting internal constructor(
     public val confidence: Double,
     public val patches: List<Point>,
     public val seen: Int,
-)
+) {
+    override fun toString(): String =
+        "Sighting($kind, $corners, confidence=$confidence, mirrored=$mirrored, seen=$seen)"
+}
 
 /** A remark about a search. */
 public enum class Finding {
@@ -48,4 +51,6 @@ public enum class Finding {
 public class Found internal constructor(public val sightings: List<Sighting>, public val findings: Set<Finding>) {
     /** The best sighting, or null. */
     public val sighting: Sighting? get() = sightings.firstOrNull()
+
+    override fun toString(): String = "Found($sightings, $findings)"
 }

@@ -104,17 +104,39 @@ public enum class Advice(public val unit: String) {
 }
 
 /**
- * The advice to show now.
+ * The advice to show now: [Searching] if no chart was found in the latest frame, [Measured] otherwise.
  *
  * @property advice the one thing to do, stable for some frames.
  * @property amount in [Advice.unit], from the latest frames; 0 if there is none.
- * @property measured the measures of the latest frame alone, not smoothed; null if no chart was found in it.
  */
-public class Guidance internal constructor(
-    public val advice: Advice,
-    public val amount: Double,
-    public val measured: FrameMeasures?,
-) {
+public sealed class Guidance(public val advice: Advice, public val amount: Double) {
     /** One line for the user. */
     public val words: String get() = advice.words(amount)
+
+    override fun toString(): String = words
+
+    /** No chart was found in the latest frame; for some frames [advice] is still that of the frames before. */
+    public class Searching internal constructor(advice: Advice, amount: Double) : Guidance(advice, amount)
+
+    /**
+     * A chart was found and measured in the latest frame.
+     *
+     * @property measures of that frame alone, not smoothed.
+     */
+    public class Measured internal constructor(
+        advice: Advice,
+        amount: Double,
+        public val measures: FrameMeasures,
+    ) : Guidance(advice, amount) {
+        /** True if all conditions have held for some frames, [Advice.NOW]: take the photo. */
+        public val ready: Boolean get() = advice == Advice.NOW
+
+        override fun toString(): String = "$words $measures"
+    }
+}
+
+/** Receives each frame's guidance. */
+public fun interface GuidanceListener {
+    /** Called once for each frame that was looked at. */
+    public fun guide(guidance: Guidance)
 }

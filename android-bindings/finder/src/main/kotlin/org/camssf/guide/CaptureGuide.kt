@@ -120,7 +120,7 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
         } else if (said == Advice.NOW) {
             said = Advice.STEADY
         }
-        return Guidance(said, amount(said), null)
+        return Guidance.Searching(said, amount(said))
     }
 
     private fun keep(found: FrameMeasures) {
@@ -189,6 +189,6 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
             said == Advice.NOW -> said = Advice.STEADY
         }
         if (due != said && (waited >= Limits.PATIENCE || (first && waited >= 2))) said = due
-        return Guidance(said, amount(said), measures)
+        return Guidance.Measured(said, amount(said), measures)
     }
 }

@@ -45,4 +45,8 @@ public class FrameMeasures internal constructor(
     public val gradient: Double,
     public val tint: Double?,
     internal val pitch: Double,
-)
+) {
+    override fun toString(): String = "FrameMeasures(size=$size, margin=$margin, tilt=$tilt, speed=$speed, " +
+        "white=$white, clipped=$clipped, blur=$blur, glare=$glare, veil=$veil, shadow=$shadow, " +
+        "gradient=$gradient, tint=$tint)"
+}

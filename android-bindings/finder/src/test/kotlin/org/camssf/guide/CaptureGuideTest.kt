@@ -49,7 +49,8 @@ class CaptureGuideTest {
         assertEquals(listOf(Advice.NO_CHART, Advice.STEADY, Advice.NOW), all.distinct())
         assertTrue(all.indexOf(Advice.NOW) in Limits.HELD..Limits.HELD + 2, "$all")
         assertEquals("Now.", run.said.last().words)
-        assertNull(run.said.first().measured!!.speed)
+        assertTrue(run.said.all { it is Guidance.Measured && it.ready == (it.advice == Advice.NOW) })
+        assertNull((run.said.first() as Guidance.Measured).measures.speed)
     }
 
     @Test
@@ -111,7 +112,7 @@ class CaptureGuideTest {
         assertEquals(Advice.STEADY, run.frame(picture, good.found()).advice) // one frame lost is not said
         repeat(Limits.LOST - 1) { assertEquals(Advice.STEADY, run.frame(picture, nothing).advice) }
         assertEquals(Advice.NO_CHART, run.frame(picture, nothing).advice)
-        assertNull(run.said.last().measured)
+        assertTrue(run.said.last() is Guidance.Searching)
         run.guide.reset()
         assertEquals(Advice.NO_CHART, run.frame(picture, good.found()).advice)
     }
@@ -145,7 +146,7 @@ class CaptureGuideTest {
                 val tilt = from + spread * random.nextGaussian()
                 val drawn = good.copy(tilt = abs(tilt))
                 run.frame(picture, drawn.found())
-                raw += run.said.last().measured!!.tilt > 20
+                raw += (run.said.last() as Guidance.Measured).measures.tilt > 20
             }
             val changes = raw.zipWithNext().count { (a, b) -> a != b }
             val said = run.changes(30)

@@ -45,7 +45,7 @@ public class Calibrate private constructor() : Closeable {
             given.one("--l2")?.toDouble(),
             given.one("--gamma")?.toDouble(),
         )
-        val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrate(capture, settings)
+        val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrateBlocking(capture, settings)
         val partial = File(output.path + ".partial")
         partial.writeText(found.toJson())
         check(partial.renameTo(output)) { "cannot write $output" }

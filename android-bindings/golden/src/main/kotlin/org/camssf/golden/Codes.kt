@@ -25,7 +25,8 @@ internal object Codes {
         }
         val digest = MessageDigest.getInstance("SHA-256").digest(bytes)
         val hash = digest.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
-        (listOf("read", hash, mosaic.cfa, mosaic.white) + mosaic.black.toList()).joinToString("\t")
+        val sensor = mosaic.sensor
+        (listOf("read", hash, sensor.cfa, sensor.white) + sensor.black.toList()).joinToString("\t")
     } catch (error: CalibrationException) {
         "${error.code}\t${error.message.replace(Regex("[\r\n\t]"), " ")}"
     }

@@ -36,7 +36,7 @@ internal class Finders(private val photos: Photos) {
         val width = photo.width / 2
         val height = photo.height / 2
         val light = "RGB".map { letter ->
-            val place = photo.cfa.indexOf(letter)
+            val place = photo.sensor.cfa.indexOf(letter)
             IntArray(width * height) {
                 max(photo[it % width * 2 + place % 2, it / width * 2 + place / 2] - BLACK, 0)
             }

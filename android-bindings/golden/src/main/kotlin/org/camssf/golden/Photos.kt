@@ -27,27 +27,27 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         val found = read(case.inputs.text("dng"))
         fun tensor(values: DoubleArray?) = values?.let { Tensor(it, it.size) }
         return mapOf(
-            "sha256" to found.sha256,
+            "sha256" to found.origin.sha256,
             "width" to found.width,
             "height" to found.height,
             "samples_sha256" to hash(found.samples),
-            "cfa" to found.cfa,
-            "black" to tensor(found.black),
-            "white" to found.white,
-            "make" to found.make,
-            "model" to found.model,
-            "exposure" to found.exposure,
-            "iso" to found.iso,
-            "orientation" to found.orientation,
-            "color_matrix1" to tensor(found.colorMatrix1),
-            "color_matrix2" to tensor(found.colorMatrix2),
-            "as_shot_neutral" to tensor(found.asShotNeutral),
-            "gain_maps" to JsonArray(found.gainMaps.map { gainMap(it) }),
-            "as_shot_white_xy" to tensor(found.asShotWhiteXY),
-            "noise_profile" to tensor(found.noiseProfile),
-            "masked_areas" to JsonArray(found.maskedAreas.map { area(it) }),
+            "cfa" to found.sensor.cfa,
+            "black" to tensor(found.sensor.black),
+            "white" to found.sensor.white,
+            "make" to found.origin.make,
+            "model" to found.origin.model,
+            "exposure" to found.origin.exposure,
+            "iso" to found.origin.iso,
+            "orientation" to found.origin.orientation,
+            "color_matrix1" to tensor(found.colours.colorMatrix1),
+            "color_matrix2" to tensor(found.colours.colorMatrix2),
+            "as_shot_neutral" to tensor(found.colours.asShotNeutral),
+            "gain_maps" to JsonArray(found.corrections.gainMaps.map { gainMap(it) }),
+            "as_shot_white_xy" to tensor(found.colours.asShotWhiteXY),
+            "noise_profile" to tensor(found.sensor.noiseProfile),
+            "masked_areas" to JsonArray(found.sensor.maskedAreas.map { area(it) }),
             "bad_pixels" to JsonArray(
-                found.badPixels.map { each ->
+                found.corrections.badPixels.map { each ->
                     buildJsonObject {
                         put("list", JsonPrimitive(each.list))
                         put("constant", each.constant?.let { JsonPrimitive(it) } ?: JsonNull)

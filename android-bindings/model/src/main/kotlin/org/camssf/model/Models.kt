@@ -1,7 +1,6 @@
 package org.camssf.model
 
 import java.io.InputStream
-import java.security.MessageDigest
 
 /** The files in this jar: the models, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
@@ -17,6 +16,7 @@ public object Models {
      *
      * @throws IllegalStateException the file is missing from the jar (an app's packaging rules can remove it).
      */
+    @JvmStatic
     public fun open(name: String): InputStream =
         checkNotNull(Models::class.java.getResourceAsStream("/org/camssf/model/$name")) {
             "$name is missing from the app: keep the resources org/camssf/model/* when packaging."
@@ -27,6 +27,7 @@ public object Models {
      *
      * @throws IllegalStateException the file is missing or differs from the one that this jar was built with.
      */
+    @JvmStatic
     public fun read(name: String): ByteArray = checked(name, open(name).use { it.readBytes() })
 
     internal fun checked(name: String, content: ByteArray): ByteArray {
@@ -38,6 +39,6 @@ public object Models {
     }
 
     /** SHA-256 of bytes, lower-case hex. */
-    public fun sha256(content: ByteArray): String =
-        MessageDigest.getInstance("SHA-256").digest(content).joinToString("") { "%02x".format(it) }
+    @JvmStatic
+    public fun sha256(content: ByteArray): String = Sha256().add(content).hex()
 }

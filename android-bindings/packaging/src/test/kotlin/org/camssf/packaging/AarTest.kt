@@ -72,7 +72,7 @@ class AarTest {
             }
         }
         val runtime = System.getProperty("onnxruntime.version")
-        val phone = "com.microsoft.onnxruntime:onnxruntime-android:$runtime:runtime"
+        val phone = "com.microsoft.onnxruntime:onnxruntime-android:[$runtime]:runtime"
         assertEquals(listOf("org.camssf:camssf-camera2:$version:compile", phone), found)
     }
 

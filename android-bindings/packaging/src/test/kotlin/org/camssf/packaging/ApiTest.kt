@@ -31,6 +31,39 @@ class ApiTest {
             val known = if (file.exists()) file.readText() else ""
             assertEquals(known, found, "run verify -Dapi.write, and look at the difference")
             assertEquals(emptyList<String>(), found.lines().filter { "onnxruntime" in it || "serialization" in it })
+            assertEquals(emptyList<String>(), unfriendly(found))
         }
+    }
+
+    /**
+     * What an app would stumble over: a class with properties that prints as an address, a data class of a type that
+     * will grow, several constructors of an exception, and what Java writes as `INSTANCE`, `Unit` or a `Pair`.
+     */
+    private fun unfriendly(api: String): List<String> = api.split("\n\n").flatMap { block ->
+        val lines = block.trim().lines()
+        val head = lines[0]
+        val plain = listOf("Enum", "Exception", "Companion", "interface", "abstract").none { it in head }
+        val single = "INSTANCE" in block
+        val silent = plain && !single && lines.any { PROPERTY in it } && lines.none { "fun toString ()" in it }
+        val frozen = "fun component1 ()" in block && GEOMETRY.none { head.startsWith("public final class $it ") }
+        val many = lines.count { "public fun <init>" in it } > 1 && THROWN.any { it in head }
+        val foreign = lines.filter { line ->
+            "kotlin/Pair" in line || "kotlin/jvm/functions/Function1" in line ||
+                (single && " fun " in line && " static " !in line)
+        }
+        listOfNotNull(
+            "$head no toString".takeIf { silent },
+            "$head a data class".takeIf { frozen },
+            "$head several constructors".takeIf { many },
+        ) + foreign.map { "$head $it" }
+    }
+
+    private companion object {
+        const val PROPERTY = "public final fun get"
+
+        /** Data classes whose fields cannot become more: two coordinates, four corners, four sides. */
+        val GEOMETRY = listOf("Point", "Corners", "Region").map { "org/camssf/photo/$it" }
+
+        val THROWN = listOf("CalibrationException", "RawError", "ChartError", "CaptureError")
     }
 }

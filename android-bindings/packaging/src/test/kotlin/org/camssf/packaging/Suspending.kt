@@ -24,7 +24,7 @@ internal object Suspending {
         val corners = Corners.of(*words[1].split(",").map { it.toDouble() }.toDoubleArray())
         val shot = Shot(PhotoSource.of(File(words[0])), Lamp.read("D55"), corners)
         val capture = Capture(shot, ChartTable.read("classic24"))
-        val found = SsfCalibrator.open().use { runBlocking { it.calibrateSuspending(capture) } }
+        val found = SsfCalibrator.open().use { runBlocking { it.calibrate(capture) } }
         File(words[2]).writeText(found.toJson())
         if (found is Calibrated) colours(found, File(words[0]))
     }

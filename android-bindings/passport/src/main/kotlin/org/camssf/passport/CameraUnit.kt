@@ -14,7 +14,7 @@ import org.camssf.photo.Photo
  * @property focalLength mm.
  * @property aperture f-number.
  */
-public data class CameraUnit @JvmOverloads constructor(
+public class CameraUnit @JvmOverloads constructor(
     public val make: String = "",
     public val model: String = "",
     public val cameraId: String = "",
@@ -23,6 +23,15 @@ public data class CameraUnit @JvmOverloads constructor(
     public val focalLength: Double? = null,
     public val aperture: Double? = null,
 ) {
+    private fun parts() = listOf(make, model, cameraId, serial, lens, focalLength, aperture)
+
+    override fun equals(other: Any?): Boolean = other is CameraUnit && parts() == other.parts()
+
+    override fun hashCode(): Int = parts().hashCode()
+
+    override fun toString(): String = "CameraUnit(make=$make, model=$model, cameraId=$cameraId, serial=$serial, " +
+        "lens=$lens, focalLength=$focalLength, aperture=$aperture)"
+
     /**
      * This unit, with unknown fields taken from `other`.
      *

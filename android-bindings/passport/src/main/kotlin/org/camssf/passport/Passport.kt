@@ -1,5 +1,6 @@
 package org.camssf.passport
 
+import org.camssf.Camssf
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
 import org.camssf.UnitDiffers
@@ -146,7 +147,6 @@ public class Passport internal constructor(
     override fun toString(): String = "passport $id of $unit, valid from ${iso(begins)} to ${iso(ends)}"
 
     public companion object {
-        private const val VERSION = "0.1.0"
         private const val LARGEST_DOCUMENT = 64 * 1024 * 1024
         private const val LONGEST_DAYS = 36500
 
@@ -227,7 +227,7 @@ public class Passport internal constructor(
                 captured = captured(times.firstOrNull { it.isNotEmpty() }.orEmpty()),
                 chartSerial = said.chartSerial,
                 lampSerials = lamps,
-                software = VERSION,
+                software = Camssf.VERSION,
                 resultSha256 = hex(PassportKeys.sha256(result)),
                 result = Sound.write(excerpt),
             ).also { it.unit.toJson() }

@@ -2,7 +2,7 @@ package org.camssf.passport
 
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
-import java.security.MessageDigest
+import org.camssf.model.Sha256
 import java.security.PublicKey
 import kotlin.time.Clock
 import kotlin.time.Instant
@@ -63,7 +63,7 @@ public object PassportKeys {
     internal fun points(trusted: Collection<PublicKey>): Map<String, ByteArray> =
         trusted.map { P256.point(it) }.associateBy { name(it) }
 
-    internal fun sha256(data: ByteArray): ByteArray = MessageDigest.getInstance("SHA-256").digest(data)
+    internal fun sha256(data: ByteArray): ByteArray = Sha256().add(data).toBytes()
 
     internal val PASSPORT = Regex("[0-9a-f]{32}")
     internal val KEY = Regex("[A-Za-z0-9_-]{43}")

@@ -22,4 +22,7 @@ public class PassportRequest @JvmOverloads constructor(
 ) {
     /** Serial number of each shot's lamp, in order; empty, or one entry per shot. */
     public val lampSerials: List<String> = Collections.unmodifiableList(ArrayList(lampSerials))
+
+    override fun toString(): String = "PassportRequest($unit, captured=$captured, chartSerial=$chartSerial, " +
+        "lampSerials=$lampSerials, days=$days, begins=$begins)"
 }

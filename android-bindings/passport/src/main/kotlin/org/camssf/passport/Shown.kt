@@ -7,6 +7,8 @@ package org.camssf.passport
  * @property key name of the key in the header.
  */
 public class Shown internal constructor(public val passport: Passport, public val key: String) {
+    override fun toString(): String = "unverified $passport, key $key"
+
     /** The content as `camssf passport show` prints it, without the result. */
     public fun toJson(): String {
         val verdict = (Sound.parse(passport.result) as Members).values["verdict"] as? Members

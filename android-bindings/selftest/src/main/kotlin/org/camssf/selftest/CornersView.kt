@@ -85,12 +85,12 @@ internal class CornersView(context: Context) : View(context) {
         fun thumbnail(mosaic: Mosaic, step: Int): Bitmap {
             val (width, height) = mosaic.width / step to mosaic.height / step
             val colors = IntArray(width * height)
-            val green = mosaic.cfa.indexOf('G')
-            val range = mosaic.white - mosaic.black[green]
+            val green = mosaic.sensor.cfa.indexOf('G')
+            val range = mosaic.sensor.white - mosaic.sensor.black[green]
             for (y in 0 until height) {
                 for (x in 0 until width) {
                     val sample = mosaic[x * step / 2 * 2 + (green and 1), y * step / 2 * 2 + (green shr 1)]
-                    val part = ((sample - mosaic.black[green]) / range).coerceIn(0.0, 1.0)
+                    val part = ((sample - mosaic.sensor.black[green]) / range).coerceIn(0.0, 1.0)
                     val grey = (255 * Math.pow(part, 1 / 2.2)).toInt()
                     colors[y * width + x] = Color.rgb(grey, grey, grey)
                 }

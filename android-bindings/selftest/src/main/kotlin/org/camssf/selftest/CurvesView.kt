@@ -6,6 +6,7 @@ import android.graphics.Color
 import android.graphics.Paint
 import android.graphics.Path
 import android.view.View
+import org.camssf.Channel
 import org.camssf.Grid
 import org.camssf.recovery.Ssf
 
@@ -36,7 +37,8 @@ internal class CurvesView(context: Context) : View(context) {
         }
         canvas.drawLine(0f, y(0.0), width.toFloat(), y(0.0), paint)
         val ssf = ssf ?: return
-        for ((channel, color) in COLORS.withIndex()) {
+        for (channel in Channel.entries) {
+            val color = COLORS[channel.ordinal]
             val curve = ssf.curve(channel)
             ssf.band(channel)?.let { band -> area(canvas, curve, band, color) }
             path.reset()

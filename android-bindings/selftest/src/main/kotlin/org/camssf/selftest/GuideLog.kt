@@ -1,6 +1,7 @@
 package org.camssf.selftest
 
 import org.camssf.guide.Advice
+import org.camssf.guide.FrameMeasures
 import org.camssf.guide.Guidance
 import org.json.JSONObject
 
@@ -10,7 +11,7 @@ internal class GuideLog {
     private val said = LinkedHashMap<Advice, Int>()
     private var changes = 0
     private var before: Advice? = null
-    private var last: Guidance? = null
+    private var last: FrameMeasures? = null
 
     /** Adds a frame's guidance, and the time that search and guide took, ns. */
     @Synchronized
@@ -19,7 +20,7 @@ internal class GuideLog {
         said[guidance.advice] = (said[guidance.advice] ?: 0) + 1
         if (before != null && before != guidance.advice) changes++
         before = guidance.advice
-        if (guidance.measured != null) last = guidance
+        if (guidance is Guidance.Measured) last = guidance.measures
     }
 
     /** The statistics for the report: times in ms, number of frames for each advice. */
@@ -38,8 +39,7 @@ internal class GuideLog {
             .put("last", last?.let(::measures) ?: JSONObject.NULL)
     }
 
-    private fun measures(guidance: Guidance): JSONObject {
-        val m = guidance.measured ?: return JSONObject()
+    private fun measures(m: FrameMeasures): JSONObject {
         fun known(value: Double?): Any = value ?: JSONObject.NULL
         return JSONObject()
             .put("confidence", m.sighting.confidence)

@@ -15,6 +15,7 @@ import android.media.ImageReader
 import android.os.Bundle
 import android.os.Handler
 import android.os.HandlerThread
+import android.util.Size
 import android.view.Surface
 import android.view.TextureView
 import android.widget.FrameLayout
@@ -117,15 +118,15 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
     private fun preview(device: CameraDevice, told: CameraCharacteristics) {
         val surface = texture.surfaceTexture?.apply { setDefaultBufferSize(WIDTH, HEIGHT) } ?: return
         val guide = CaptureGuide(PreviewFrames.focal(told))
-        val frame = PreviewFrames.map(told, WIDTH, HEIGHT)
+        val frame = PreviewFrames.map(told, Size(WIDTH, HEIGHT))
         val taking = ImageReader.newInstance(WIDTH, HEIGHT, ImageFormat.YUV_420_888, 3)
         reader = taking
         val looking = PreviewFrames.listener(guide) { said ->
             runOnUiThread {
                 if (advice.width > 0) {
                     // A TextureView stretches its stream; the manifest fixes the screen to portrait.
-                    val size = advice.width to advice.height
-                    val view = PreviewFrames.view(told, WIDTH to HEIGHT, size, rotation(), PreviewFit.STRETCH)
+                    val size = Size(advice.width, advice.height)
+                    val view = PreviewFrames.view(told, Size(WIDTH, HEIGHT), size, rotation(), PreviewFit.STRETCH)
                     advice.show(said, frame, view)
                 }
             }

@@ -123,7 +123,7 @@ public class SelfTestActivity : Activity() {
             val photo = PhotoSource.dng { Nameless(Photos.open(contentResolver, uri)) }
             val light = if (lamp == UNNAMED) Lamp.auto() else Lamp.read(lamp)
             val capture = Capture(Shot(photo, light, corners), ChartTable.read(chart))
-            val found = SsfCalibrator.open().use { it.calibrate(capture) { stage, _ -> tell(stage) } }
+            val found = SsfCalibrator.open().use { it.calibrateBlocking(capture) { progress -> tell("$progress") } }
             val time = (System.nanoTime() - start) / 1_000_000
             val memory = Memory.now()
             val spot = (found as? Calibrated)?.let { Spot(mosaic, corners, ChartTable.read(chart), it, lamp) }

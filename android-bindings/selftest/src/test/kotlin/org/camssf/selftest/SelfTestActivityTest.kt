@@ -10,6 +10,7 @@ import android.view.ViewGroup
 import android.widget.Button
 import android.widget.Spinner
 import android.widget.TextView
+import org.camssf.Channel
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
 import org.camssf.golden.GoldenFiles
@@ -75,7 +76,7 @@ class SelfTestActivityTest {
             picture.dispatchTouchEvent(up)
         }
         waitFor(views, "accepted, ")
-        assertEquals(681, views.filterIsInstance<CurvesView>().single().ssf!!.curve(0).size)
+        assertEquals(681, views.filterIsInstance<CurvesView>().single().ssf!!.curve(Channel.RED).size)
         // From now on taps are spots: the white patch, itself the reference, has a white's 0.9.
         val white = ChartPose.refine(
             DngReader.read(DngSource.of(photo)),

@@ -5,6 +5,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Calibration
+import org.camssf.Channel
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
 import org.camssf.photo.MeasuredShot
@@ -25,11 +26,11 @@ class FakesTest {
     fun `an answer`() {
         val found = Fakes.calibrated()
         assertEquals(Status.ACCEPTED, found.verdict.outcome)
-        for (c in 0..2) {
+        for (c in Channel.entries) {
             assertEquals(1.0, found.ssf.curve(c).max())
             assertTrue(found.ssf.band(c)!!.all { it == found.ssf.band(c)!![0] && it > 0 })
         }
-        val (red, green, blue) = List(3) { c ->
+        val (red, green, blue) = Channel.entries.map { c ->
             found.ssf.curve(c).let { curve -> curve.indices.maxByOrNull { curve[it] }!! }
         }
         assertTrue(blue < green && green < red, "$blue $green $red")
@@ -46,7 +47,7 @@ class FakesTest {
             Status.DOUBTFUL to listOf("glare"),
             found.verdict.outcome to found.verdict.reasons.map { it.code },
         )
-        assertArrayEquals(DoubleArray(681) { (1.0 + it) / 681 }, found.ssf.curve(0), 1e-12)
+        assertArrayEquals(DoubleArray(681) { (1.0 + it) / 681 }, found.ssf.curve(Channel.RED), 1e-12)
         for (wrong in listOf(DoubleArray(5), DoubleArray(3 * 681))) {
             assertThrows(InvalidArgument::class.java) { Fakes.calibrated(curves = wrong) }
         }

@@ -7,13 +7,13 @@ import org.camssf.RawError
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.checkInterrupt
+import org.camssf.model.Sha256
 import org.camssf.photo.Facts
 import org.camssf.photo.Mosaic
 import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
 import org.camssf.photo.Rows
 import org.camssf.photo.outside
-import java.security.MessageDigest
 
 /**
  * Reads a DNG as a mosaic: the sensor's samples as stored, and the file's metadata.
@@ -155,16 +155,16 @@ public object DngReader {
     private fun before11(tiff: Tiff): Boolean = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 2).getOrElse(1) { 0 } < 1
 
     private fun sha256(tiff: Tiff): String {
-        val digest = MessageDigest.getInstance("SHA-256")
+        val hash = Sha256()
         val chunk = ByteArray(1 shl 16)
         var at = 0L
         while (at < tiff.size) {
             checkInterrupt()
             val count = minOf(tiff.size - at, chunk.size.toLong()).toInt()
             tiff.read(at, chunk, 0, count)
-            digest.update(chunk, 0, count)
+            hash.add(chunk, 0, count)
             at += count
         }
-        return digest.digest().joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
+        return hash.hex()
     }
 }

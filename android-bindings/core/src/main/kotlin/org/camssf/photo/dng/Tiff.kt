@@ -2,7 +2,7 @@ package org.camssf.photo.dng
 
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
-import java.io.IOException
+import org.camssf.photo.fromApp
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import kotlin.math.abs
@@ -64,11 +64,7 @@ internal class Tiff(val source: DngSource) {
     /** Reads `length` bytes from `at` into `into`. */
     fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
         inside(at, length.toLong())
-        try {
-            source.read(at, into, offset, length)
-        } catch (error: IOException) {
-            throw UnreadableRaw("$name cannot be read: ${error.message}.", "Open it and try again.", cause = error)
-        }
+        fromApp("$name cannot be read") { source.read(at, into, offset, length) }
     }
 
     private fun inside(at: Long, length: Long) {

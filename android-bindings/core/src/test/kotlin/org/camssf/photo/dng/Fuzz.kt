@@ -104,7 +104,8 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
             check(found.samples.size == found.region.width * found.region.height) {
                 "seed $seed: samples are missing"
             }
-            check(found.black.all { it.isFinite() } && found.white > 0) { "seed $seed: levels are no numbers" }
+            val sensor = found.sensor
+            check(sensor.black.all { it.isFinite() } && sensor.white > 0) { "seed $seed: levels are no numbers" }
             read++
         } catch (error: RawError) {
             check(error.message.isNotEmpty() && error.advice.isNotEmpty()) { "seed $seed: no words" }

@@ -80,9 +80,9 @@ class JudgesTest {
             val found = DngSource.of(file).use { DngReader.read(it) }
             assertEquals(verdict("real", real.name, "libraw"), digest(found))
             assertEquals(listOf(real.width, real.height), listOf(found.width, found.height))
-            assertEquals(real.cfa, found.cfa)
-            assertArrayEquals(DoubleArray(4) { real.black }, found.black)
-            assertEquals(real.white, found.white)
+            assertEquals(real.cfa, found.sensor.cfa)
+            assertArrayEquals(DoubleArray(4) { real.black }, found.sensor.black)
+            assertEquals(real.white, found.sensor.white)
         }
     }
 

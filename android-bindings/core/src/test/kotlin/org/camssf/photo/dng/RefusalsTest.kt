@@ -315,7 +315,7 @@ class RefusalsTest {
         val expected = read(variant.bytes)
         DngSource.of(file).use { assertTrue(expected.samples.contentEquals(DngReader.read(it).samples)) }
         val stream = DngSource.of(ByteArrayInputStream(variant.bytes), "a.dng")
-        assertEquals(expected.sha256, DngReader.read(stream).sha256)
+        assertEquals(expected.origin.sha256, DngReader.read(stream).origin.sha256)
         assertThrows<UnsupportedRaw> { DngSource.of(ByteArrayInputStream(variant.bytes), "a.dng", 1000) }
         assertThrows<UnreadableRaw> { DngSource.of(folder) }
         assertThrows<UnreadableRaw> { DngSource.of(File(folder, "none.dng")) }

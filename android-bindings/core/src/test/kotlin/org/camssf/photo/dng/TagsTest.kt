@@ -30,16 +30,18 @@ class TagsTest {
     @Test
     fun aSilentFileHasDefaults() {
         val found = read(bits = 10)
-        assertArrayEquals(DoubleArray(4), found.black)
-        assertEquals(1023.0, found.white)
-        assertEquals(1, found.orientation)
-        assertEquals("Maker", found.make)
-        assertEquals("Model 1", found.model)
-        with(found) { listOf(exposure, iso, colorMatrix1, colorMatrix2, asShotNeutral) }.forEach { assertNull(it) }
-        assertNull(found.asShotWhiteXY)
-        assertNull(found.noiseProfile)
-        assertTrue(found.gainMaps.isEmpty() && found.badPixels.isEmpty() && found.unknownOpcodes.isEmpty())
-        assertTrue(found.maskedAreas.isEmpty())
+        assertArrayEquals(DoubleArray(4), found.sensor.black)
+        assertEquals(1023.0, found.sensor.white)
+        assertEquals(1, found.origin.orientation)
+        assertEquals("Maker", found.origin.make)
+        assertEquals("Model 1", found.origin.model)
+        with(found.colours) { listOf(colorMatrix1, colorMatrix2, asShotNeutral) }.forEach { assertNull(it) }
+        assertEquals(null to null, found.origin.exposure to found.origin.iso)
+        assertNull(found.colours.asShotWhiteXY)
+        assertNull(found.sensor.noiseProfile)
+        val corrections = found.corrections
+        assertEquals(emptyList<Any>(), corrections.gainMaps + corrections.badPixels + corrections.unknownOpcodes)
+        assertTrue(found.sensor.maskedAreas.isEmpty())
     }
 
     @Test
@@ -47,7 +49,7 @@ class TagsTest {
         for (cfa in Mosaic.CFA_ORDERS) {
             for (corner in listOf(0 to 0, 1 to 0, 0 to 1, 3 to 5)) {
                 val found = read(area(corner.first, corner.second, 20, 20), cfa = cfa)
-                assertEquals(cfa, found.cfa)
+                assertEquals(cfa, found.sensor.cfa)
                 assertEquals(cfa[0], found.color(0, 0))
                 assertEquals(cfa[1], found.color(7, 2))
                 assertEquals(cfa[2], found.color(4, 9))
@@ -72,11 +74,12 @@ class TagsTest {
     @Test
     fun blackOfEachPosition() {
         val tags: Tags = mapOf(50713 to Value.short(2, 2), 50714 to Value.rational(256, 1, 1025, 4, 2060, 8, 259, 1))
-        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).black)
-        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags + area(1, 3, 20, 20)).black)
-        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).black)
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).sensor.black)
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags + area(1, 3, 20, 20)).sensor.black)
+        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).sensor.black)
         val rows: Tags = mapOf(50713 to Value.short(2, 1), 50714 to Value.long(60, 70))
-        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), read(rows, order = ByteOrder.BIG_ENDIAN).black)
+        val sensor = read(rows, order = ByteOrder.BIG_ENDIAN).sensor
+        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), sensor.black)
     }
 
     @Test
@@ -86,7 +89,7 @@ class TagsTest {
             val numbers = IntArray(rows * columns) { 500 + (37 * it * it) % 91 }
             val tags: Tags = mapOf(50713 to Value.short(rows, columns), 50714 to Value.short(*numbers))
             val pattern = Array(rows) { y -> DoubleArray(columns) { x -> numbers[y * columns + x].toDouble() } }
-            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).black, 1e-12)
+            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).sensor.black, 1e-12)
         }
         val across = IntArray(18) { (5 * it) % 7 - 3 }
         val down = IntArray(20) { (3 * it) % 11 - 4 }
@@ -99,14 +102,14 @@ class TagsTest {
         val expected = blackByBruteForce(
             18, 20, hundred, DoubleArray(18) { across[it] / 2.0 }, DoubleArray(20) { down[it] / 4.0 },
         )
-        assertArrayEquals(expected, read(tags).black, 1e-12)
+        assertArrayEquals(expected, read(tags).sensor.black, 1e-12)
     }
 
     @Test
     fun whiteLevel() {
-        assertEquals(4000.0, read(mapOf(50717 to Value.short(4000))).white)
-        assertEquals(4000.5, read(mapOf(50717 to Value.rational(8001, 2))).white)
-        assertEquals(65535.0, read(bits = 16).white)
+        assertEquals(4000.0, read(mapOf(50717 to Value.short(4000))).sensor.white)
+        assertEquals(4000.5, read(mapOf(50717 to Value.rational(8001, 2))).sensor.white)
+        assertEquals(65535.0, read(bits = 16).sensor.white)
     }
 
     @Test
@@ -126,21 +129,21 @@ class TagsTest {
         val exif: Tags = mapOf(33434 to Value.rational(1, 125), 34855 to Value.short(400))
         for (order in listOf(ByteOrder.LITTLE_ENDIAN, ByteOrder.BIG_ENDIAN)) {
             val found = read(first = first, exif = exif, order = order)
-            assertEquals("Acme", found.make)
-            assertEquals("Fön 7", found.model)
-            assertEquals(6, found.orientation)
-            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colorMatrix1)
-            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colorMatrix2)
-            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.asShotNeutral)
-            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.asShotWhiteXY)
-            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.noiseProfile)
-            assertEquals(1 / 125.0, found.exposure)
-            assertEquals(400.0, found.iso)
+            assertEquals("Acme", found.origin.make)
+            assertEquals("Fön 7", found.origin.model)
+            assertEquals(6, found.origin.orientation)
+            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colours.colorMatrix1)
+            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colours.colorMatrix2)
+            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.colours.asShotNeutral)
+            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.colours.asShotWhiteXY)
+            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.sensor.noiseProfile)
+            assertEquals(1 / 125.0, found.origin.exposure)
+            assertEquals(400.0, found.origin.iso)
         }
-        assertEquals("Maker Model 1", read(first = mapOf(272 to null)).model)
+        assertEquals("Maker Model 1", read(first = mapOf(272 to null)).origin.model)
         assertEquals("Maker Model 1", read(bits = 10).origin.uniqueModel)
         assertEquals("", read(first = mapOf(50708 to null)).origin.uniqueModel)
-        assertEquals(1, read(first = mapOf(274 to Value.short(9))).orientation)
+        assertEquals(1, read(first = mapOf(274 to Value.short(9))).origin.orientation)
     }
 
     /** White = balance · calibration · matrix · XYZ of the light, green 1; by hand for D65 (21) and A (17). */
@@ -163,17 +166,18 @@ class TagsTest {
             50778 to Value.short(21),
             50779 to Value.short(17),
         )
-        val (day, bulb) = read(first = first).neutrals
+        val (day, bulb) = read(first = first).colours.neutrals
         assertEquals(listOf(21, 17), listOf(day.illuminant, bulb.illuminant))
         assertArrayEquals(doubleArrayOf(2 * 0.950430, 1.0, 2 * 1.088806), day.white, 1e-5)
         assertArrayEquals(doubleArrayOf(4 * 1.098490, 1.0, 6 * 0.355798), bulb.white, 1e-5)
-        assertTrue(read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0))).neutrals.isEmpty())
+        val other = read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0)))
+        assertTrue(other.colours.neutrals.isEmpty())
     }
 
     @Test
     fun maskedAreas() {
         val tags = area(4, 8, 24, 24) + (50830 to Value.long(0, 0, 24, 8, 0, 8, 4, 24, 9, 9, 9, 99))
-        assertEquals(listOf(Region(0, 0, 8, 24), Region(8, 0, 24, 4)), read(tags).maskedAreas)
+        assertEquals(listOf(Region(0, 0, 8, 24), Region(8, 0, 24, 4)), read(tags).sensor.maskedAreas)
     }
 
     @Test
@@ -192,7 +196,7 @@ class TagsTest {
         )
         for (order in listOf(ByteOrder.LITTLE_ENDIAN, ByteOrder.BIG_ENDIAN)) {
             val found = read(tags, order = order)
-            val shading = found.gainMaps.single()
+            val shading = found.corrections.gainMaps.single()
             assertEquals(2, shading.list)
             assertEquals(Region(1, 0, 23, 22), shading.area)
             assertEquals(listOf(0, 1, 2, 2), shading.run { listOf(plane, planes, rowPitch, columnPitch) })
@@ -200,12 +204,12 @@ class TagsTest {
             assertEquals(listOf(1.0, 0.5), listOf(shading.spacingV, shading.spacingH))
             assertEquals(listOf(0.0, 0.25), listOf(shading.originV, shading.originH))
             assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.gains)
-            val (listed, valued) = found.badPixels
+            val (listed, valued) = found.corrections.badPixels
             assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.points)
             assertEquals(listOf(Region(11, 10, 13, 12)), listed.areas)
             assertEquals(1, listed.list)
             assertEquals(77, valued.constant)
-            assertEquals(listOf(8, 99), found.unknownOpcodes)
+            assertEquals(listOf(8, 99), found.corrections.unknownOpcodes)
         }
     }
 
@@ -213,6 +217,7 @@ class TagsTest {
     fun theHashIsOfTheFile() {
         val bytes = Variants.all.first().bytes
         val expected = java.security.MessageDigest.getInstance("SHA-256").digest(bytes)
-        assertEquals(expected.joinToString("") { "%02x".format(it) }, DngReader.read(DngSource.of(bytes, "a")).sha256)
+        val found = DngReader.read(DngSource.of(bytes, "a"))
+        assertEquals(expected.joinToString("") { "%02x".format(it) }, found.origin.sha256)
     }
 }

@@ -19,7 +19,7 @@ class VariantsTest {
             assertEquals(variant.area.width, found.width)
             assertEquals(variant.area.height, found.height)
             assertEquals(Region(0, 0, found.width, found.height), found.region)
-            assertEquals(variant.writer.cfa, found.cfa)
+            assertEquals(variant.writer.cfa, found.sensor.cfa)
             same(variant, found)
         }
     }
@@ -63,9 +63,9 @@ class VariantsTest {
             val cfa = variant.writer.cfa
             val (left, top) = variant.area
             val shifted = (0..3).map { colour(cfa, left + it % 2, top + it / 2) }.joinToString("")
-            assertNotEquals(shifted, read(variant).cfa, variant.name)
+            assertNotEquals(shifted, read(variant).sensor.cfa, variant.name)
         }
-        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).black }
+        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).sensor.black }
         assertEquals(2, black.size)
         for (levels in black) {
             assertTrue(levels.all { it > 1 } && levels.toSet().size == 4, levels.joinToString())
