@@ -128,7 +128,7 @@ def test_colour_takes_a_passport(
 
     def of_serial(serial: str) -> int:
         with monkeypatch.context() as patched:
-            patched.setattr("camssf.photo.read.raw.read_raw", partial(_with_serial, raw.read_raw, serial))
+            patched.setattr("camssf.colour.regions.read_raw", partial(_with_serial, raw.read_raw, serial))
             return colour("own.jws", *key)[0]
 
     assert (of_serial("A1"), of_serial("B2")) == (0, UnitDiffers.exit_status)
