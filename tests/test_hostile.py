@@ -39,7 +39,7 @@ def test_no_file_becomes_code_and_nothing_calls_home() -> None:
     sources = sorted(PACKAGE.rglob("*.py"))
     assert len(sources) > 100
     listener = PACKAGE / "app" / "server.py"
-    for path, node in ((path, node) for path in sources for node in ast.walk(ast.parse(path.read_text("utf-8")))):
+    for path, node in ((each, node) for each in sources for node in ast.walk(ast.parse(each.read_text("utf-8")))):
         if isinstance(node, ast.Import | ast.ImportFrom):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
             roots = {name.partition(".")[0] for name in names}
