@@ -91,8 +91,8 @@ public class ChartTable internal constructor(
     public companion object {
         private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")
         private const val MENU =
-            "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file of " +
-                "measured reflectances by ChartTable.parse; sg140 by such a file only."
+            "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file " +
+                "of measured reflectances by ChartTable.parse; sg140 by such a file only."
 
         /** Names that [read] accepts. */
         @JvmStatic

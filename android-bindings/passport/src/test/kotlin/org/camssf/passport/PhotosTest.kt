@@ -96,7 +96,8 @@ class PhotosTest {
         val others = listOf(whole.copy(serial = "x"), whole.copy(lens = "35 mm"))
         val words = others.map { assertThrows<UnitDiffers> { passport(it).checkPhoto(photo) }.message }
         val unit = "a.dng was taken by another unit than that of the passport"
-        assertEquals(listOf("$unit: serial 'body 9' against 'x'.", "$unit: lens 'Wide 24 mm' against '35 mm'."), words)
+        val expected = listOf("$unit: serial 'body 9' against 'x'.", "$unit: lens 'Wide 24 mm' against '35 mm'.")
+        assertEquals(expected, words)
     }
 
     private companion object {
