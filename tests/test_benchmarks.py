@@ -572,7 +572,7 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
         assert f"{row['range_curves']:.1f}°" in page
     raw, matrix, curves = found["chart"].values()
     (told,) = re.findall(
-        r"as they are: ([\d.]+) to ([\d.]+) off, ([\d.]+) between the cameras\. Through a 3 × 3 matrix of a chart "
+        r"White-balanced only: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through a 3 × 3 matrix of a chart "
         r"under D55: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through the curves: ([\d.]+) and ([\d.]+)\.",
         page,
     )

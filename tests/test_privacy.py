@@ -181,7 +181,8 @@ def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(pla
     ]  # fmt: skip
     four = ["report.html", "result.json", "ssf.csv", "ssf.png"]
     assert sorted(path.name for path in (places.work / "again").iterdir()) == four
-    assert sorted(path.name for path in (places.work / "out").iterdir()) == [*four[:2], "shots", *four[2:]]
+    assert sorted(path.name for path in (places.work / "out").iterdir()) == ["named", *four[:2], "shots", *four[2:]]
+    assert sorted(path.name for path in (places.work / "out" / "named").iterdir()) == four
 
 
 def away() -> tuple[str, ...]:
