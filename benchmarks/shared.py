@@ -29,7 +29,7 @@ from camssf.spectra import read_chart, read_lamp
 
 RESULTS = Path(__file__).parent / "results"
 TABLE = "classic24:babelcolor"
-"""The chart's table, fixed: the chart in the photo is often Ohta's, as one that nobody measured, not as itself."""
+"""The chart's table, fixed: the chart in the photo is often Ohta's, in place of a chart without a measured table."""
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
 
 

@@ -194,9 +194,9 @@ def test_bash_completes(words: str, answers: set[str], tmp_path: Path) -> None:
         'function=$(complete -p camssf | sed "s/.*-F \\([^ ]*\\).*/\\1/"); $function camssf; '
         'printf "%s\\n" "${COMPREPLY[@]}"'
     )
-    told = subprocess.run(
+    done = subprocess.run(
         ["bash", "-c", script],
         env={**os.environ, "PATH": os.pathsep.join((str(tmp_path), os.environ["PATH"]))},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert set(told.stdout.split()) == answers, told.stderr
+    assert set(done.stdout.split()) == answers, done.stderr

@@ -118,8 +118,8 @@ def solve(
     ssf = recover_fit(fit, signals.used, options.gamma)
     table = likeliest_table(fit, ssf)
     if table is not capture.chart:
-        capture = replace(capture, chart=table)
-        return solve(capture, options=options, truth=truth, progress=progress, record=record)
+        other = replace(capture, chart=table)
+        return solve(other, options=options, truth=truth, progress=progress, record=record)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
     predicted_std = prediction_bands(fit, signals.used, ssf)

@@ -22,7 +22,7 @@ from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
-from camssf.spectra import Lamp, Unnamed
+from camssf.spectra import ChartTable, Lamp, Unnamed
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""
@@ -80,7 +80,10 @@ class CaptureFit:
 
     def with_chart_of(self, ssf: Ssf) -> CaptureFit:
         """The fit with the chart as faded as `ssf` found it."""
-        chart = self.capture.chart.faded(ssf.settings.chart_fading)
+        return self.with_chart(self.capture.chart.faded(ssf.settings.chart_fading))
+
+    def with_chart(self, chart: ChartTable) -> CaptureFit:
+        """The same signals, explained by another table of the chart."""
         return replace(self, capture=replace(self.capture, chart=chart))
 
     def with_kinds(self, kinds: Sequence[str]) -> CaptureFit:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import basis_of, widened
 from camssf.recovery.hypotheses import CLEAR
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.sensitivity import Ssf
@@ -30,11 +28,11 @@ def likeliest_table(fit: CaptureFit, ssf: Ssf) -> ChartTable:
     if not others:
         return chart
     posed = fit.conditioned_on(ssf)
-    basis = widened(posed.basis if isinstance(posed.basis, Basis) else read_basis(posed.basis), posed.prior_scale)
+    basis = widened(basis_of(posed.basis), posed.prior_scale)
 
     def evidence(table: ChartTable) -> float:
-        of_table = replace(posed, capture=replace(posed.capture, chart=table.faded(ssf.settings.chart_fading)))
-        return log_evidence(linear_model(of_table.given(fit.signals.used), basis))
+        given = posed.with_chart(table.faded(ssf.settings.chart_fading)).given(fit.signals.used)
+        return log_evidence(linear_model(given, basis))
 
     own, nats = evidence(chart), [evidence(table) for table in others]
     best = int(np.argmax(nats))

@@ -131,6 +131,11 @@ def basis_file(spec: str) -> Any:
     return resources.files("camssf") / "data" / f"{spec}.npz" if spec in LEARNED else local(spec)
 
 
+def basis_of(spec: object) -> Basis:
+    """The basis itself, or the one of this name or file (`read_basis`)."""
+    return spec if isinstance(spec, Basis) else read_basis(str(spec))
+
+
 @lru_cache(maxsize=8)
 def read_basis(spec: str) -> Basis:
     """Read a basis by its name, or from a file that `python -m camssf.learning.basis` wrote.

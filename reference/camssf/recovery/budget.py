@@ -6,7 +6,7 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import Basis, basis_of, widened
 from camssf.recovery.linear_model import anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import moves_of_peak_one
@@ -27,7 +27,7 @@ def explain(
     Raises:
         InvalidArgument: as `recover`; also for a basis without a prior, which has no posterior variance.
     """
-    basis = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    basis = basis_of(basis)
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
     observation.check_for(basis)

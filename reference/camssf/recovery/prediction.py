@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import Basis, basis_of, widened
 from camssf.recovery.linear_model import levels, linear_model
 from camssf.recovery.observation import Observation, array_of, tolerance_of
 from camssf.recovery.sensitivity import Ssf, predict_signals
@@ -63,7 +63,7 @@ def predict(
     Raises:
         InvalidArgument: as `recover`; also for a basis without a prior, which has no bands.
     """
-    basis = basis if isinstance(basis, Basis) else read_basis(ssf.settings.basis if basis is None else str(basis))
+    basis = basis_of(ssf.settings.basis if basis is None else basis)
     if not basis.prior:
         raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
     observation.check_for(basis)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import Basis, basis_of, widened
 from camssf.recovery.elastic_net import whiten
 from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
@@ -268,7 +268,7 @@ def answer(
         InvalidArgument: invalid values or names.
         NotConverged: a relative duality gap above 1e-9.
     """
-    known = basis if isinstance(basis, Basis) else read_basis(str(basis))
+    known = basis_of(basis)
     observation.check_for(known)
     engine = settings.engine
     if engine not in ENGINES:

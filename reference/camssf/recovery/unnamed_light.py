@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import Basis, basis_of, widened
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import (
     AUTO,
@@ -92,7 +92,7 @@ class LampHypothesis:
     @property
     def widened_basis(self) -> Basis:
         """The basis, widened by `scale`."""
-        return widened(self.basis if isinstance(self.basis, Basis) else read_basis(self.basis), self.scale)
+        return widened(basis_of(self.basis), self.scale)
 
     @property
     def log_evidence(self) -> float:

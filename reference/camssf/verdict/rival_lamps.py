@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
-from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.basis import basis_of, widened
 from camssf.recovery.hypotheses import AUTO, MAKERS_OF
 from camssf.recovery.linear_model import linear_model
 from camssf.recovery.sensitivity import Ssf
@@ -71,7 +71,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
         return ()
     scale = NARROW if ssf.settings.prior_scale == 1.0 else 1.0  # the learned width for an unfamiliar camera
     families = sorted({*MAKERS_OF.values(), ssf.settings.basis}) if fit.basis == AUTO else [fit.basis]
-    bases = [widened(each if isinstance(each, Basis) else read_basis(each), scale) for each in families]
+    bases = [widened(basis_of(each), scale) for each in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
     def weighed(posed: CaptureFit) -> float:

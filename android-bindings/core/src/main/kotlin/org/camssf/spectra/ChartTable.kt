@@ -62,27 +62,22 @@ public class ChartTable internal constructor(
                 "Write 1 % as 0.01.",
             )
         }
-        val same = DoubleArray(patches.size) { tolerance }
-        return ChartTable(name, table, layout, patches, sharedValues, same, white, source, file)
+        return with(tolerance = DoubleArray(patches.size) { tolerance })
     }
 
     /** The table of a chart whose colours have faded by `amount`. */
     internal fun faded(amount: Double): ChartTable {
         if (amount == 0.0) return this
-        val values = faded(sharedValues, amount)
-        return ChartTable(name, table, layout, patches, values, sharedTolerance, white, source, file)
+        return with(values = faded(sharedValues, amount))
     }
+
+    private fun with(values: DoubleArray = sharedValues, tolerance: DoubleArray = sharedTolerance): ChartTable =
+        ChartTable(name, table, layout, patches, values, tolerance, white, source, file)
 
     /** The chart's other public tables, with the same tolerance, if this is the default one and not named. */
     internal fun otherTables(): List<ChartTable> {
         if (name !in Bundled.charts || table != Bundled.tables.values.first()) return emptyList()
-        return Bundled.tables.keys.drop(1).map { word ->
-            val other = read("$name:$word")
-            ChartTable(
-                other.name, other.table, layout, other.patches, other.sharedValues, sharedTolerance, other.white,
-                other.source,
-            )
-        }
+        return Bundled.tables.keys.drop(1).map { read("$name:$it").with(tolerance = sharedTolerance) }
     }
 
     internal fun reflectance(patch: Int): DoubleArray =
