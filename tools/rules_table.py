@@ -17,11 +17,11 @@ BEGIN, END = "<!-- python -m tools.rules_table -->", "<!-- end of the rules -->"
 def markdown(found: Rules) -> str:
     """The bounds of the verdict, a quantity a row; then all other numbers by group."""
     refusing = {f"verdict.{number.refuses}" for number in found.numbers.values() if number.refuses}
-    lines = ["| number | limit | `name` | code |", "|---|---|---|---|"]
+    lines = ["| number | limit | `name` |", "|---|---|---|"]
     for number in found.numbers.values():
         if number.makes and number.name not in refusing:
             second = [found.numbers[f"verdict.{number.refuses}"]] if number.refuses else []
-            lines.append(_quantity([number, *second], found))
+            lines.append(_quantity([number, *second]))
     groups: dict[str, list[str]] = {}
     for number in found.numbers.values():
         group, _, name = number.name.partition(".")
@@ -32,15 +32,13 @@ def markdown(found: Rules) -> str:
     return "\n".join(lines)
 
 
-def _quantity(bounds: list[Number], found: Rules) -> str:
+def _quantity(bounds: list[Number]) -> str:
     """The row of a quantity with its bound, or with the doubtful and the refusing one."""
     names = [number.name.partition(".")[2] for number in bounds]
-    codes = sorted({wording.code for wording in found.reasons.values() if set(names) & set(wording.limits)})
     cells = [
         bounds[0].what,
         ", ".join(f"{number.makes} {number.beyond} {_value(number)}" for number in bounds),
         ", ".join(f"`{name}`" for name in names),
-        " ".join(f"`{code}`" for code in codes),
     ]
     return f"| {' | '.join(cells)} |"
 
