@@ -32,7 +32,7 @@ def markdown(found: dict[str, Any]) -> str:
         f"- {found['files']['same']} of {found['files']['captures']} verdicts are the same through DNG files and the "
         "whole of `calibrate`.",
         f"- Severity 1, the mildest: {sum(row['missed'] for row in mild)} of {sum(row['captures'] for row in mild)} "
-        f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful (`faults.json`).",
+        f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful.",
         "",
     ]
     lines += ["| fault | severity 2 | severity 3 |", "|---|---|---|"]
@@ -54,8 +54,7 @@ def markdown(found: dict[str, Any]) -> str:
         for name, row in found["without_matrix"].items()
         if row["harmful"]
     ]
-    spoilt = [f"{name} {row['caught']}, {row['named']}" for name, row in pair["faults"].items()]
-    (captures,) = {row["captures"] for row in pair["faults"].values()}
+    spoilt = pair["faults"].values()
     field = [
         f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
         f"bands cover {row['coverage']:.1%}"
@@ -64,10 +63,11 @@ def markdown(found: dict[str, Any]) -> str:
     lines += [
         "",
         f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
-        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3, {captures} pairs of each fault; caught, "
-        f"and only the right shot named: {'; '.join(spoilt)}. Of {pair['clean']} good pairs {pair['clean_caught']} "
-        f"were doubted; with 1 % of drift between chart and white frame {pair['drifting_caught']}, and the RMSE "
-        f"rises from {pair['rmse']:.3f} to {pair['drifting_rmse']:.3f}.",
+        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
+        f"{sum(row['captures'] for row in spoilt)} pairs {sum(row['caught'] for row in spoilt)} are caught, and in "
+        f"{sum(row['named'] for row in spoilt)} only the right shot is named. Of {pair['clean']} good pairs "
+        f"{pair['clean_caught']} were doubted; with 1 % of drift between chart and white frame "
+        f"{pair['drifting_caught']}.",
         "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
         f"same photo with all: {'; '.join(field)}.",
     ]

@@ -28,7 +28,6 @@ def begin(part: str) -> str:
 
 END = "<!-- end -->"
 
-
 RGB = ("#c0392b", "#1e8449", "#2455a4")
 
 
@@ -50,11 +49,9 @@ def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
     return _markdown(("chart", "tolerance", "light of a patch", *bases, "z", "weight of `cameras`"), lines)
 
 
-def _reasons(reasons: Sequence[tuple[str, str]], shown: set[str]) -> str:
-    """Codes, each with its message where that is new on the page."""
-    words = [f"`{code}`" if message in shown else f"`{code}`: {message}" for code, message in reasons]
-    shown.update(message for _, message in reasons)
-    return "; ".join(words)
+def _reasons(reasons: Sequence[tuple[str, str]]) -> str:
+    """The codes, each once."""
+    return " ".join(dict.fromkeys(f"`{code}`" for code, _ in reasons))
 
 
 def markdown(found: Mapping[str, Any]) -> dict[str, str]:
@@ -70,10 +67,9 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
     held += [[f"{LEFT_OUT}, {DRAWS} simulated captures like it: median", drawn[1], ""]]
     held += [["their 5th and 95th percentiles", f"{drawn[0]}; {drawn[2]}", ""]]
     seen = []
-    shown: set[str] = set()
     for row in found["photo"]:
         band = row.get("band")
-        said = _reasons(row["reasons"], shown)
+        said = _reasons(row["reasons"])
         wide = "" if band is None else " ".join(f"±{value:.2f}" for value in band)
         seen.append([row["lamp"], row["status"], said, wide, f"{row['away']:.3f}" if row.get("away") else ""])
     missed = [[each["bar"], f"{each['value']:.3g}", each["limit"]] for each in found["bars"] if not each["met"]]

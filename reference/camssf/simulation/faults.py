@@ -285,7 +285,7 @@ FAULTS: dict[str, Fault] = {
         Fault("defocus", "out of focus", ("5 %", "σ 15 % of a patch", "35 %"), light.defocus),
         Fault("upside-down", "the chart is turned", ("180°", "90°", "270°"), _upside_down),
         Fault("mirrored", "the chart is seen in a mirror", ("upright", "turned by 180°", "by 90°"), _mirrored),
-        Fault("covered", "a hand on the chart", ("on a third of two patches", "on four patches", "on twelve"), light.covered),
+        Fault("covered", "a hand on the chart", ("a third of two patches", "four patches", "twelve"), light.covered),
         Fault("faded", "an old chart: bleached and yellowed", ("5 %", "20 %", "50 %"), _faded),
         Fault("vintage", "a chart of another production", ("Ohta's table", "twice as far", "four times"), _vintage),
         Fault("wrong-type", "another chart of 4 × 6 colours", ("2", "6 colours elsewhere", "16"), _wrong_type),
