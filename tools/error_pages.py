@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from camssf.error_codes import Explained, codes, explain_code, without_holes
+from camssf.error_codes import Explained, codes, explain_code
 from camssf.files import write_file
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"
@@ -44,15 +44,12 @@ def _page(each: Explained) -> str:
     lines += ["## Usual causes", "", *(f"- {cause}" for cause in each.causes), ""]
     lines += ["## What to do", "", *(f"{number}. {step}" for number, step in enumerate(each.do, 1)), ""]
     if each.reasons:
-        lines += ["## Reasons of the verdict", ""]
-        lines += [f"`camssf explain {each.code}` also prints the advice of each.", ""]
-        for reason in each.reasons:
-            lines.append(f"- `{reason.name}`: {without_holes(reason.message)}")
-        lines.append("")
+        reasons = ", ".join(f"`{reason.name}`" for reason in each.reasons)
+        lines += [f"Reasons of the verdict, which `camssf explain {each.code}` describes: {reasons}.", ""]
         names = dict.fromkeys(f"`{name}`" for reason in each.reasons for name in reason.limits)
         if names:
             lines += [f"Limits ([thresholds](../verdict.md#thresholds)): {', '.join(names)}.", ""]
-    lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ", [all codes](index.md).", ""]
+    lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ".", ""]
     return "\n".join(lines)
 
 

@@ -28,8 +28,8 @@ THE_PAPERS = (0.3557, 0.1511, 0.0281, 0.579, 7.88, 6.95, 10.30)
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """In Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    top, *body = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
+    return "\n".join([top, "|" + "---|" * len(head), *body])
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -67,10 +67,7 @@ def colours(found: dict[str, Any]) -> str:
 
     def line(label: str, key: str, noise: str) -> list[str]:
         row = rows[key][noise]
-        cells = [
-            f"{number(row['mean'][i])} ({number(row['low'][i])}–{number(row['high'][i])})"
-            for i in map(counts.index, shown)
-        ]
+        cells = [number(row["mean"][i]) for i in map(counts.index, shown)]
         return [label, noise_word(noise), *cells]
 
     body = [
@@ -87,7 +84,7 @@ def colours(found: dict[str, Any]) -> str:
     )
     return f"""## Fig. 3a to e: how many colours
 
-All combinations of the 18 chromatic patches, at most 100 random ones (seeded) for each count, D55, {min(runs)} to {max(runs)} runs for each count. Mean, and in brackets the 10th and 90th percentiles:
+All combinations of the 18 chromatic patches, at most 100 random ones (seeded) for each count, D55, {min(runs)} to {max(runs)} runs for each count. Mean (percentiles: `docs/paper.json`):
 
 {table(["method", "noise", *(f"{count} patches" for count in shown)], body)}
 

@@ -32,7 +32,8 @@ RGB = ("#c0392b", "#1e8449", "#2455a4")
 
 
 def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *rows])
+    top, *body = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
+    return "\n".join([top, "|" + "---|" * len(head), *body])
 
 
 def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -25,7 +25,7 @@ MARKS = {
     language: (f"<!-- python -m tools.soup: {language} -->", f"<!-- end of {language} -->")
     for language in ("python", "kotlin")
 }
-HEAD = ["| package | version | licence | purpose | known faults |", "|---|---|---|---|---|"]
+HEAD = ["| package | version | licence | purpose; known faults |", "|---|---|---|---|"]
 Found: TypeAlias = Mapping[str, tuple[str, str]]
 """Version and licence by name."""
 
@@ -67,7 +67,9 @@ def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     for name, (version, licence) in found.items():
         told = known.get(name, {})
         whole = licence + (f"; bundles {told['bundles']}" if "bundles" in told else "")
-        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')} | {told.get('known', 'none')} |")
+        fault = told.get("known", "none")
+        fault = "" if fault == "none" else f"; **known:** {fault}"
+        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')}{fault} |")
     return [*HEAD, *rows]
 
 

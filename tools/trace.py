@@ -230,8 +230,7 @@ def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[t
     table = []
     for each in requirements:
         own = list(dict.fromkeys(str(test) for test in tests if test.requirement == each.name))
-        text = each.text + ("" if each.claim is None else " (claim)")
-        table.append((each.name, text, each.risk, "<br>".join(own)))
+        table.append((each.name, each.text, each.risk, "<br>".join(own)))
     return table
 
 
