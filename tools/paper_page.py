@@ -45,14 +45,13 @@ def page(found: dict[str, Any]) -> str:
 
 def head(found: dict[str, Any]) -> str:
     """What, how, on which cameras."""
-    processor = f" and {found['cpu_minutes']:.0f} minutes of processor time" if "cpu_minutes" in found else ""
     return f"""# The paper's experiments
 
 ```sh
 python -m benchmarks.paper
 ```
 
-(in the repository; this run took {found["minutes"]:.0f} minutes in two processes{processor}) repeats the paper's experiments and adds some (`docs/paper.json`).{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
+(in the repository; {found["minutes"]:.0f} minutes in two processes) repeats the paper's experiments and adds some (`docs/paper.json`).{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
 
 - **Cameras.** The paper's camera and phones are not public. Here there are {found["cameras"]} measured cameras: 52 of rawtoaces-data and two of colour-science.
 - **Fairness.** Methods that learn (PCA, Wiener, `cameras`) use no camera of the scored camera's maker. A method with a free parameter gets the value that is best on the other makers' cameras under the same lamp and noise. The solvers use the true lamp unless stated otherwise.
@@ -228,7 +227,7 @@ No measured phone may be published here. These are the three cameras with the sm
 
 {table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
 
-The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise. So the simulation lacks most of the errors of the paper's photos.
+The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise.
 
 ![Curves of the three](images/paper-phones.png)
 
