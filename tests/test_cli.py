@@ -702,22 +702,6 @@ def test_a_closed_stdout_is_said() -> None:
     assert "Standard output is closed" in done.stderr
 
 
-def test_corners_that_are_no_numbers(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["patches", *triple, "--corners", "nan,2 30,4 50,60 7,80"]) == 2
-    err = capsys.readouterr().err
-    assert "not finite" in err
-    assert "shape" not in err
-
-
-@pytest.mark.parametrize("content", [None, b"", b"not a photo", b"II*\x00\x08\x00\x00\x00"])
-def test_a_file_that_is_no_photo(content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "photo.dng"
-    if content is not None:
-        path.write_bytes(content)
-    assert cli.main(["patches", str(path), "--lamp", "D55"]) == errors.RawError.exit_status
-    assert "photo.dng" in capsys.readouterr().err
-
-
 def test_without_a_lamp_a_camera_is_refused(triple: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """The same as `--lamp auto`: only a phone's curves can do without."""
     for words in ([], ["--lamp", "auto"]):
@@ -732,54 +716,6 @@ def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[s
     assert cli.main(["patches", triple[0]]) == 0
     out, _ = capsys.readouterr()
     assert json.loads(out)["shots"][0]["lamp"] == {"name": "auto"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["calibrate"], "Missing argument"),
-        (["nosuch"], "No such command"),
-        (["calibrate", "x.dng", "--nosuch"], "No such option"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--gamma", "much"], "--gamma"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--corners", "1,2 3,4"], "not four points"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--corners", "1,2 3,4 5,6 7,eight"], "not four points"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "7-"], "not a list of patches"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "seven"], "not a list of patches"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "1-9999999999"], "not a list of patches"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "9" * 5000], "not a list of patches"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--fit", "1-8,9-7"], "not a list of patches"),
-        (["calibrate", "", "--lamp", "D55"], "PHOTO is empty"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--white", ""], "--white is empty"),
-        (["patches", "x.dng", "--lamp", "D55", "--dark", " "], "--dark is empty"),
-        (["simulate", "--lamp", "D55", "--size", "9" * 5000 + "x9", "-o", "x"], "not a size"),
-        (["simulate", "--lamp", "D55", "--size", "30000x30000", "-o", "x"], "megapixels"),
-        (["simulate", "--lamp", "D55", "--white-level", "99999", "-o", "x"], "white_level is out of range"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--white-reflectance", "95%"], "not a number"),
-        (["calibrate", "x.dng", "--lamp", "D55", "--lamp", "A"], "1 photo"),
-        (["calibrate", "x.dng", "--lamp", "no-such-lamp"], "no-such-lamp"),
-        (["calibrate", "x.dng", "--lamp", "tungstn"], "No lamp is called 'tungstn'.\n  Did you mean tungsten"),
-        (["simulate", "--lamp", "D55", "--size", "big", "-o", "x"], "not a size"),
-        (["simulate", "-o", "x"], "lamp"),
-        (["solve", "no-such-file.json"], "no-such-file.json"),
-        (["report", "no-such-file.json"], "no-such-file.json"),
-        (["batch", "no-such-file.csv"], "no-such-file.csv"),
-        (["batch", "m.csv", "--jobs", "0"], "--jobs"),
-    ],
-)
-def test_a_wrong_call_is_2(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert words in err
-    assert "Traceback" not in err
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -965,16 +901,6 @@ def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFi
     swap(monkeypatch, "attempt", raising(KeyboardInterrupt()))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
     assert "Traceback" not in capsys.readouterr().err
-
-
-def test_an_output_folder_that_is_a_file(
-    triple: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    (tmp_path / "out").write_text("mine")
-    assert cli.main(["calibrate", *triple, "-o", str(tmp_path / "out")]) == 2
-    assert (tmp_path / "out").read_text() == "mine"
-    _, err = capsys.readouterr()
-    assert err == f"invalid_argument: {tmp_path / 'out'} is a file; a folder is needed here.\n  Name a folder.\n"
 
 
 @pytest.mark.parametrize(
@@ -1179,18 +1105,7 @@ def test_main_is_the_console_script(monkeypatch: pytest.MonkeyPatch) -> None:
     assert main() == 2
 
 
-def test_a_severity_wants_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["simulate", "--severity", "3", "-o", str(tmp_path / "shots")]) == 2
-    assert "--fault NAME" in capsys.readouterr().err
-
-
 def test_an_empty_basis_is_an_invalid_argument(tmp_path: Path) -> None:
     (tmp_path / "e.npz").touch()
     with pytest.raises(InvalidArgument, match=r"no \.npz"):
         read_basis(str(tmp_path / "e.npz"))
-
-
-def test_one_photo_given_twice_is_no_second_shot(shots: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    photo = str(shots / "chart.dng")
-    assert cli.main(["patches", photo, photo, "--lamp", "D55", "--lamp", "D55"]) == InvalidArgument.exit_status
-    assert "given 2 times" in capsys.readouterr().err

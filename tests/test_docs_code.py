@@ -225,6 +225,20 @@ def test_a_tutorial_runs_in_an_empty_folder(
         assert names["colour"].lab.shape == (1, 3)
 
 
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_notebook_holds_every_block_of_its_tutorial(page: Path) -> None:
+    """In the page's order, but the installation; so what the test above runs is what a notebook runs."""
+    jupytext = pytest.importorskip("jupytext", reason="jupytext is not here")
+    from tools.notebooks import notebook
+
+    made = jupytext.reads(notebook(page), fmt="ipynb")
+    cells = [cell.source.removeprefix("%%sh\n") for cell in made.cells if cell.cell_type == "code"]
+    found = re.findall(r"^```\w+\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    assert cells == [block.rstrip("\n") for block in found if "venv" not in block]
+    text = "".join(cell.source for cell in made.cells if cell.cell_type != "code")
+    assert not re.search(r"\]\((?!https?://)", text)  # a link to a page that is not beside it
+
+
 @pytest.mark.full
 @pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)

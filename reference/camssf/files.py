@@ -116,8 +116,9 @@ def write_aside(path: Path | str) -> Iterator[Path]:
     path = local(path)
     local_folder(path.parent)
     try:
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        if path.exists() and not path.is_file():  # to replace a device would destroy it
+            kind = "a folder" if path.is_dir() else "a device or a pipe"
+            raise InvalidArgument(f"{path} cannot be written (it is {kind}).", "Name a file; nothing was changed.")
         handle, name = tempfile.mkstemp(prefix=".camssf-", dir=path.absolute().parent)
         os.close(handle)
         aside = Path(name)

@@ -40,7 +40,6 @@ from camssf.cli.reading import (
 )
 from camssf.cli.terminal import BATCH_FAILED, emit, finish, literal, product_of, progress_bar, say, stderr, summarise
 from camssf.errors import InvalidArgument
-from camssf.files import local_folder
 
 if TYPE_CHECKING:
     from camssf.fleet.outcome import Outcome, Summary
@@ -84,11 +83,11 @@ def calibrate(
     """RAW photos of a chart to the camera's curves."""
     from camssf.calibration import attempt
     from camssf.options import Options
-    from camssf.report.build import report, verdict_in
+    from camssf.report.build import report, result_folder, verdict_in
     from camssf.report.provenance import read_provenance
 
     if out is not None:
-        local_folder(out)
+        result_folder(out)
     with progress_bar() as progress:
         result = product_of(
             attempt(

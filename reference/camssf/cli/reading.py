@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
-from camssf.files import check_local, local
+from camssf.files import PHOTO, check_local, local
 from camssf.places import check_place, is_remote, place, reached
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def given_paths(word: str, paths: list[str], *, remote: bool = False) -> list[st
 
 
 def spare(out: Path, *sources: str | Path) -> Path:
-    """The file to write, checked not to overwrite an input or a file of a result in its folder.
+    """The file to write, checked not to overwrite an input, a photo, or a file of a result in its folder.
 
     Raises:
         InvalidArgument: it would overwrite one.
@@ -45,7 +46,7 @@ def spare(out: Path, *sources: str | Path) -> Path:
     from camssf.report.build import NAMES
 
     if out.name in NAMES and (out.parent / NAMES[0]).is_file():
-        raise InvalidArgument(f"{out} belongs to the result in {out.parent}.", "Give -o another name.")
+        raise InvalidArgument(f"{out} belongs to the result in {out.parent}.", "Name another file.")
     for source in sources:
         try:
             same = str(source) != "-" and out.samefile(source)
@@ -53,8 +54,13 @@ def spare(out: Path, *sources: str | Path) -> Path:
             same = False
         if same:
             raise InvalidArgument(
-                f"{out} is an input of this command and would be overwritten.", "Give -o another name."
+                f"{out} is an input of this command and would be overwritten.", "Name another file."
             )
+    if os.path.isfile(out):
+        with open(out, "rb") as stream:
+            photo = stream.read(4) in PHOTO
+        if photo:
+            raise InvalidArgument(f"{out} is a photo (DNG or TIFF) and would be overwritten.", "Name another file.")
     return out
 
 
@@ -84,7 +90,8 @@ def parse_shots(
     k = len(given_paths("PHOTO", photos))
     if lamps and len(lamps) != k:
         raise InvalidArgument(
-            f"{k} photo(s) but {len(lamps)} lamp(s).", "Give one --lamp a photo, in the same order, or none at all."
+            f"{k} photo(s) ({', '.join(photos)}) but {len(lamps)} lamp(s) ({', '.join(lamps)}).",
+            "Give one --lamp a photo, in the same order, or none at all; quote a name with spaces.",
         )
     whites, darks = _frames("white", white, k), _frames("dark", dark, k)
     found = _parse_corners(corners, photos)
@@ -303,9 +310,12 @@ def _document(data: bytes, name: str, wanted: str, *, refusal: bool = False) -> 
     document = parse_json(data, name, "Give what another camssf command wrote.")
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted and not (refusal and found == RESULT and _refused(document)):
+        other_version = str(found).partition("/")[0] == wanted.partition("/")[0]
         raise InvalidArgument(
             f"{name} holds {found or 'no camssf document'}, not {wanted}.",
-            "The order is patches, solve, validate, report.",
+            "Another version of camssf wrote it: use that version, or make it again with this one."
+            if other_version
+            else "The order is patches, solve, validate, report.",
         )
     return dict(document)
 

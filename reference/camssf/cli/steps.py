@@ -47,7 +47,6 @@ from camssf.cli.reading import (
 )
 from camssf.cli.terminal import emit, finish, kept_in, pass_on, product_of, progress_bar, say, summarise
 from camssf.errors import InvalidArgument
-from camssf.files import local_folder
 
 
 def patches(
@@ -189,9 +188,10 @@ def report(
 ) -> None:
     """Write result.json, ssf.csv, ssf.png and report.html."""
     from camssf.report.build import report as render
+    from camssf.report.build import result_folder
     from camssf.report.provenance import read_provenance
 
-    local_folder(out)
+    result_folder(out)
     if passport is None and (key or revoked):
         raise InvalidArgument("--key needs a passport, and none was given.", "Add --passport JWS.")
     with progress_bar() as progress:

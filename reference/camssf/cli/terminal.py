@@ -100,7 +100,7 @@ def pass_on(document: dict[str, Any]) -> None:
 def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str] = ()) -> Product:
     """Return the product; for a refusal write what is known, to files or stdout, and raise its error.
 
-    No file is written if an input is missing or not RAW, because then nothing is known.
+    No file is written if an input is missing or not RAW, or no photo was read: then nothing is known.
     """
     from camssf.report.build import report
     from camssf.report.provenance import read_provenance
@@ -111,7 +111,7 @@ def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str]
     try:
         if out is None:
             emit(found.document())
-        elif isinstance(found.error, RawError):
+        elif isinstance(found.error, RawError) or not found.document()["shots"]:
             say("", f"Nothing was written to {out}.")
         else:
             written = report(found.document(), found.previews, provenance=read_provenance(photos)).save(out)

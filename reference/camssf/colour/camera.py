@@ -112,7 +112,7 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
     """
     if ssf.posterior is None:
         raise InvalidArgument(
-            f"The {ssf.settings.basis} basis has no prior, so no covariance.", "Take --basis cameras."
+            f"The {ssf.settings.basis} basis has no prior, so no covariance.", "Choose the basis cameras."
         )
     values, basis = ssf.peak()[0], widened(basis, ssf.settings.prior_scale)
     return Camera(ssf.settings.basis, values, modes_of_code(values, ssf.posterior.code_covariance, basis, white), own)

@@ -65,10 +65,12 @@ def measure_regions(
     quads = []
     for number, (x, y, w, h) in enumerate(rectangles, 1):
         if not (np.isfinite([x, y, w, h]).all() and w > 0 and h > 0):
-            raise InvalidArgument(f"Region {number} is empty.", "Write x,y,width,height in pixels.")
+            raise InvalidArgument(
+                f"Region {number} ({x:g},{y:g},{w:g},{h:g}) is empty.", "Write x,y,width,height in pixels."
+            )
         if x < 0 or y < 0 or x + w > width or y + h > height:
             raise InvalidArgument(
-                f"Region {number} leaves the photo, which is {width} × {height}.",
+                f"Region {number} ({x:g},{y:g},{w:g},{h:g}) leaves the photo, which is {width} × {height}.",
                 "Pixels are counted in the sensor's own orientation, from its top left.",
             )
         # pixel borders lie half a pixel outside the centres; `measure_patches` uses only the inner part of a quad
@@ -149,7 +151,7 @@ def measure_photo(
             "Calibrate that camera; each has its own curves.",
         )
     frame = None if dark is None else read_raw(dark)
-    first, *found = measure_regions(mosaic, [white, *rectangles], dark=frame, lens_shading=lens_shading)
+    *found, first = measure_regions(mosaic, [*rectangles, white], dark=frame, lens_shading=lens_shading)
     y, error = against(found, first, reflectance)
     reference = Reference(REFERENCE_TOLERANCE, first.raw, float((first.error / first.raw).max()))
     about = {"name": Path(photo).name, "sha256": mosaic.sha256}

@@ -181,7 +181,7 @@ def check_light(light: Light) -> None:
     if light.chi_squared is not None and light.chi_squared > CONTRADICTED:
         raise LampUnfit(
             f"The reference is not white under {light.name}: raw ratios differ, χ² = {light.chi_squared:.0f}.",
-            "Check --lamp and that the reference is neutral and lit by that lamp alone; or use --lamp auto.",
+            "Check the lamp, and that the reference is neutral and lit by it alone; or leave the lamp unnamed.",
             value=light.chi_squared,
             threshold=CONTRADICTED,
         )

@@ -62,7 +62,8 @@ _CAUSES = {
     "inputs": "Another chart table, lamp, basis or model: compare the versions of camssf on both sides.",
     "curve": "The inputs agree, the solution does not: the ONNX model, its runtime, or another lamp or "
     "penalty than the result states. "
-    "If the result was made with --fit, --signed, --light-per-patch or --white-reflectance, say so here too.",
+    "If the result was made of some patches only (fit), with signed coefficients, with light_per_patch or with "
+    "white_reflectance, say so here too.",
     "band": "The curve agrees, its standard deviation, the codes' covariance, the evidence, the budget or how "
     "far the truth may lie from a prediction does not.",
     "gap": "One of the two has not converged, or its layers have not.",
@@ -111,7 +112,7 @@ def parity(
         role: _frames(shots, files, role, given) for role, given in (("white", white), ("dark", dark))
     }
     if lamps and len(lamps) != len(shots):
-        raise InvalidArgument(f"{len(lamps)} lamps for {len(shots)} shots.", "Give one --lamp a photo, or none.")
+        raise InvalidArgument(f"{len(lamps)} lamps for {len(shots)} shots.", "Give one lamp a photo, or none.")
     specs = list(lamps) or [shot["lamp"]["name"] for shot in shots]
     lights = [_light(spec, shot["lamp"]) for spec, shot in zip(specs, shots, strict=True)]
     table = read_chart(chart or document["chart"]["name"])

@@ -137,7 +137,7 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
         key = load_pem_private_key(data, passphrase)
     except (TypeError, ValueError, UnsupportedAlgorithm):  # its message may quote the key
         if b"ENCRYPTED" in data:
-            raise InvalidArgument(f"{path} is locked.", "Give the file of its passphrase by --passphrase.") from None
+            raise InvalidArgument(f"{path} is locked.", "Give its passphrase.") from None
         raise InvalidArgument(
             f"{path} is not a private key in PEM, or not encrypted although a passphrase was given.", _MAKE
         ) from None
@@ -195,6 +195,8 @@ def _bytes(path: Path | str, most: int, *, private: bool = False) -> bytes:
         ) from error
     if private and b"PUBLIC KEY" in data:
         raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
+    if private and b"PRIVATE KEY" not in data:
+        raise InvalidArgument(f"{path} is not a private key in PEM.", _MAKE)
     if private and os.name == "posix" and mode & 0o077:
         raise InvalidArgument(
             f"Other users may read or change the private key {path} (mode {mode:03o}).",

@@ -165,13 +165,13 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
     count = int(signals.used.any(axis=0).sum())
     if count < FEWEST_PATCHES:
         raise InvalidArgument(
-            f"Only {count} patches are left for the fit.", "Name more patches by --fit, or leave it out."
+            f"Only {count} patches are left for the fit.", "Name more patches to fit, or leave the list out."
         )
     fit = CaptureFit(capture, signals, allowed, options, options.basis)
     if differs is not None and fit.exact:
         raise InvalidArgument(
             "The basis has no prior, so light that differs between patches cannot be estimated.",
-            "Take --basis auto, phones or cameras.",
+            "Choose the basis auto, phones or cameras.",
         )
     return fit
 
@@ -197,7 +197,7 @@ def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     if not numbers or not all(isinstance(i, Integral) and 1 <= int(i) <= n for i in numbers):
         raise InvalidArgument(
             f"The patches of this chart are numbered 1 to {n}; got {numbers[:30]}.",
-            "Give their numbers, as range(7, 19) or [1, 4]; --fit 7-18 on the command line.",
+            "Give some of these numbers, or leave the list out to fit all patches.",
         )
     mask = np.zeros(n, dtype=bool)
     mask[np.array(numbers, dtype=int) - 1] = True

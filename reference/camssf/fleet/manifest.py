@@ -232,7 +232,9 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except csv.Error as error:
         raise InvalidArgument(f"{path}: is not sound CSV ({error}).", "Save it again as CSV.") from error
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InvalidArgument(f"{path} cannot be read ({error.strerror or error}).", "Check the path.") from error
+    except ValueError as error:
         raise InvalidArgument(f"{path}: cannot be read ({error}).", "Give a CSV file in UTF-8.") from error
 
 

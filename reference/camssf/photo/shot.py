@@ -56,7 +56,7 @@ class Shot:
             return light
         if isinstance(light, Unnamed):
             raise InvalidArgument(
-                "A light that is not named has no tolerance.", "Leave --lamp-tolerance out, or name the lamp."
+                "A light that is not named has no tolerance.", "Leave the tolerance out, or name the lamp."
             )
         return with_tolerance(light, self.lamp_tolerance)
 

@@ -29,7 +29,7 @@ def explain(
     """
     basis = basis_of(basis)
     if not basis.prior:
-        raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Take --basis cameras.")
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no variance.", "Choose the basis cameras.")
     observation.check_for(basis)
     basis = widened(basis, prior_scale)
     linear = linear_model(observation, basis)

@@ -126,7 +126,7 @@ class Observation:
             raise InvalidArgument(
                 f"The {basis.name} basis takes one shot, not {len(self.signals)}: each shot's exposure would be a "
                 "further unknown.",
-                "Give one photo, or take --basis cameras, whose rows are free of exposure.",
+                "Give one photo, or choose the basis cameras, whose rows are free of exposure.",
             )
 
 
@@ -147,7 +147,9 @@ def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) 
             f"`{name}` has shape {array.shape}; {shape} is needed.", "Put it on the 681-point grid."
         )
     if not np.isfinite(array).all():
-        raise InvalidArgument(f"`{name}` holds NaN or infinity.", "Leave out what could not be measured.")
+        raise InvalidArgument(
+            f"`{name}` holds NaN or infinity.", "Give finite numbers; leave out what could not be measured."
+        )
     return array
 
 

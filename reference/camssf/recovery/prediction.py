@@ -65,7 +65,7 @@ def predict(
     """
     basis = basis_of(ssf.settings.basis if basis is None else basis)
     if not basis.prior:
-        raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Take --basis cameras.")
+        raise InvalidArgument(f"The {basis.name} basis has no prior, so no bands.", "Choose the basis cameras.")
     observation.check_for(basis)
     basis = widened(basis, ssf.settings.prior_scale)
     others = np.zeros((0, WAVELENGTHS.size)) if of is None else np.atleast_2d(array_of("of", of))

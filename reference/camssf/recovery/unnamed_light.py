@@ -167,7 +167,7 @@ def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: 
     if without is not None:
         raise InvalidArgument(
             f"The {without.name} basis has no prior, so the light cannot be estimated.",
-            "Name the lamp, or take --basis phones.",
+            "Name the lamp, or choose the basis phones.",
         )
     nats = np.array([each.log_evidence for each in hypotheses])
     likely = probabilities(nats + [each.log_prior for each in hypotheses])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from camssf.documents.result_json import check_document, document_bytes
 from camssf.errors import InvalidArgument
-from camssf.files import local, write_files
+from camssf.files import local, local_folder, write_files
 from camssf.grid import CHANNELS, WAVELENGTHS
 
 if TYPE_CHECKING:
@@ -72,6 +72,22 @@ def holds_result(folder: Path) -> bool:
     if standing & {"ssf.csv", "ssf.png"} or "result.json" not in standing:
         return bool(standing)
     return verdict_in(folder) != "refused"
+
+
+def result_folder(path: Path | str) -> Path:
+    """The path of a folder for a result, checked not to hold other files of the same names.
+
+    Raises:
+        InvalidArgument: it is a URL or a file, or holds one of NAMES, but no result.
+    """
+    folder = local_folder(path)
+    standing = [folder / name for name in NAMES if os.path.isfile(folder / name)]
+    if standing and not verdict_in(folder):
+        raise InvalidArgument(
+            f"{standing[0]} belongs to no sound result and would be overwritten.",
+            "Move it away, or name another folder.",
+        )
+    return folder
 
 
 def verdict_in(folder: Path) -> str:

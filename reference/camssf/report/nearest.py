@@ -56,7 +56,7 @@ def nearest(document: dict[str, Any]) -> tuple[Likeness, ...]:
     if document.get("ssf_std") is None:
         raise InvalidArgument(
             f"A result on the {document['basis']} basis has no bands, so no distance can be computed.",
-            "Solve it with --basis auto, phones or cameras.",
+            "Solve it on the basis auto, phones or cameras.",
         )
     std = columns(document["ssf_std"])
     modes = camera.modes if camera.whole else None

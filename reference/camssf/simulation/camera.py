@@ -65,7 +65,7 @@ def check_sensor(sensor: Sensor) -> None:
         (sensor.cfa in CFA_ORDERS, "cfa", f"one of {', '.join(CFA_ORDERS)}"),
         (1 <= sensor.white_level <= 65535, "white_level", "1 to 65535 DN"),
         (0 <= sensor.black < sensor.white_level, "black", "at least 0 and below white_level, DN"),
-        (0 < sensor.exposure <= 100, "exposure", "above 0 and at most 100"),
+        (0 < sensor.exposure <= 10, "exposure", "a share of full scale, above 0 and at most 10; 80 % is 0.8"),
         (sensor.full_well > 0, "full_well", "above 0, electrons"),
         (sensor.read_noise >= 0, "read_noise", "at least 0, electrons"),
         (sensor.dark_current >= 0, "dark_current", "at least 0, DN"),

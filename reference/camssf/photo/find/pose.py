@@ -118,9 +118,9 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
         raise ChartNotFound(
             f"{mosaic.path}: no chart {table.name!r} was found in the photo.",
             "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "
-            "and free of shadows and reflections, and hold the camera still. Check --chart, and that chart, white "
-            "and dark frame are not exchanged; a file may also name a wrong order of its colour filters. Else give "
-            "the block's outer corners by --corners.",
+            "and free of shadows and reflections, and hold the camera still. Check the chart's name, and that chart, "
+            "white and dark frame are not exchanged; a file may also name a wrong order of its colour filters. Else "
+            "mark the block's outer corners by hand.",
             value=matches[0].score if matches else 0.0,
             threshold=ACCEPT,
         )
