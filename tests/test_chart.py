@@ -262,7 +262,7 @@ def test_photo_that_is_too_small(shape: tuple[int, int]) -> None:
 
 
 def test_real_photo_without_a_chart() -> None:
-    with pytest.raises(ChartNotFound, match="--corners"):
+    with pytest.raises(ChartNotFound, match="corners by hand"):
         find_chart(read_dng(DNG / "blackmagic_ljpeg.dng"), table())
 
 

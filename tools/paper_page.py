@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
+from tools import markdown_table
 from tools.paper_figures import draw
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -24,12 +25,6 @@ QR, PINV = "QR with non-negativity", "pseudo-inverse with non-negativity"
 NOISES = ("0.0", "0.005", "0.01")
 THE_PAPERS = (0.3557, 0.1511, 0.0281, 0.579, 7.88, 6.95, 10.30)
 """What the paper prints: Fig. 4, Fig. 3f, Fig. 6."""
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """In Markdown."""
-    top, *body = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
-    return "\n".join([top, "|" + "---|" * len(head), *body])
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -85,7 +80,7 @@ def colours(found: dict[str, Any]) -> str:
 
 All combinations of the 18 chromatic patches, at most 100 random ones (seeded) for each count, D55, {min(runs)} to {max(runs)} runs for each count. Mean (percentiles: `docs/paper.json`):
 
-{table(["method", "noise", *(f"{count} patches" for count in shown)], body)}
+{markdown_table(["method", "noise", *(f"{count} patches" for count in shown)], body)}
 
 ![RMSE against the number of patches](images/paper-colours.png)
 
@@ -103,11 +98,11 @@ def correlation(found: dict[str, Any]) -> str:
     body = [[name, number(row["mean"])] for name, row in rows.items()]
     return f"""## Fig. 3f: how alike the patches are
 
-{table(["table, patches", "mean of &#124;r&#124; over pairs"], body)}
+{markdown_table(["table, patches", "mean of &#124;r&#124; over pairs"], body)}
 
 The paper has 0.579 for its twelve; the values of patches 7 to 18 lie on either side of it, so this page uses these. The mutual coherence of F Ψ, which the paper does not give:
 
-{table(["Gaussians", *coherence], [["1 − coherence", *(f"{value:.1e}" for value in coherence.values())]])}
+{markdown_table(["Gaussians", *coherence], [["1 − coherence", *(f"{value:.1e}" for value in coherence.values())]])}
 
 It is so close to 1 that no guarantee of sparse recovery applies.
 
@@ -124,7 +119,7 @@ def methods(found: dict[str, Any]) -> str:
 
 The paper: QR with non-negativity 0.3557, pseudo-inverse with non-negativity 0.1511, l1 0.0281. It does not say whether non-negativity is clipping or non-negative least squares (NNLS), nor whether the unknowns are wavelengths or Gaussians. All variants, 12 patches, D55:
 
-{table(["method", *(noise_word(noise) for noise in NOISES)], body)}
+{markdown_table(["method", *(noise_word(noise) for noise in NOISES)], body)}
 
 ![The methods of Fig. 4](images/paper-methods.png)
 
@@ -150,7 +145,7 @@ def families(found: dict[str, Any]) -> str:
 
 24 patches; each cell has noise 0, 0.5 and 1 %. Each method is a file in `benchmarks/paper/rivals`; PCA is colour-science's `RGB_to_sd_camera_sensitivity_Jiang2013`.
 
-{table(["method", *lights], body)}
+{markdown_table(["method", *lights], body)}
 
 ![The families](images/paper-rivals.png)
 
@@ -179,7 +174,7 @@ def direct(found: dict[str, Any]) -> str:
 
 [`camssf direct`](cli.md#camssf-direct) divides the colour camera's frame of a spectrum of sunlight by the mono camera's, Eq. (12). Simulated (`benchmarks/paper/spectrograph.py`): a grating of 150 lines/mm, a slit of 2 nm, two different detectors, tilted lines, photon and read noise. The sun is ASTM G173's AM1.5 spectrum, or CIE daylight with the tabulated Fraunhofer lines. Wavelength errors and residuals of the lines in nm:
 
-{table(["light", "cameras", "RMSE", "worst channel", "worst wavelength: colour", "mono", "residual: colour", "mono", "fewest lines"], body)}
+{markdown_table(["light", "cameras", "RMSE", "worst channel", "worst wavelength: colour", "mono", "residual: colour", "mono", "fewest lines"], body)}
 
 ![Lines and curves of one frame](images/paper-direct.png)
 
@@ -225,7 +220,7 @@ def phones(found: dict[str, Any]) -> str:
 
 No measured phone may be published here. These are the three cameras with the smallest sensors: {sensors}. Each is simulated in DNG files (10 bits, small full well, a third of the light lost in the corners, tilted, slightly blurred) and calibrated from one chart photo with its white and dark frame. The test is a photo of 96 other colours (of CIE 224:2017's). "Exact": chart and lamp are those of the solver (BabelColor's table, D55). "Lifelike": the chart has Ohta's reflectances and the light is daylight of 5250 K; the solver uses the same as before, with the lamp's tolerance 300 K and 2 %. "l1": l1 on Gaussians, 12 patches; camssf: 24 patches. Values are for R, G, B.
 
-{table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
+{markdown_table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
 
 The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise.
 
@@ -257,7 +252,7 @@ def lamps(found: dict[str, Any]) -> str:
 
 Eq. (5) divides by white, which does not cancel the lamp. Twelve patches, no noise, solved with the known lamp and with a flat one (the paper's equations as printed); RMSRE over the 96 colours, under the same lamp. Each cell: lamp known, lamp ignored.
 
-{table(["lamp", "RMSE: l1 on Gaussians", "RMSE: camssf", "RMSRE, %: l1 on Gaussians", "RMSRE, %: camssf"], body)}
+{markdown_table(["lamp", "RMSE: l1 on Gaussians", "RMSE: camssf", "RMSRE, %: l1 on Gaussians", "RMSRE, %: camssf"], body)}
 
 ![The lamp ignored and known](images/paper-lamps.png)
 
@@ -275,7 +270,7 @@ def atoms(found: dict[str, Any]) -> str:
 
 The paper does not give their number. 12 patches, D55, {rows["cameras"]} cameras, γ the best of the other makers':
 
-{table(["noise", *(f"{count} Gaussians" for count in counts)], body)}
+{markdown_table(["noise", *(f"{count} Gaussians" for count in counts)], body)}
 
 With 0.5 % noise nothing is gained beyond 12 to 18. camssf's `gaussian` has 18. {f"Answers refused for their duality gap are left out (a dash where all were): {words}." if words else "No answer was refused."}"""
 
@@ -302,7 +297,7 @@ def charts(found: dict[str, Any]) -> str:
 
 24 patches, noise 0.1 %. "Foreign": the patches are Ohta's, the table BabelColor's, as with any public table. "Diagonal": camssf without the correlations of the chart's and the white's errors.
 
-{table(["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table", "foreign table, diagonal"], body)}
+{markdown_table(["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table", "foreign table, diagonal"], body)}
 
 The table is the largest error. A second photo under a bulb cuts camssf's error by {100 * gain:.0f} %, since Σ models that the chart's error is the same under both lamps; with a diagonal Σ by {100 * diagonal:.0f} %. A second photo under the same lamp gains nothing."""
 
@@ -314,7 +309,7 @@ def rest(found: dict[str, Any]) -> str:
         for b in found["bars"]
         if not b["met"]
     ]
-    missed = "\n\n" + table(["bar missed", "value", "limit"], body) if body else ""
+    missed = "\n\n" + markdown_table(["bar missed", "value", "limit"], body) if body else ""
     return f"""## Bars
 
 {len(found["bars"]) - len(body)} of {len(found["bars"])} bars are met (`bars` in `docs/paper.json`).{missed}"""

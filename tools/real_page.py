@@ -16,6 +16,7 @@ from benchmarks.claims.real import CLAIM, DRAWS, LEFT_OUT, MEASURED, PAPER, d70,
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS
+from tools import markdown_table
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURE = "images/real-d70.png"
@@ -31,11 +32,6 @@ END = "<!-- end -->"
 RGB = ("#c0392b", "#1e8449", "#2455a4")
 
 
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top, *body = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
-    return "\n".join([top, "|" + "---|" * len(head), *body])
-
-
 def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
     """A row for each chart, tolerance and light of a patch, a column for each basis; z and weight are the claim's."""
     settings: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
@@ -47,7 +43,7 @@ def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
         z, weight = line_of(each[CLAIM])[-2:]
         cells = [", ".join(scores_of(each[basis]["passes"])) if basis in each else "" for basis in bases]
         lines.append([*setting, *cells, z, weight])
-    return _markdown(("chart", "tolerance", "light of a patch", *bases, "z", "weight of `cameras`"), lines)
+    return markdown_table(("chart", "tolerance", "light of a patch", *bases, "z", "weight of `cameras`"), lines)
 
 
 def _reasons(reasons: Sequence[tuple[str, str]]) -> str:
@@ -76,12 +72,12 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
     missed = [[each["bar"], f"{each['value']:.3g}", each["limit"]] for each in found["bars"] if not each["met"]]
     limits = f"{len(found['bars']) - len(missed)} of {len(found['bars'])} bars are met (`bars` in `docs/real.json`)."
     if missed:
-        limits += "\n\n" + _markdown(("bar missed", "value", "limit"), missed)
+        limits += "\n\n" + markdown_table(("bar missed", "value", "limit"), missed)
     return {
         "curves": _by_setting(found["rows"]),
-        "references": _markdown(("for comparison", "2011", "2010"), held),
-        "scatter": _markdown(("chart", "pass", "shared by the channels", "left in red, green, blue"), shared),
-        "photo": _markdown(
+        "references": markdown_table(("for comparison", "2011", "2010"), held),
+        "scatter": markdown_table(("chart", "pass", "shared by the channels", "left in red, green, blue"), shared),
+        "photo": markdown_table(
             ("lamp given", "verdict", "why", "95 % band, red, green, blue", "difference from `bulb`"), seen
         ),
         "bars": limits,
